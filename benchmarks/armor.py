@@ -11,7 +11,6 @@ import sys
 from collections.abc import Callable, Sequence
 
 from hysid.reproduction._armor import Rig
-from hysid.reproduction._armor_paper import split
 from hysid.reproduction._armor_rows import PUBLISHED
 from hysid.reproduction._published import compared
 
@@ -19,6 +18,7 @@ from ._armor.ageing import ageing_rows
 from ._armor.classes import class_rows
 from ._armor.contacts import contact_rows
 from ._armor.errors import error_rows
+from ._armor.split import split_rows
 from ._measure import Row, judged, noted, run_parts
 
 RIGS = 60
@@ -27,7 +27,7 @@ RIGS = 60
 def reproduced_rows(quick: bool) -> list[Row]:
     """Every published number beside the virtual rigs', with its label."""
     count = 10 if quick else RIGS
-    found = compared(PUBLISHED, {}, [Rig(seed) for seed in range(count)], lambda _: None)
+    found = compared(PUBLISHED, [Rig(seed) for seed in range(count)], with_ours=False)
     labelled = sum(bool(row["label"] and row["where"] and row["differs"]) for row in found)
     rows = [
         judged(
@@ -45,25 +45,6 @@ def reproduced_rows(quick: bool) -> list[Row]:
         rows.append(
             noted(what, row["reproduced"], reason=f"{row['label']}, {within} the tolerance")
         )
-    return rows
-
-
-def split_rows(quick: bool) -> list[Row]:
-    """What each addition to the published method brings, on rigs of two physics."""
-    count = 3 if quick else 20
-    found = split([Rig(seed) for seed in range(count)], lambda _: None)
-    _, line, *_, ours = found.values()
-    what = f"45 points at 15 N, {count} rigs outside our classes"
-    rows = [
-        judged(f"{what}: ours over the calibrated line", ours["outside"] / line["outside"], 0.6),
-        judged(f"{what}: ours, mm", ours["outside"], 2.5),
-    ]
-    for step, row in found.items():
-        for where in ("outside", "inside"):
-            gain = f"{row[f'{where}_gain_percent']:.0f} % of the gain"
-            rows.append(
-                noted(f"split, {where} our classes, {step.strip()}, mm", row[where], reason=gain)
-            )
     return rows
 
 

@@ -1,11 +1,21 @@
 """Forces of one contact and of two on virtual microchannel sensors."""
 
-import numpy as np
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
 
-from hysid.reproduction._skin import DELAY, HIGH_N, Skin
-from hysid.reproduction._skin_networks import train_everett
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from compensate.microchannel import EverettNetwork
+from hysid.reproduction._skin import DELAY, HIGH_N, Series, Skin, records
+from hysid.reproduction._skin_electronics import converted_record
+from hysid.reproduction._skin_networks import Learnt, decaying_over, learnt_of
 from hysid.reproduction._skin_pair import SkinPair, error, found_peaks
-from hysteresis.rigs import MicrochannelRig
+from hysteresis.rigs import MicrochannelRig, ResistiveReadout
+from identify import train
 
 from .._measure import Row, judged, means, noted
 from .floor import floor, placement_floor
@@ -37,7 +47,7 @@ def _single(seed: int, quick: bool) -> dict[str, float]:
     """RMSE of every kind over the four loops of four sessions."""
     skin = Skin(seed, 200 if quick else 1000, sessions=4, inside=True)
     t, F, z = skin.taught
-    everett = train_everett(t, z, F, epochs=150 if quick else 600, high_force=HIGH_N)
+    everett = _train_everett(t, z, F, epochs=150 if quick else 600, high_force=HIGH_N)
     now = skin.by_filter.now
     off = [np.abs(a - b) for a, b in zip(now, skin.loops.force, strict=True)]
     pairs = zip(off, skin.by_filter.deviation, strict=True)
@@ -99,8 +109,54 @@ def _pair(seed: int, quick: bool) -> dict[str, float]:
 
 
 def electronics_rows(quick: bool) -> list[Row]:
-    """What each part of the electronics costs in force, on a skin by its geometry."""
-    found = Skin(0, 60 if quick else 1000).electronics
-    return [
-        noted(f"electronics, {name}: force of four loops, N", off) for name, off in found.items()
-    ]
+    """What each part of the electronics costs in force, on a skin by its geometry: the error of one network
+    on loops that come through other electronics than it was taught with."""
+    skin, rows = Skin(0, 60 if quick else 1000), []
+    for name, (electronics, believed) in _variants().items():
+        loops = replace(skin.rig, readout=electronics).test_loops(session=0)
+        made = records([converted_record(one, electronics, believed) for one in loops])
+        off = skin.rms(skin.by(skin.network, made))
+        rows.append(noted(f"electronics, {name}: force of four loops, N", off))
+    return rows
+
+
+def _variants() -> dict[str, tuple[ResistiveReadout, float | None]]:
+    """Electronics, and the current in A that `Readout` takes for theirs."""
+    usual = ResistiveReadout()
+    quiet, coarse, fine = (replace(usual, **c) for c in ({"noise": 0.0}, {"bits": 8}, {"bits": 14}))
+    whole = replace(usual, noise=0.0, bits=24, low_pass_s=1e-6)
+    return {
+        "as built: 75 mA, 2 ms, 20 mV of noise, 10 bits": (usual, None),
+        "70 mA, known": (replace(usual, current_a=0.070), None),
+        "80 mA, known": (replace(usual, current_a=0.080), None),
+        "70 mA, taken for 75 mA": (replace(usual, current_a=0.070), usual.current_a),
+        "80 mA, taken for 75 mA": (replace(usual, current_a=0.080), usual.current_a),
+        "no noise of the amplifier": (quiet, None),
+        "low-pass of 20 ms": (replace(usual, low_pass_s=0.02), None),
+        "8 bits": (coarse, None),
+        "14 bits": (fine, None),
+        "no electronics: no noise, no low-pass, 24 bits": (whole, None),
+    }
+
+
+def _train_everett(
+    times: Sequence[Series],
+    readings: Sequence[Series],
+    forces: Sequence[Series],
+    *,
+    epochs: int = 600,
+    high_force: float,
+) -> Learnt:
+    """`EverettNetwork` from readings to forces, records of one length; five of them a batch."""
+    t, z, F = (jnp.asarray(np.stack(part)) for part in (times, readings, forces))
+    start = EverettNetwork.random(jax.random.key(0), high=float(z.max()), force=high_force)
+    found = train(
+        start, _sequence_squares, (t, z, F), batch=5, epochs=epochs,
+        optimizer=decaying_over(2e-2, epochs, len(times), 5),
+    )  # fmt: skip
+    return learnt_of(found)
+
+
+def _sequence_squares(network: EverettNetwork, rows: Any, key: Any) -> Array:
+    t, reading, force = rows
+    return jnp.mean((jax.vmap(network.simulate)(t, reading) - force) ** 2)

@@ -160,7 +160,7 @@ def _several(count: int) -> list[Row]:
 
 def _of_21(seed: int) -> int:
     """The paper's table III: three presses of each of seven combinations."""
-    return sum(places == found.places for places, found in Skin(seed, inside=True).decisions)
+    return sum(places == found for places, found in Skin(seed, inside=True).decisions)
 
 
 def _unknown() -> float:

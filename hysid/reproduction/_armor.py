@@ -17,7 +17,7 @@ from hysteresis import LinearSponge
 from hysteresis.rigs import ArmorPresses, ArmorRig, FoamBlock, ForceSensor, SpongeCycles
 
 from ..armor._calibration import CalibratedArmor
-from ._armor_ours import Block, calibrated, calibrated_line, calibrated_memory
+from ._armor_ours import Block, calibrated
 
 READING = 0.05
 """mm, standard deviation of one reading of the stage."""
@@ -108,16 +108,6 @@ class Rig:
         return calibrated(self.soft)
 
     @cached_property
-    def calibrated_line(self) -> CalibratedArmor:
-        """The published line after the same presses."""
-        return calibrated_line(self.soft, self.lines["2"])
-
-    @cached_property
-    def calibrated_memory(self) -> CalibratedArmor:
-        """The same with a foam model that has memory."""
-        return calibrated_memory(self.soft)
-
-    @cached_property
     def surface_1(self) -> ArmorPresses:
         """The 76 points."""
         return self.soft.press(*self.soft.points_of_surface_1())
@@ -144,47 +134,37 @@ def _read(cycles: SpongeCycles, seed: int) -> SpongeCycles:
     return cycles._replace(displacement=cycles.displacement + noise)
 
 
+Locate = Callable[[Rig, ArmorPresses], Float[np.ndarray, "presses 3"]]
+"""P^e in m of every press of a record."""
+
+
 class Method(NamedTuple):
-    """A way to find the contact from the wrench: `locate` gives P^e in m for every press of a record."""
+    """A way to find the contact from the wrench."""
 
     label: str
     soft: bool
-    locate: Callable[[Rig, ArmorPresses], Float[np.ndarray, "presses 3"]]
+    locate: Locate
     published: float | None = None
     """mm, mean of the 45 points"""
 
 
-def _by_line(rig: Rig, presses: ArmorPresses) -> Float[np.ndarray, "presses 3"]:
-    return solved(ContactSolver(Box(*rig.soft.size), rig.lines["2"]), presses)
+def solving(solver: Callable[[Rig], ContactSolver]) -> Locate:
+    """By the wrench at the end of each press."""
+
+    def locate(rig: Rig, presses: ArmorPresses) -> Float[np.ndarray, "presses 3"]:
+        F, M = np.split(presses.wrench[:, -1], 2, axis=1)
+        return np.asarray(solver(rig).solve(F, M).point)
+
+    return locate
 
 
-def _uncompensated(rig: Rig, presses: ArmorPresses) -> Float[np.ndarray, "presses 3"]:
-    return solved(ContactSolver(Box(*rig.soft.size)), presses)
+def following(armor: Callable[[Rig], CalibratedArmor]) -> Locate:
+    """By every press as a stream of readings, with the history of sensor and cover."""
+    return lambda rig, presses: np.asarray(_followed(armor(rig), presses).point)[:, -1]
 
 
-def _on_acrylic(rig: Rig, presses: ArmorPresses) -> Float[np.ndarray, "presses 3"]:
-    return solved(ContactSolver(Box(*rig.rigid.size)), presses)
-
-
-def _by_ours(rig: Rig, presses: ArmorPresses) -> Float[np.ndarray, "presses 3"]:
-    return np.asarray(_followed(rig.calibrated.armor, presses).point)[:, -1]
-
-
-def _by_calibrated_line(rig: Rig, presses: ArmorPresses) -> Float[np.ndarray, "presses 3"]:
-    return np.asarray(_followed(rig.calibrated_line.armor, presses).point)[:, -1]
-
-
-def _by_memory(rig: Rig, presses: ArmorPresses) -> Float[np.ndarray, "presses 3"]:
-    return np.asarray(_followed(rig.calibrated_memory.armor, presses).point)[:, -1]
-
-
-def _depth_by_ours(rig: Rig, presses: ArmorPresses) -> Errors:
-    return 1e3 * np.asarray(_followed(rig.calibrated.armor, presses).displacement)[:, -1]
-
-
-def _followed(armor: Armor, presses: ArmorPresses) -> Contact:
-    """Every press a stream of readings, with the history of sensor and cover."""
-    return _follow(armor, jnp.asarray(presses.time), jnp.asarray(presses.wrench))
+def _followed(calibrated: CalibratedArmor, presses: ArmorPresses) -> Contact:
+    return _follow(calibrated.armor, jnp.asarray(presses.time), jnp.asarray(presses.wrench))
 
 
 @eqx.filter_jit
@@ -193,22 +173,17 @@ def _follow(armor: Armor, time: Array, readings: Array) -> Contact:
 
 
 METHODS = {
-    "a": Method("soft, uncompensated", True, _uncompensated, 27.2),
-    "b": Method("soft, approximation 2", True, _by_line, 16.3),
-    "c": Method("rigid", False, _on_acrylic, 13.2),
-    OURS: Method("soft, calibrated, with memory", True, _by_ours),
-}
-"""The conditions of fig 14, and ours; a new method is one more entry."""
-
-STEPS = {
-    "the published method, approximation 2": METHODS["b"],
-    "  with twenty presses: a 6 x 6 matrix, a factor of the line": Method(
-        "calibrated line", True, _by_calibrated_line
+    "a": Method(
+        "soft, uncompensated", True, solving(lambda rig: ContactSolver(Box(*rig.soft.size))), 27.2
     ),
-    "  and memory of the foam": Method("calibrated, foam with memory", True, _by_memory),
-    "  and everything: hysteresis of the sensor, sag of the frame": METHODS[OURS],
-}
-"""From the published method to ours, one addition at a time."""
+    "b": Method(
+        "soft, approximation 2", True,
+        solving(lambda rig: ContactSolver(Box(*rig.soft.size), rig.lines["2"])), 16.3,
+    ),
+    "c": Method("rigid", False, solving(lambda rig: ContactSolver(Box(*rig.rigid.size))), 13.2),
+    OURS: Method("soft, calibrated, with memory", True, following(lambda rig: rig.calibrated)),
+}  # fmt: skip
+"""The conditions of fig 14, and ours; a new method is one more entry."""
 
 DISPLACEMENTS: dict[str, Callable[[Rig, ArmorPresses], Errors]] = {
     "none": lambda rig, presses: np.zeros(len(presses.force)),
@@ -218,47 +193,26 @@ DISPLACEMENTS: dict[str, Callable[[Rig, ArmorPresses], Errors]] = {
         )
         for name in "123"
     },
-    OURS: _depth_by_ours,
+    OURS: lambda rig, presses: (
+        1e3 * np.asarray(_followed(rig.calibrated, presses).displacement)[:, -1]
+    ),
 }
 """How fig 12 takes the displacement from the gauge's force, and ours from the readings: in mm, for every
 press of a record."""
 
 
-def solved(solver: ContactSolver, presses: ArmorPresses) -> Float[np.ndarray, "presses 3"]:
-    """P^e at the end of each press."""
-    F, M = np.split(presses.wrench[:, -1], 2, axis=1)
-    return np.asarray(solver.solve(F, M).point)
-
-
-def body_errors(rig: Rig, name: str) -> Errors:
-    """Distances in mm between the contact found and the true one, at the 45 points, by an entry of
-    `METHODS`; solved once."""
-    method = METHODS[name]
+def errors_of(rig: Rig, method: Method) -> Errors:
+    """Distances in mm between the contact found and the true one, at the 45 points; found once."""
     if method.label not in rig._errors:
-        rig._errors[method.label] = errors_of(rig, method)
+        presses = rig.on_soft if method.soft else rig.on_rigid
+        off = method.locate(rig, presses) - presses.contact[:, -1]
+        rig._errors[method.label] = 1e3 * np.linalg.norm(off, axis=1)
     return rig._errors[method.label]
 
 
-def errors_of(rig: Rig, method: Method) -> Errors:
-    """The same by any method, in mm; solved anew."""
-    presses = rig.on_soft if method.soft else rig.on_rigid
-    off = method.locate(rig, presses) - presses.contact[:, -1]
-    return 1e3 * np.linalg.norm(off, axis=1)
-
-
-def step_errors(rig: Rig) -> dict[str, float]:
-    """Mean error in mm at the 45 points, by every entry of `STEPS`."""
-    known = {id(method): name for name, method in METHODS.items()}
-    return {
-        step: float(
-            np.mean(
-                body_errors(rig, known[id(method)])
-                if id(method) in known
-                else errors_of(rig, method)
-            )
-        )
-        for step, method in STEPS.items()
-    }
+def body_errors(rig: Rig, name: str) -> Errors:
+    """The same by an entry of `METHODS`."""
+    return errors_of(rig, METHODS[name])
 
 
 def surface_errors(rig: Rig, name: str) -> Errors:

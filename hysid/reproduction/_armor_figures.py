@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from hysteresis.rigs import SpongeCycles
 
-from ..figures._base import BLUE, DIM, GREEN, GREY, INK, ORANGE, SIZE, SKY, VERMILLION, styled
+from ..figures._base import BLUE, DIM, GREEN, GREY, INK, SIZE, VERMILLION, styled
 from ._armor import METHODS, Rig, body_errors, linear_range, surface_errors
 
 WIDE = (9.6, 3.7)
@@ -17,16 +17,20 @@ LINES = {"1": (VERMILLION, "loading"), "2": (BLUE, "both"), "3": (GREEN, "unload
 
 
 @styled
-def loops(cycles: SpongeCycles, lines: dict[str, Any], title: str) -> Figure:
-    """Fig 6, and 9 of the aged sponge: five tests and the three lines."""
-    figure, axes = _one(title)
-    _draw_tests(axes, cycles)
+def loops(cycles: SpongeCycles, lines: dict[str, Any]) -> Figure:
+    """Fig 6: five tests and the three lines."""
+    figure, axes = _one("Fig 6. Five tests, three approximations")
+    for number, shade in enumerate(np.linspace(0.0, 0.7, 5), start=1):
+        rows = np.flatnonzero(cycles.cycle == number)
+        rows = np.arange(max(rows[0] - 1, 0), rows[-1] + 1)
+        label = {1: "test 1", 5: "test 5"}.get(number)
+        axes.plot(cycles.force[rows], cycles.displacement[rows], color=str(shade), lw=0.9,
+                  marker="o", ms=2.2, mew=0, label=label)  # fmt: skip
     force = np.array([2.0, 20.0])
     for name, (colour, branch) in LINES.items():
-        if name in lines:
-            line = lines[name]
-            text = f"{name}: {branch}, {float(line.K):.3f} F + {float(line.b):.2f}"
-            axes.plot(force, line.K * force + line.b, color=colour, lw=1.8, label=text)
+        K, b = float(lines[name].K), float(lines[name].b)
+        text = f"{name}: {branch}, {K:.3f} F + {b:.2f}"
+        axes.plot(force, K * force + b, color=colour, lw=1.8, label=text)
     axes.legend(loc="lower right")
     return figure
 
@@ -93,11 +97,8 @@ def surface_1(rigs: Sequence[Rig], names: Sequence[str]) -> Figure:
         name: (colour, f"approximation {name}, {branch}")
         for name, (colour, branch) in LINES.items()
     }
-    others = [name for name in names if name not in styles]
-    styles |= {
-        name: (colour, name) for name, colour in zip(others, (INK, ORANGE, SKY), strict=False)
-    }
-    for name, (colour, label) in styles.items():
+    for name in names:
+        colour, label = styles.get(name, (INK, name))
         errors = np.array([surface_errors(rig, name) for rig in rigs])
         axes = above if name == "none" else below
         axes.plot(number, errors[0], ls="", marker="o", ms=2.6, mew=0, color=colour, alpha=0.55)
@@ -164,13 +165,3 @@ def _one(title: str) -> tuple[Figure, Any]:
     axes.set(xlabel=FORCE, ylabel=DISPLACEMENT)
     axes.set_title(title)
     return figure, axes
-
-
-def _draw_tests(axes: Any, cycles: SpongeCycles) -> None:
-    shades = np.linspace(0.0, 0.7, 5)
-    for number, shade in enumerate(shades, start=1):
-        rows = np.flatnonzero(cycles.cycle == number)
-        rows = np.arange(max(rows[0] - 1, 0), rows[-1] + 1)
-        label = {1: "test 1", 5: "test 5"}.get(number)
-        axes.plot(cycles.force[rows], cycles.displacement[rows], color=str(shade), lw=0.9,
-                  marker="o", ms=2.2, mew=0, label=label)  # fmt: skip

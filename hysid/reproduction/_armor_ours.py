@@ -19,7 +19,7 @@ from compensate.armor import (
     WristSensor,
     planned_presses,
 )
-from hysteresis import AbstractModel, LinearSponge, Record
+from hysteresis import AbstractModel, Record
 from hysteresis.rigs import INWARD, ArmorPresses, ArmorRig, FoamBlock, SpongeRig, force_path
 from identify import fit
 
@@ -41,20 +41,6 @@ def calibrated(rig: ArmorRig) -> CalibratedArmor:
     presses = twenty_presses(rig)
     full = np.repeat([rig.sensor.full_scale_n, rig.sensor.full_scale_nm], 3)
     return calibrate_armor(nominal(rig), presses, seed=rig.seed, full_scale=full)
-
-
-def calibrated_line(rig: ArmorRig, line: LinearSponge) -> CalibratedArmor:
-    """The published method after the same presses: a matrix, and a factor of the straight line."""
-    cover = Cover(line, factor=1.0)
-    armor = Armor(WristSensor(), ContactSolver(Box(*rig.size), cover))
-    return calibrate_armor(armor, twenty_presses(rig), seed=rig.seed)
-
-
-def calibrated_memory(rig: ArmorRig) -> CalibratedArmor:
-    """The same with a foam model that has memory in place of the line."""
-    cover = Cover(foam(rig.cover), factor=1.0)
-    armor = Armor(WristSensor(), ContactSolver(Box(*rig.size), cover))
-    return calibrate_armor(armor, twenty_presses(rig), seed=rig.seed)
 
 
 def twenty_presses(rig: ArmorRig) -> Presses:

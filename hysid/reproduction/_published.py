@@ -1,13 +1,13 @@
 """One number that a paper prints, how a virtual laboratory measures it, and how the two compare."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
 
-Measure = Callable[[Any], float | None]
-"""Of one laboratory; None where it has not made that experiment."""
+Measure = Callable[[Any, bool], float | None]
+"""Of one laboratory, by the paper's method or by ours; None where it has not made that experiment."""
 
 TUNED, INFERRED, PREDICTED, UNPRINTED, NOT_COMPARABLE = (
     "tuned to this number", "inferred", "predicted", "not printed", "not comparable",
@@ -25,7 +25,7 @@ class Published(NamedTuple):
 
     - `where`: it is printed.
     - `half_digit`: what its printing leaves open: half of its last digit, or of the step it was read in.
-    - `measure`: the same number, of one virtual laboratory.
+    - `measure`: the same number, of one virtual laboratory. `both`: our method has one, too.
     - `label`: `TUNED`, `INFERRED`, `PREDICTED` or `UNPRINTED`.
     - `differs`: how the virtual rig differs from the paper's, for this number.
     - `repeats`: the number counts successes in so many of the paper's own trials.
@@ -47,6 +47,7 @@ class Published(NamedTuple):
     percent: bool = False
     at_most: bool = False
     judged: bool = True
+    both: bool = False
 
     def tolerance(self) -> tuple[float, float] | None:
         """What the paper's own repeats, or else its printed digits, leave open.
@@ -68,24 +69,20 @@ class Published(NamedTuple):
 
 def compared(
     published: Sequence[Published],
-    better: Mapping[str, Measure],
     laboratories: Sequence[Any],
-    progress: Callable[[int], None],
+    with_ours: bool,
+    progress: Callable[[int], None] = lambda done: None,
 ) -> list[dict[str, Any]]:
-    """One row for each number.
-
-    `better`: the same numbers by our method, by their keys.
-    """
-    found: dict[str, list[float]] = {p.key: [] for p in published}
-    ours: dict[str, list[float]] = {key: [] for key in better}
-    measures = {p.key: p.measure for p in published}
+    """One row for each number, which `with_ours` has the same by our method beside it."""
+    methods = (False, True) if with_ours else (False,)
+    found: dict[tuple[str, bool], list[float]] = {}
     for n, laboratory in enumerate(laboratories):
-        for into, how in ((found, measures), (ours, better)):
-            for key, measure in how.items():
-                value = measure(laboratory)
-                into[key] += [] if value is None else [value]
+        for ours in methods:
+            for p in published:
+                if (p.both or not ours) and (value := p.measure(laboratory, ours)) is not None:
+                    found.setdefault((p.key, ours), []).append(value)
         progress(n + 1)
-    return [row_of(p, found[p.key], ours.get(p.key)) for p in published]
+    return [row_of(p, found[p.key, False], found.get((p.key, True))) for p in published]
 
 
 def row_of(of: Published, found: list[float], ours: list[float] | None) -> dict[str, Any]:
@@ -95,11 +92,10 @@ def row_of(of: Published, found: list[float], ours: list[float] | None) -> dict[
     """
     mean, sd = _spread(found)
     tolerance = of.tolerance()
-    row: dict[str, Any] = {"key": of.key, "what": of.what, "where": of.where, "unit": of.unit}
-    row |= {"published": of.value, "at_most": of.at_most, "half_digit": of.half_digit}
-    row |= {"repeats": of.repeats, "reproduced": mean, "sd": sd, "count": len(found)}
+    named = ("key", "what", "where", "unit", "at_most", "half_digit", "repeats", "label", "differs")
+    row = {name: getattr(of, name) for name in named} | {"published": of.value}
+    row |= {"reproduced": mean, "sd": sd, "count": len(found)}
     row["ours"], row["ours_sd"] = _spread(ours) if ours else (None, None)
-    row |= {"label": of.label, "differs": of.differs}
     row["tolerance"] = None if tolerance is None else [float(x) for x in tolerance]
     row["within"] = None if tolerance is None else bool(tolerance[0] <= mean <= tolerance[1])
     return row

@@ -2,7 +2,7 @@
 (A) the force of one contact, (B) which place is pressed, (C) which places are pressed at once."""
 
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Final, NamedTuple
 
@@ -12,7 +12,6 @@ from jaxtyping import Float
 from compensate.microchannel import (
     ChannelSensor,
     Confusion,
-    Decision,
     ForceEstimator,
     Localizer,
     LogicTable,
@@ -21,7 +20,7 @@ from compensate.microchannel import (
 )
 from hysteresis.rigs import AbstractSkinRig, ChannelGeometryRig, ChannelRecord, MicrochannelRig
 
-from ._skin_electronics import converted, converted_record, variants
+from ._skin_electronics import converted, converted_record
 from ._skin_networks import Learnt, train_staircase
 
 SESSIONS, LENGTH = 28, 2025
@@ -44,6 +43,8 @@ FINGER_FORCE, FINGER_FORCES = 4.0, (1.5, 8.0)
 """N, of the presses of several places: equal ones, and the range of unequal ones."""
 
 Series = Float[np.ndarray, " _"]
+Pressed = tuple[frozenset[Hashable], frozenset[Hashable]]
+"""The places that are pressed at once, and those found."""
 
 
 class Records(NamedTuple):
@@ -81,15 +82,11 @@ class Skin:
     @cached_property
     def rig(self) -> AbstractSkinRig:
         """The sensor, its presses and its noise."""
-        return (
-            MicrochannelRig(seed=self.seed) if self.inside else ChannelGeometryRig(seed=self.seed)
-        )
+        return rig_of(self.seed, self.inside)
 
     def _read(self, found: Sequence[ChannelRecord]) -> Records:
         """Of location A in layer 1, through converter and `Readout`."""
-        return records(
-            found if self.inside else [converted_record(one, self.rig.readout) for one in found]
-        )
+        return records([read(one, self.rig, self.inside) for one in found])
 
     # (A) One contact
 
@@ -101,12 +98,8 @@ class Skin:
     @cached_property
     def loops(self) -> Records:
         """Fig 6: loops that no network has seen."""
-        return self._read(self.test_loops(self.rig))
-
-    def test_loops(self, rig: AbstractSkinRig) -> list[ChannelRecord]:
-        """The same of any rig, before the converter."""
-        every = (rig.test_loops(session=session) for session in range(self.sessions))
-        return [loop for four in every for loop in four]
+        every = (self.rig.test_loops(session=session) for session in range(self.sessions))
+        return self._read([loop for four in every for loop in four])
 
     @cached_property
     def timeless(self) -> Learnt:
@@ -175,16 +168,6 @@ class Skin:
         pairs = zip(self.by_filter.late, self.loops.force, strict=True)
         return rms([late[DELAY:] - force[:-DELAY] for late, force in pairs])
 
-    @cached_property
-    def electronics(self) -> dict[str, float]:
-        """Error in N of our network on the loops, for other electronics than it was taught with."""
-        found = {}
-        for name, (electronics, believed) in variants().items():
-            rig = replace(self.rig, readout=electronics)
-            made = [converted_record(one, electronics, believed) for one in self.test_loops(rig)]
-            found[name] = self.rms(self.by(self.network, records(made)))
-        return found
-
     # (B) Which place
 
     @cached_property
@@ -214,19 +197,18 @@ class Skin:
     @cached_property
     def logic(self) -> LogicTable:
         """Table I, with the reading of one level known, and the scatter of presses learnt."""
-        common, differential = self.scatter
-        return LogicTable(
-            LEVELS_OF_THREE, "ACE", unit=level(self.rig, FINGER_FORCE),
-            noise=self.rig.readout.noise, common=common, differential=differential,
-        )  # fmt: skip
+        return self._table(level(self.rig, FINGER_FORCE))
 
     @cached_property
     def unknown_force(self) -> LogicTable:
         """The same where the force is anywhere in the range of fingers."""
+        return self._table([level(self.rig, force) for force in FINGER_FORCES])
+
+    def _table(self, unit: float | list[float]) -> LogicTable:
         common, differential = self.scatter
         return LogicTable(
-            LEVELS_OF_THREE, "ACE", unit=[level(self.rig, force) for force in FINGER_FORCES],
-            noise=self.rig.readout.noise, common=common, differential=differential,
+            LEVELS_OF_THREE, "ACE", unit=unit, noise=self.rig.readout.noise, common=common,
+            differential=differential,
         )  # fmt: skip
 
     @cached_property
@@ -251,19 +233,19 @@ class Skin:
         return [places for places in self.logic.combinations for _ in range(3)]
 
     @cached_property
-    def decisions(self) -> list[tuple[frozenset[Hashable], Decision]]:
+    def decisions(self) -> list[Pressed]:
         """Table III with all fingers pressing alike, and what the table says of each."""
-        found = [self.logic.decide(one) for one in self._together(equal=True)]
+        found = [self.logic.decide(one).places for one in self._together(equal=True)]
         return list(zip(self.pressed_together, found, strict=True))
 
     @cached_property
-    def unequal(self) -> list[tuple[frozenset[Hashable], Decision]]:
+    def unequal(self) -> list[Pressed]:
         """The same with fingers whose forces differ and are not known."""
-        found = [self.unknown_force.decide(one) for one in self._together(equal=False)]
+        found = [self.unknown_force.decide(one).places for one in self._together(equal=False)]
         return list(zip(self.pressed_together, found, strict=True))
 
     @cached_property
-    def by_ranks(self) -> list[tuple[frozenset[Hashable], frozenset[Hashable]]]:
+    def by_ranks(self) -> list[Pressed]:
         """The unequal presses by the published table: the nearest sums of ranks 3, 2 and 1."""
         unit, table = level(self.rig, FINGER_FORCE), self.logic
         nearest = [
@@ -279,6 +261,16 @@ class Skin:
         random = np.random.default_rng([self.seed, 9])
         forces = FINGER_FORCE if equal else random.uniform(*FINGER_FORCES, places.shape)
         return self._volts(self.rig.press_together(places * forces))
+
+
+def rig_of(seed: int, inside: bool) -> AbstractSkinRig:
+    """A sensor by its geometry, or one whose physics is close to our models."""
+    return MicrochannelRig(seed=seed) if inside else ChannelGeometryRig(seed=seed)
+
+
+def read(made: ChannelRecord, rig: AbstractSkinRig, inside: bool) -> ChannelRecord:
+    """Through converter and `Readout`, but of a sensor close to our models."""
+    return made if inside else converted_record(made, rig.readout)
 
 
 def records(found: Sequence[ChannelRecord]) -> Records:

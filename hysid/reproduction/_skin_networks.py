@@ -11,7 +11,6 @@ import optax
 from jaxtyping import Array, Float
 
 from compensate.microchannel import (
-    EverettNetwork,
     ForceNetwork,
     MotionFilter,
     MultiContactEstimator,
@@ -58,27 +57,9 @@ def train_staircase(
     y = np.concatenate([one[::every] for one in outputs])
     found = train(
         start, staircase_squares, (x, y), epochs=epochs, batch=BATCH, float32=True,
-        optimizer=_decaying(rate, epochs, len(y)),
+        optimizer=decaying_over(rate, epochs, len(y)),
     )  # fmt: skip
-    return _learnt(found)
-
-
-def train_everett(
-    times: Sequence[Series],
-    readings: Sequence[Series],
-    forces: Sequence[Series],
-    *,
-    epochs: int = 600,
-    high_force: float,
-) -> Learnt:
-    """`EverettNetwork` from readings to forces, records of one length; five of them a batch."""
-    t, z, F = (jnp.asarray(np.stack(part)) for part in (times, readings, forces))
-    start = EverettNetwork.random(jax.random.key(0), high=float(z.max()), force=high_force)
-    found = train(
-        start, _sequence_squares, (t, z, F), batch=5, epochs=epochs,
-        optimizer=_decaying(2e-2, epochs, len(times), 5),
-    )  # fmt: skip
-    return _learnt(found)
+    return learnt_of(found)
 
 
 def train_recurrent(records: Sequence[ForceRecord], *, epochs: int = 100, seed: int = 0) -> Learnt:
@@ -88,9 +69,9 @@ def train_recurrent(records: Sequence[ForceRecord], *, epochs: int = 100, seed: 
     found = train(
         ForceNetwork.random(jax.random.key(seed)), _window_squares, (forces, readings),
         epochs=epochs, batch=BATCH, float32=True, patience=10,
-        optimizer=_decaying(2e-3, epochs, len(forces)),
+        optimizer=decaying_over(2e-3, epochs, len(forces)),
     )  # fmt: skip
-    return _learnt(found._replace(module=eqx.nn.inference_mode(found.module)))
+    return learnt_of(found._replace(module=eqx.nn.inference_mode(found.module)))
 
 
 def train_channels(
@@ -114,20 +95,15 @@ def train_channels(
     return learnt.estimator
 
 
-def _learnt(found: Trained) -> Learnt:
+def learnt_of(found: Trained) -> Learnt:
     return Learnt(found.module, float(np.sqrt(found.validation[found.best])), found)
 
 
-def _decaying(
+def decaying_over(
     rate: float, epochs: int, rows: int, batch: int = BATCH
 ) -> optax.GradientTransformation:
     """Adam over all epochs of the nine tenths of the rows that are not held out."""
     return decaying(epochs * (9 * rows // (10 * batch)), rate=rate)
-
-
-def _sequence_squares(network: EverettNetwork, rows: Any, key: Any) -> Array:
-    t, reading, force = rows
-    return jnp.mean((jax.vmap(network.simulate)(t, reading) - force) ** 2)
 
 
 def _window_squares(network: ForceNetwork, rows: Any, key: Any) -> Array:

@@ -11,11 +11,10 @@ import scipy
 from jaxtyping import Float
 
 from compensate.microchannel import MultiContactEstimator, SearchEstimator
-from hysteresis.rigs import AbstractSkinRig, ChannelGeometryRig, ChannelRecord, MicrochannelRig
+from hysteresis.rigs import AbstractSkinRig, ChannelRecord
 
 from ..soft_sensor._force_records import ForceRecord
-from ._skin import FORCE, HIGH_N, NOISE_V, rms
-from ._skin_electronics import converted_record
+from ._skin import FORCE, HIGH_N, NOISE_V, read, rig_of, rms
 from ._skin_networks import train_channels, train_recurrent
 
 OURS_FOR_ONE = 6
@@ -80,12 +79,10 @@ class SkinPair:
     @cached_property
     def rig(self) -> AbstractSkinRig:
         """The sensor."""
-        return (
-            MicrochannelRig(seed=self.seed) if self.inside else ChannelGeometryRig(seed=self.seed)
-        )
+        return rig_of(self.seed, self.inside)
 
     def _read(self, made: ChannelRecord) -> ChannelRecord:
-        return made if self.inside else converted_record(made, self.rig.readout)
+        return read(made, self.rig, self.inside)
 
     @cached_property
     def taught(self) -> list[list[ForceRecord]]:
@@ -170,10 +167,14 @@ def peaks(truth: Forces, found: Forces) -> list[Peak]:
     return every
 
 
+def of_pair(pressed: Pressed, ours: bool = False) -> list[Peak]:
+    """True peaks beside the paper's estimates, or ours."""
+    return peaks(pressed.truth, pressed.ours if ours else pressed.paper)
+
+
 def found_peaks(pressed: Pressed, ours: bool = False) -> int:
     """How many of the true peaks have an estimate."""
-    every = peaks(pressed.truth, pressed.ours if ours else pressed.paper)
-    return int(sum(np.isfinite(peak.found) for peak in every))
+    return int(sum(np.isfinite(peak.found) for peak in of_pair(pressed, ours)))
 
 
 def error(pressed: Pressed, ours: bool = False) -> float:

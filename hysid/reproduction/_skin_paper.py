@@ -12,8 +12,8 @@ from . import _skin_figures as figures
 from ._frame import Asked, Paper
 from ._published import compared
 from ._skin import Skin
-from ._skin_pair import OURS_FOR_ONE, SkinPair
-from ._skin_rows import BETTER, PUBLISHED, Laboratory, findings, of_pair
+from ._skin_pair import OURS_FOR_ONE, SkinPair, of_pair
+from ._skin_rows import PUBLISHED, Laboratory, findings
 
 EPOCHS, PAIRS = 1000, 3
 """Of the network of (A), a tenth of them of those of (D); sensors of which (D) is made."""
@@ -50,7 +50,7 @@ def carry_out(asked: Asked) -> dict[str, Any]:
     document = {
         "rig": f"{RIG} {TRAINED.format(epochs, of_two, OURS_FOR_ONE * of_two)}",
         "epochs": epochs,
-        "rows": compared(PUBLISHED, BETTER if asked.with_ours else {}, laboratories, progress),
+        "rows": compared(PUBLISHED, laboratories, asked.with_ours, progress),
         "findings": findings(laboratories, asked.with_ours),
     }
     asked.say("drawing")
@@ -61,8 +61,6 @@ def carry_out(asked: Asked) -> dict[str, Any]:
         for name, ours in (("paper", False), ("ours", True))
         if asked.with_ours or not ours
     }
-    if asked.with_ours:
-        document["electronics"] = one.electronics
     document["tables"] = _tables(one, document["peaks"], asked.with_ours)
     drawn = {
         "fig6": figures.loops(one, asked.with_ours),
@@ -85,22 +83,14 @@ def _tables(skin: Skin, found: dict[str, Any], with_ours: bool) -> dict[str, str
     }
     if with_ours:
         tables[f"Table II by ours, {first}"] = str(skin.likeliest)
-        tables[f"What the electronics cost: force of four loops by ours, {first}"] = _costs(skin)
     tables[f"Table III. Three presses of each combination, {first}"] = _logic(skin)
     for name, peaks in found.items():
         tables[f"Peaks of fig 8, {name}, {first}"] = _peaks(peaks)
     return tables
 
 
-def _costs(skin: Skin) -> str:
-    lines = [f"{'electronics':50}{'error, N':>10}"]
-    return "\n".join([*lines, *(f"{name:50}{off:10.3f}" for name, off in skin.electronics.items())])
-
-
 def _logic(skin: Skin) -> str:
     named = {places: "+".join(sorted(map(str, places))) for places in skin.logic.combinations}
-    equal = [(pressed, found.places) for pressed, found in skin.decisions]
-    unequal = [(pressed, found.places) for pressed, found in skin.unequal]
     lines = [
         f"{'found, of 3':12}{'all fingers':>15}{'unequal forces':>18}{'the same, by':>18}",
         f"{'':12}{'press with 4 N':>15}{'of 1.5 to 8 N':>18}{'published ranks':>18}",
@@ -108,7 +98,7 @@ def _logic(skin: Skin) -> str:
     for places, name in named.items():
         right = [
             sum(found == places for pressed, found in every if pressed == places)
-            for every in (equal, unequal, skin.by_ranks)
+            for every in (skin.decisions, skin.unequal, skin.by_ranks)
         ]
         lines.append(f"{name:12}{right[0]:15d}{right[1]:18d}{right[2]:18d}")
     return "\n".join(lines)

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from compensate.microchannel import Confusion
+from identify import Trained
 
 from ._published import (
     INFERRED,
@@ -18,7 +19,7 @@ from ._published import (
     finding,
 )
 from ._skin import DELAY, PLACES, Skin
-from ._skin_pair import Peak, Pressed, SkinPair, error, found_peaks, peaks
+from ._skin_pair import SkinPair, error, found_peaks, of_pair
 
 
 class Laboratory(NamedTuple):
@@ -28,31 +29,27 @@ class Laboratory(NamedTuple):
     pair: SkinPair | None
 
 
-def _skin(measure: Callable[[Skin], Any]) -> Measure:
-    return lambda one: float(measure(one.skin))
+def _skin(measure: Callable[[Skin, bool], Any]) -> Measure:
+    return lambda one, ours: float(measure(one.skin, ours))
 
 
-def _pair(measure: Callable[[SkinPair], Any]) -> Measure:
-    return lambda one: None if one.pair is None else float(measure(one.pair))
+def _pair(measure: Callable[[SkinPair, bool], Any]) -> Measure:
+    return lambda one, ours: None if one.pair is None else float(measure(one.pair, ours))
 
 
-def _right(place: str, by: Callable[[Skin], Confusion]) -> Measure:
-    k = PLACES.index(place)
-    return _skin(lambda skin: by(skin).counts[k, k])
+def _network(skin: Skin, ours: bool) -> Trained:
+    return (skin.network if ours else skin.timeless).trained
 
 
-def _taken(place: str, other: str, by: Callable[[Skin], Confusion]) -> Measure:
-    return _skin(lambda skin: by(skin).counts[PLACES.index(place), PLACES.index(other)])
+def _places(skin: Skin, ours: bool) -> Confusion:
+    """By five nearest neighbours, or by ours."""
+    return skin.likeliest if ours else skin.votes
 
 
-def votes(skin: Skin) -> Confusion:
-    """By five nearest neighbours."""
-    return skin.votes
-
-
-def likeliest(skin: Skin) -> Confusion:
-    """By ours."""
-    return skin.likeliest
+def _taken(place: str, other: str) -> Measure:
+    return _skin(
+        lambda skin, ours: _places(skin, ours).counts[PLACES.index(place), PLACES.index(other)]
+    )
 
 
 SECTION_A, SECTION_B, SECTION_C, SECTION_D = "IV A", "IV B, table II", "IV C, table III", "IV D"
@@ -62,71 +59,60 @@ FINGER = "Placement, sensitivities and noise were chosen to give table II; anoth
 COLUMN = "The text of table II has lost its columns: that these presses were taken for this place is ours."
 CREEP = "The virtual sensor creeps, and the Preisach transform has no time."
 CURVE = "The paper shows a curve without numbers."
+MACHINE = "The paper presses by finger; a machine always meets the middle of a place."
 TWO = "Fingers as half sines, placed at random within a location; found: within 1 s, half to twice as high."
 CORRECT = {"A": 20, "B": 18, "C": 20, "D": 15, "E": 20}
 
 PUBLISHED = (
     Published("mse_start", "(A) mean square of the forces to learn", SECTION_A, "N^2", 20.07, 0.005,
-              _skin(lambda skin: np.mean(np.square(skin.taught.force))), INFERRED,
+              _skin(lambda skin, _: np.mean(np.square(skin.taught.force))), INFERRED,
               "Taken as the error of a network that says 0; the machine's range is inferred from it."),
     Published("mse_end", "(A) its error^2 at the last epoch", SECTION_A, "N^2", 0.003, 0.0005,
-              _skin(lambda skin: skin.timeless.trained.train[-1]), PREDICTED, CREEP),
+              _skin(lambda skin, ours: _network(skin, ours).train[-1]), PREDICTED, CREEP, both=True),
     Published("training", "(A) training", SECTION_A, "s", 331.0, 0.5,
-              _skin(lambda skin: skin.timeless.trained.seconds), NOT_COMPARABLE,
-              "Another computer: this row says nothing about the sensor.", judged=False),
+              _skin(lambda skin, ours: _network(skin, ours).seconds), NOT_COMPARABLE,
+              "Another computer: this row says nothing about the sensor.", judged=False, both=True),
     Published("loops", "(A) force of four loops", "fig 6, no number", "N", None, 0.0,
-              _skin(lambda skin: skin.rms(skin.by_timeless)), UNPRINTED, CURVE),
+              _skin(lambda skin, ours: skin.rms(skin.by_network if ours else skin.by_timeless)),
+              UNPRINTED, CURVE, both=True),
     *(Published(f"right_{place}", f"(B) presses of {place} found, of 20", SECTION_B, "1", float(n), 0.0,
-                _right(place, votes), TUNED, FINGER, repeats=20) for place, n in CORRECT.items()),
+                _taken(place, place), TUNED, FINGER, repeats=20, both=True)
+      for place, n in CORRECT.items()),
     Published("accuracy", "(B) all presses found", SECTION_B, "%", 93.0, 0.5,
-              _skin(lambda skin: 100 * skin.votes.accuracy), TUNED, FINGER, repeats=100, percent=True),
+              _skin(lambda skin, ours: 100 * _places(skin, ours).accuracy), TUNED, FINGER, repeats=100,
+              percent=True, both=True),
     Published("b_for_c", "(B) presses of B taken for C", SECTION_B, "1", 2.0, 0.0,
-              _taken("B", "C", votes), INFERRED, COLUMN, repeats=20),
+              _taken("B", "C"), INFERRED, COLUMN, repeats=20, both=True),
     Published("d_for_e", "(B) presses of D taken for E", SECTION_B, "1", 5.0, 0.0,
-              _taken("D", "E", votes), INFERRED, COLUMN, repeats=20),
+              _taken("D", "E"), INFERRED, COLUMN, repeats=20, both=True),
     Published("logic", "(C) presses of several places found, of 21", SECTION_C, "1", 21.0, 0.0,
-              _skin(lambda skin: sum(p == found.places for p, found in skin.decisions)), PREDICTED,
+              _skin(lambda skin, _: sum(p == found for p, found in skin.decisions)), PREDICTED,
               "All fingers press with 4 N, which the table knows; the paper's forces are not printed.",
               repeats=21),
     Published("logic_unequal", "(C) the same with unequal, unknown forces", "not in the paper", "1", None,
-              0.0, _skin(lambda skin: sum(p == found.places for p, found in skin.unequal)), UNPRINTED,
+              0.0, _skin(lambda skin, _: sum(p == found for p, found in skin.unequal)), UNPRINTED,
               "Each finger presses with 1.5 to 8 N; scatter is learnt from 60 presses with a gauge."),
     Published("logic_ranks", "(C) the same by the published ranks", "table I, no such test", "1", None,
-              0.0, _skin(lambda skin: sum(p == found for p, found in skin.by_ranks)), UNPRINTED,
+              0.0, _skin(lambda skin, _: sum(p == found for p, found in skin.by_ranks)), UNPRINTED,
               "The nearest sums of the ranks 3, 2 and 1, the reading of one rank at 4 N known."),
     Published("peaks", "(D) peaks of two fingers found, of 16", SECTION_D, "1", 16.0, 0.0,
-              _pair(lambda pair: found_peaks(pair.together)), PREDICTED, TWO, repeats=16),
+              _pair(lambda pair, ours: found_peaks(pair.together, ours)), PREDICTED, TWO, repeats=16,
+              both=True),
     Published("peaks_placed", "(D) peaks of a machine's presses, of 16", "not in the paper", "1", None, 0.0,
-              _pair(lambda pair: found_peaks(pair.placed)), UNPRINTED,
-              "The paper presses by finger; a machine always meets the middle of a place."),
+              _pair(lambda pair, ours: found_peaks(pair.placed, ours)), UNPRINTED,
+              MACHINE, both=True),
     Published("alone", "(D) force of one finger, on B and on D", "not in the paper", "N", None, 0.0,
-              _pair(lambda pair: np.mean([error(one) for one in pair.alone])), UNPRINTED, TWO),
+              _pair(lambda pair, ours: np.mean([error(one, ours) for one in pair.alone])), UNPRINTED, TWO,
+              both=True),
     Published("together", "(D) force of two fingers", "fig 8, no number", "N", None, 0.0,
-              _pair(lambda pair: error(pair.together)), UNPRINTED, TWO),
+              _pair(lambda pair, ours: error(pair.together, ours)), UNPRINTED, TWO, both=True),
     Published("placed", "(D) force of a machine's two presses", "not in the paper", "N", None, 0.0,
-              _pair(lambda pair: error(pair.placed)), UNPRINTED,
-              "The paper presses by finger; a machine always meets the middle of a place."),
+              _pair(lambda pair, ours: error(pair.placed, ours)), UNPRINTED,
+              MACHINE, both=True),
     Published("step", "(D) time of a reading", "not in the paper", "us", None, 0.0,
-              _pair(lambda pair: pair.paper_us), UNPRINTED,
-              "The published search as we wrote it, on this computer."),
+              _pair(lambda pair, ours: pair.ours_us if ours else pair.paper_us), UNPRINTED,
+              "The published search as we wrote it, on this computer.", both=True),
 )  # fmt: skip
-
-BETTER: dict[str, Measure] = {
-    "mse_end": _skin(lambda skin: skin.network.trained.train[-1]),
-    "training": _skin(lambda skin: skin.network.trained.seconds),
-    "loops": _skin(lambda skin: skin.rms(skin.by_network)),
-    **{f"right_{place}": _right(place, likeliest) for place in PLACES},
-    "accuracy": _skin(lambda skin: 100 * skin.likeliest.accuracy),
-    "b_for_c": _taken("B", "C", likeliest),
-    "d_for_e": _taken("D", "E", likeliest),
-    "peaks": _pair(lambda pair: found_peaks(pair.together, ours=True)),
-    "peaks_placed": _pair(lambda pair: found_peaks(pair.placed, ours=True)),
-    "alone": _pair(lambda pair: np.mean([error(one, ours=True) for one in pair.alone])),
-    "together": _pair(lambda pair: error(pair.together, ours=True)),
-    "placed": _pair(lambda pair: error(pair.placed, ours=True)),
-    "step": _pair(lambda pair: pair.ours_us),
-}
-"""What our method makes of a number: its key -> the same number by it, of one laboratory."""
 
 
 def findings(laboratories: Sequence[Laboratory], with_ours: bool) -> list[dict[str, Any]]:
@@ -136,7 +122,7 @@ def findings(laboratories: Sequence[Laboratory], with_ours: bool) -> list[dict[s
     network = float(np.mean([skin.rms(skin.by_timeless) for skin in skins]))
     curve = float(np.mean([static_error(skin) for skin in skins]))
     wrong = np.array([20 - np.diag(skin.votes.counts[:, :5]) for skin in skins])
-    sound = sum(all(p == found.places for p, found in skin.decisions) for skin in skins)
+    sound = sum(all(p == found for p, found in skin.decisions) for skin in skins)
     late = np.array([peak.late for pair in pairs for peak in of_pair(pair.together)])
     missed, late = int(np.isnan(late).sum()), late[np.isfinite(late)]
     together = float(np.mean([error(pair.together) for pair in pairs]))
@@ -193,11 +179,6 @@ def findings(laboratories: Sequence[Laboratory], with_ours: bool) -> list[dict[s
         "of the sensor."
     )
     return said
-
-
-def of_pair(pressed: Pressed, ours: bool = False) -> list[Peak]:
-    """True peaks beside the paper's estimates, or ours."""
-    return peaks(pressed.truth, pressed.ours if ours else pressed.paper)
 
 
 def static_error(skin: Skin) -> float:
