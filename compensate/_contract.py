@@ -52,7 +52,7 @@ class AbstractCompensator(eqx.Module, Generic[State, Found]):
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
-        keep_precision(cls, ("init", "step", "simulate"))
+        keep_precision(cls, ("init", "stream", "step", "simulate"))
 
     @abc.abstractmethod
     def init(self) -> State:
@@ -109,10 +109,27 @@ class AbstractCompensator(eqx.Module, Generic[State, Found]):
         return html_of(self)
 
 
+class AbstractStreamed(AbstractCompensator[State, Found]):
+    """A compensator of which one sample is a series of one."""
+
+    @abc.abstractmethod
+    def stream(self, t: ArrayLike | None, y: ArrayLike, state: State) -> tuple[State, Found]:
+        """All samples at once: the state after them, and the estimates."""
+
+    def step(self, state: State, t: ArrayLike | None, y: ArrayLike) -> tuple[State, Found]:
+        times = None if t is None else jnp.asarray(t, float)[None]
+        state, found = self.stream(times, jnp.asarray(y, float)[None], state)
+        return state, jax.tree.map(lambda x: x[..., 0], found)
+
+    def simulate(self, t: ArrayLike | None, y: ArrayLike, state: State | None = None) -> Found:
+        return self.stream(t, jnp.asarray(y, float), self.init() if state is None else state)[1]
+
+
 def scan_steps(
-    compensator: Any, t: ArrayLike | None, y: Array, state: PyTree
+    compensator: Any, t: ArrayLike | None, y: ArrayLike, state: PyTree
 ) -> tuple[PyTree, PyTree]:
     """All samples of anything that has a `stream` or a `step`: state, estimates."""
+    y = jnp.asarray(y, float)
     own = getattr(compensator, "stream", None)
     return _scan(compensator, t, y, state) if own is None else own(t, y, state)
 

@@ -1,35 +1,14 @@
 """The error of a compensator in the document, and its guaranteed band, there and as a function in C."""
 
-import numpy as np
-
 from hysteresis import InputError
 from hysteresis.laws._tree import Tree
-from hysteresis.trees import node, plain
 
 from ..guards._guarded import GuardedCompensator
 from ..uncertainty._calibrated import CalibratedCompensator
 from ..uncertainty._ensemble import EnsembleCompensator
 from ..uncertainty._filtered import FilteredCompensator
 from ..uncertainty._guaranteed import GuaranteedCompensator
-from ..uncertainty._motion import error_parameters
 from ._python_to_c99 import number
-
-
-def error_tree(found: CalibratedCompensator) -> Tree:
-    """The error of a model, by level, branch and motion, as an element."""
-    falling, rising = np.asarray(found.error)
-    made = node(
-        "error",
-        {
-            "levels": len(falling), "level": found.levels, "falling": falling, "rising": rising,
-            "width": found.width, **error_parameters(found.motions, found.width),
-        },
-        {
-            "begun": 0, "follower": 0.0, "up": 1, "moved": 0, "known": 0, "last": 0.0, "before": 0.0,
-            "earlier": 0.0, "begin": 0.0, "elapsed": 0.0, "speed": 0.0,
-        },
-    )  # fmt: skip
-    return plain(made)
 
 
 def banded(band: GuaranteedCompensator, error: CalibratedCompensator | None) -> Tree:

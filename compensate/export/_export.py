@@ -15,7 +15,7 @@ from hysteresis import AbstractModel, InputError, Oscillator, condition_of, conv
 from hysteresis._atomic_file import write_whole
 from hysteresis.laws._tree import node_of
 from hysteresis.records._common_part import STILL
-from hysteresis.trees import Tree
+from hysteresis.trees import Tree, plain
 
 from .._contract import AbstractCompensator
 from .._invert import invert
@@ -28,7 +28,7 @@ from ..runtime._compensator import KIND
 from ..runtime._file import COMPENSATOR_SCHEMA, number
 from ..uncertainty._calibrated import CalibratedCompensator
 from ..uncertainty._guaranteed import GuaranteedCompensator
-from ._band import banded, error_tree
+from ._band import banded
 from ._c99_header import header
 from ._document import require_one_input, write
 from ._grids import with_grids
@@ -273,7 +273,7 @@ class Program:
             "longest": self._longest(t) if counts_time else None,
             "inputs": [float(min(reached)) - away, float(max(reached)) + away], "start": number(begin),
             "origin": origin and {**origin._asdict(), "codes": list(origin.codes)},
-            "error": error and error_tree(error), "condition": known,
+            "error": error and plain(error.law()), "condition": known,
             "starts": starts_in(tree, model, self.guard.starts) if self.guard else [],
             "coverage": error and number(error.coverage),
             "lasting": error and {"share": error.share, "time": error.lasts},

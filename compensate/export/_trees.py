@@ -3,7 +3,7 @@
 import numpy as np
 
 from hysteresis import AbstractModel
-from hysteresis.trees import Tree, node, plain
+from hysteresis.trees import Tree, plain
 
 from ..guards._guarded import ROUNDING as ROUNDING_OF_ENDS
 from ..guards._guarded import GuardedCompensator
@@ -29,17 +29,7 @@ def tree_of(model: AbstractModel, precision: type = np.float64, depth: int = 64)
 
 def guard_tree(guard: GuardedCompensator, precision: type = np.float64) -> Tree:
     """The guard of a compensator, as an element."""
-    low, high = float(guard.low), float(guard.high)
-    least, most = guard.seen or (1.0, 0.0)  # no reading is between
     # In single precision an estimate just after a reversal is 1e-3 of the range off.
-    rounding = 0.0 if precision is np.float64 else 1e3 * ROUNDING_OF_ENDS * (high - low)
-    made = node(
-        "guard",
-        {
-            "low": low, "high": high, "slack": max(float(guard.slack), rounding),
-            "holds": guard.beyond == "limit", "decides": guard.decides, "within": guard.within,
-            "least": least, "most": most,
-        },
-        {"beyond": 0},
-    )  # fmt: skip
+    part = 0.0 if precision is np.float64 else 1e3 * ROUNDING_OF_ENDS
+    made = guard.law(part * float(guard.high - guard.low))
     return {"beyond": guard.beyond, **plain(made)}

@@ -11,8 +11,10 @@ from numpy.typing import ArrayLike
 
 from hysteresis import InputError, is_concrete, register
 from hysteresis.numerics._normal import NORMAL_95
+from hysteresis.running import each, numbers_of
+from hysteresis.trees import Tree, node
 
-from .._contract import AbstractCompensator, Found, Status
+from .._contract import AbstractCompensator, AbstractStreamed, Found, Status, scan_steps
 from .._readings import conditioned_in, reading_of, with_reading
 from ..runtime._file import LONGEST
 from ._run_in import Start
@@ -58,17 +60,20 @@ def longest_step(t: ArrayLike) -> float:
 
 class GuardedState(NamedTuple):
     """The inner state; those of the other starts; the inner clock's first time; the time of the last
-    reading; what long steps have taken off the clock. NaN before the first reading."""
+    reading; what long steps have taken off the clock; what the guard's law keeps; the last estimate. NaN
+    before the first reading."""
 
     inner: Any
     others: tuple[Any, ...]
     first: Array
     last: Array
     removed: Array
+    limited: Array
+    value: Array
 
 
 @register
-class GuardedCompensator(AbstractCompensator[GuardedState, Found]):
+class GuardedCompensator(AbstractStreamed[GuardedState, Found]):
     """A compensator whose estimates stay within the inputs that its model was trained on.
 
     ```math
@@ -181,46 +186,54 @@ class GuardedCompensator(AbstractCompensator[GuardedState, Found]):
     def init(self) -> GuardedState:
         none = jnp.asarray(jnp.nan, float)
         others = tuple(start.state for start in self.starts)
-        return GuardedState(self.inner.init(), others, none, none, jnp.zeros_like(none))
+        own = jnp.asarray(numbers_of(self.law()).state, float)
+        return GuardedState(self.inner.init(), others, none, none, jnp.zeros_like(none), own, none)
 
-    def step(
-        self, state: GuardedState, t: ArrayLike | None, y: ArrayLike
+    def stream(
+        self, t: ArrayLike | None, y: ArrayLike, state: GuardedState
     ) -> tuple[GuardedState, Found]:
         y = jnp.asarray(y, float)
-        reading = reading_of(y, 0)
-        t = jnp.zeros_like(reading) if t is None else jnp.asarray(t, float)
-        seen = self._clipped(reading)
-        clock, late, last, removed = self._clock(state, t[None], y[None])
-        first = _first(state, clock, y[None])
-        y = with_reading(y, 0, seen)
-        inner, found = self.inner.step(state.inner, clock[0], y)
-        others, apart = [], jnp.zeros(1)
-        for other in state.others:
-            other, of_other = self.inner.step(other, _since(first, clock)[0], y)
-            others.append(other)
-            apart = jnp.maximum(apart, _between(of_other, found))
-        found = self._judged(late, reading[None], seen[None], apart, _rows(found))
-        after = GuardedState(inner, tuple(others), first, last, removed)
-        return after, jax.tree.map(lambda a: a[..., 0], found)
-
-    def simulate(
-        self, t: ArrayLike | None, y: ArrayLike, state: GuardedState | None = None
-    ) -> Found:
-        y = jnp.asarray(y, float)
-        state = self.init() if state is None else state
         reading = reading_of(y, 1)
         seen = self._clipped(reading)
         given = jnp.zeros_like(reading) if t is None else jnp.asarray(t, float)
-        clock, late, _, _ = self._clock(state, given, y)
-        if t is not None and self.longest is not None:
-            t = clock
+        clock, late, last, removed = self._clock(state, given, y)
         first = _first(state, clock, y)
         y = with_reading(y, 1, seen)
-        found, apart = self.inner.simulate(t, y, state.inner), jnp.zeros_like(reading)
+        found: Any
+        inner, found = scan_steps(self.inner, None if t is None else clock, y, state.inner)
+        since = None if t is None else _since(first, clock)
+        of_other: Any
+        others, apart = [], jnp.zeros_like(reading)
         for other in state.others:
-            of_other = self.inner.simulate(None if t is None else _since(first, clock), y, other)
-            apart = jnp.maximum(apart, _between(of_other, found))
-        return self._judged(late, reading, seen, apart, found)
+            after, of_other = scan_steps(self.inner, since, y, other)
+            others.append(after)
+            apart = jnp.maximum(apart, jnp.abs(of_other.value - found.value))
+        told = each(
+            numbers_of(self.law()), "limited",
+            found.value, found.status, late | (jnp.isfinite(y) & (seen != reading)), apart, reading,
+            where=jnp.where(found.status == Status.INVALID, jnp.nan, reading), state=state.limited,
+            held=jnp.where(jnp.isnan(state.first), self._limited(found.value), state.value),
+            keeps=("beyond",),
+        )  # fmt: skip
+        value, status, beyond = jnp.asarray(told.value), jnp.asarray(told.status), told.said[:, 0]
+        if self.beyond == "nan":
+            value = jnp.where(beyond > 0, jnp.nan, value)
+        held = value[-1] if len(value) else state.value
+        own = inner, tuple(others), first, last, removed, jnp.asarray(told.state), held
+        found = found._replace(value=value, status=status)
+        if getattr(found, "draws", None) is not None:
+            found = found._replace(draws=self._limited(found.draws))
+        return GuardedState(*own), found
+
+    def law(self, rounding: float = 0.0) -> Tree:
+        """See `hysteresis/laws/guard.py`. `rounding`: of estimates, beyond which slack is no less."""
+        least, most = self.seen or (1.0, 0.0)  # no reading is between
+        parameters = {
+            "low": self.low, "high": self.high, "slack": jnp.maximum(self.slack, rounding),
+            "holds": self.beyond == "limit", "decides": self.decides, "least": least, "most": most,
+            "within": self.within,
+        }  # fmt: skip
+        return node("guard", parameters, {"beyond": 0})
 
     def _clock(self, state: GuardedState, t: Array, y: Array) -> tuple[Array, Array, Array, Array]:
         """The inner clock, in which no step is longer than `longest`; which samples come after a longer
@@ -240,28 +253,6 @@ class GuardedCompensator(AbstractCompensator[GuardedState, Found]):
         if self.readings is None:
             return y
         return jnp.where(jnp.isfinite(y), jnp.clip(y, *self.readings), y)
-
-    @eqx.filter_jit
-    def _judged(self, late: Array, y: Array, seen: Array, apart: Array, found: Any) -> Any:
-        """The estimates as they are given out."""
-        value, status = found.value, found.status
-        if self.decides:
-            status = jnp.where(status == Status.EXTRAPOLATED, Status.OK, status)
-        held = jnp.zeros_like(late)
-        if self.seen is not None:
-            held = (status == Status.SATURATED) & (y >= self.seen[0]) & (y <= self.seen[1])
-            status = jnp.where(held, Status.OK, status)
-        sound = (status == Status.OK) | (status == Status.FLAT)
-        status, sound = jnp.where(late & sound, Status.EXTRAPOLATED, status), sound & ~late
-        status = jnp.where(sound & ~(apart <= self.within), Status.RUN_IN, status)
-        beyond = ~held & ((value < self.low - self.slack) | (value > self.high + self.slack))
-        clipped = jnp.isfinite(y) & (seen != y)
-        status = jnp.where((beyond | clipped) & sound, Status.EXTRAPOLATED, status)
-        value = jnp.where(held, jnp.clip(value, self.low, self.high), value)
-        found = found._replace(value=self._limited(value), status=status)
-        if getattr(found, "draws", None) is not None:
-            found = found._replace(draws=self._limited(found.draws))
-        return found
 
     def _limited(self, value: Array) -> Array:
         if self.beyond == "free":
@@ -288,13 +279,3 @@ def _first(state: GuardedState, clock: Array, y: Array) -> Array:
 def _since(first: Array, clock: Array) -> Array:
     """The clock of another start, whose first reading comes without delay."""
     return jnp.where(jnp.isnan(first), 0.0, jnp.maximum(clock - first, 0.0))
-
-
-def _between(one: Any, other: Any) -> Array:
-    """How far two estimates are apart."""
-    return jnp.abs(one.value - other.value)
-
-
-def _rows(found: Any) -> Any:
-    """One estimate as a series of one."""
-    return jax.tree.map(lambda a: a[..., None], found)

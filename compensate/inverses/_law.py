@@ -28,7 +28,7 @@ from hysteresis.records._common_part import STILL
 from hysteresis.running import Known, Numbers, estimates, held_at_first, numbers_of
 from hysteresis.trees import Tree
 
-from .._contract import AbstractCompensator, Estimate, Status
+from .._contract import AbstractStreamed, Estimate, Status
 
 
 class LawState(NamedTuple):
@@ -40,7 +40,7 @@ class LawState(NamedTuple):
 
 
 @register
-class LawCompensator(AbstractCompensator[LawState, Estimate]):
+class LawCompensator(AbstractStreamed[LawState, Estimate]):
     """The inverse of a model that is a tree of laws, reading by reading, with the model's own memory.
 
     ```math
@@ -80,36 +80,28 @@ class LawCompensator(AbstractCompensator[LawState, Estimate]):
         first = Numbers(self.known, self.numbers).state
         return LawState(first, jnp.asarray(jnp.nan, float), self.held)
 
-    def step(self, state: LawState, t: ArrayLike | None, y: ArrayLike) -> tuple[LawState, Estimate]:
-        t = None if t is None else jnp.asarray(t, float)[None]
-        after, found = self.stream(t, jnp.asarray(y, float)[None], state)
-        return after, Estimate(found.value[0], found.status[0])
-
-    def simulate(
-        self, t: ArrayLike | None, y: ArrayLike, state: LawState | None = None
-    ) -> Estimate:
+    def stream(
+        self, t: ArrayLike | None, y: ArrayLike, state: LawState
+    ) -> tuple[LawState, Estimate]:
         require_columns(self.model, y)
         if t is None and np.shape(y)[0]:
             # A model that depends on the rate refuses.
             self.model.prepare(None, jnp.zeros(np.shape(y)))
-        return self.stream(t, jnp.asarray(y, float), self.init() if state is None else state)[1]
-
-    def stream(self, t: ArrayLike | None, y: Array, state: LawState) -> tuple[LawState, Estimate]:
-        """All readings at once: the state after them, and the estimates."""
         xp: Any = np if all(map(is_concrete, (t, y, *state, self.numbers))) else jnp
-        y, (own, before, held) = xp.asarray(y), (xp.asarray(x) for x in state)
-        times: Any = xp.zeros(y.shape[:1]) if t is None else xp.asarray(t, y.dtype)
+        given: Any = xp.asarray(y, float)
+        own, before, held = (xp.asarray(x) for x in state)
+        times: Any = xp.zeros(given.shape[:1]) if t is None else xp.asarray(t, given.dtype)
         if xp is np:
             self._check_steps(times)
         numbers = Numbers(self.known, self.numbers).with_state(own)
-        found = estimates(numbers, y, xp.diff(times, prepend=before), held)
-        valid = xp.isfinite(y) if y.ndim == 1 else xp.isfinite(y).all(axis=1)
+        found = estimates(numbers, given, xp.diff(times, prepend=before), held)
+        valid = xp.isfinite(given) if given.ndim == 1 else xp.isfinite(given).all(axis=1)
         latest = xp.where(valid, xp.arange(len(times)), -1).max(initial=-1)
         last = xp.where(latest < 0, before, times[latest] if len(times) else before)
         held = found.value[-1] if len(times) else held
         own = numbers._replace(m=found.m).state
         after = LawState(*(jnp.asarray(x) for x in (own, last, held)))
-        status = told_of_condition(self.model, y, found.status)
+        status = told_of_condition(self.model, given, found.status)
         return after, Estimate(jnp.asarray(found.value), jnp.asarray(status))
 
     def _check_steps(self, t: np.ndarray) -> None:

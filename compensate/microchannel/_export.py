@@ -7,14 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hysteresis import AbstractModel, InputError, Scaled, Series
+from hysteresis import AbstractModel, InputError, Series
 from hysteresis.networks import StaircaseNetwork
 
 from ..export._document import write
 from ..export._export import DEEP, Quantity, _has_rates, _nodes, deepest, longest_step
 from ..export._precision import require_double
 from ..export._trees import tree_of
-from ..inverses._compose import ScaledCompensator, SeriesCompensator
 from ..runtime._file import SCHEMA, number
 from ..runtime._network import KIND
 from ._everett_network import EverettNetwork
@@ -130,10 +129,6 @@ def _unfolded(model: AbstractModel) -> AbstractModel:
 
 def _behind(compensator: Any) -> AbstractModel:
     """The model of which a compensator is the inverse."""
-    if isinstance(compensator, SeriesCompensator):
-        return Series([_behind(part) for part in reversed(compensator.inverses)])
-    if isinstance(compensator, ScaledCompensator):
-        return Scaled(_behind(compensator.inner), compensator.factor, compensator.offset)
     if not isinstance(getattr(compensator, "model", None), AbstractModel):
         raise InputError(
             "not-exportable", f"a {type(compensator).__name__} cannot be exported.",

@@ -161,8 +161,8 @@ class AdaptiveCompensator(AbstractCompensator[LawState, Recalibrated]):
     ) -> tuple[LawState, Recalibrated]:
         """One reading, with the true input where it is known."""
         times = None if t is None else jnp.asarray(t, float)[None]
-        y, u = jnp.asarray(y, float)[None], jnp.asarray(reference, float)[None]
-        after, found = self._stream(times, y, u, state)
+        row = jnp.stack([jnp.asarray(x, float) for x in (y, reference)])
+        after, found = self.stream(times, row[None], state)
         return after, Recalibrated(*(x[0] for x in found))
 
     def simulate(
@@ -198,15 +198,16 @@ class AdaptiveCompensator(AbstractCompensator[LawState, Recalibrated]):
                 "length-mismatch", f"{len(u)} references for {len(y)} readings.",
                 fix="give one for each reading, NaN where it is not known.",
             )  # fmt: skip
-        return self._stream(t, y, u, self.init() if state is None else state)
+        return self.stream(t, jnp.stack([y, u], 1), self.init() if state is None else state)
 
-    def _stream(
-        self, t: ArrayLike | None, y: Array, u: Array, state: LawState
+    def stream(
+        self, t: ArrayLike | None, y: ArrayLike, state: LawState
     ) -> tuple[LawState, Recalibrated]:
-        times = jnp.zeros_like(y) if t is None else jnp.asarray(t, float)
-        found = told(
-            Numbers(self.known, self.numbers), *state, times, jnp.stack([y, u], 1), width=SAID
-        )
+        """Readings (samples,), or with references (samples, 2): the state after them, and the estimates."""
+        y = jnp.asarray(y, float)
+        y = jnp.stack([y, jnp.full_like(y, jnp.nan)], 1) if y.ndim == 1 else y
+        times = jnp.zeros(y.shape[:1]) if t is None else jnp.asarray(t, float)
+        found = told(Numbers(self.known, self.numbers), *state, times, y, width=SAID)
         value, status, said, numbers, last = map(jnp.asarray, found)
         held = value[-1] if len(value) else state.value
         advice, lost, changes, zero, gain, loop = said.T

@@ -13,11 +13,13 @@ from scipy.special import stdtrit
 
 from hysteresis import InputError, Record, register
 from hysteresis.numerics._normal import NORMAL_95
+from hysteresis.running import each, numbers_of
+from hysteresis.trees import Tree
 
-from .._contract import AbstractCompensator, Status
+from .._contract import AbstractCompensator, AbstractStreamed, Status, scan_steps
 from .._estimate import estimate
 from ._ensemble import UncertainEstimate
-from ._motion import FASTER, GROWTH, Motions, MotionState, at_rest, growth_of, moved, path, seen
+from ._motion import FASTER, GROWTH, PATH, Motions, along, error_law, path_law, seen
 
 SCORES = 200
 """Draws of a model's error that a calibration keeps."""
@@ -64,14 +66,17 @@ class LeftOut(NamedTuple):
 
 
 class CalibratedState(NamedTuple):
-    """The inner state, and the motion of the estimates so far."""
+    """The inner state; what the error's law keeps of the motion so far; the time of the last reading, and
+    the error there: NaN before the first one."""
 
     inner: Any
-    motion: MotionState
+    motion: Float[Array, " state"]
+    t: Float[Array, ""]
+    error: Float[Array, ""]
 
 
 @register
-class CalibratedCompensator(AbstractCompensator[CalibratedState, UncertainEstimate]):
+class CalibratedCompensator(AbstractStreamed[CalibratedState, UncertainEstimate]):
     """A compensator whose deviation holds the model's own error too.
 
     It adds that error to the spread of the inner compensator:
@@ -117,25 +122,30 @@ class CalibratedCompensator(AbstractCompensator[CalibratedState, UncertainEstima
     lasts: float = eqx.field(default=0.0, static=True)
 
     def init(self) -> CalibratedState:
-        return CalibratedState(self.inner.init(), at_rest())
+        never = jnp.asarray(jnp.nan, float)
+        first = jnp.asarray(numbers_of(self.law()).state, float)
+        return CalibratedState(self.inner.init(), first, never, never)
 
-    def step(
-        self, state: CalibratedState, t: ArrayLike | None, y: ArrayLike
+    def stream(
+        self, t: ArrayLike | None, y: ArrayLike, state: CalibratedState
     ) -> tuple[CalibratedState, UncertainEstimate]:
-        inner, found = self.inner.step(state.inner, t, y)
-        now = jnp.asarray(0.0 if t is None else t, float)
-        motion = moved(self._ends, self.width, state.motion, (now, found.value, found.status))
-        return CalibratedState(inner, motion), self._widened(found, motion)
+        inner, found = scan_steps(self.inner, t, y, state.inner)
+        error, _, _, motion, last = each(
+            numbers_of(self.law()), "deviation", found.value, state=state.motion, t=state.t,
+            held=state.error, times=None if t is None else jnp.asarray(t, float),
+            where=jnp.where(found.status == Status.INVALID, jnp.nan, found.value),
+        )  # fmt: skip
+        motion, last, error = (jnp.asarray(x) for x in (motion, last, error))
+        after = CalibratedState(inner, motion, last, error[-1] if len(error) else state.error)
+        deviation = jnp.hypot(getattr(found, "deviation", jnp.zeros_like(error)), error)
+        if not self.has_draws:
+            return after, UncertainEstimate(found.value, found.status, deviation)
+        draws = jnp.multiply.outer(self.scores, deviation) + jnp.expand_dims(found.value, 0)
+        return after, UncertainEstimate(found.value, found.status, deviation, draws)
 
-    def simulate(
-        self, t: ArrayLike | None, y: ArrayLike, state: CalibratedState | None = None
-    ) -> UncertainEstimate:
-        state = self.init() if state is None else state
-        found = self.inner.simulate(t, y, state.inner)
-        none = jnp.zeros(found.value.shape)
-        samples = (none if t is None else jnp.asarray(t, float), found.value, found.status)
-        motion = path(self._ends, self.width, state.motion, samples, none > 0)
-        return self._widened(found, motion)
+    def law(self) -> Tree:
+        """See `hysteresis/laws/error.py`."""
+        return error_law(self.width, self.motions, self.levels, *self.error)
 
     def around(self, inner: AbstractCompensator) -> "CalibratedCompensator":
         """The same error for another compensator: of the same model, fitted to more."""
@@ -145,22 +155,6 @@ class CalibratedCompensator(AbstractCompensator[CalibratedState, UncertainEstima
     def knows_speeds(self) -> bool:
         """Whether the deviation depends on the times of the estimates."""
         return self.motions is not None and float(self.motions.speeds[0]) > 0
-
-    @property
-    def _ends(self) -> Any:
-        return (-jnp.inf, jnp.inf) if self.motions is None else self.motions.ends
-
-    @eqx.filter_jit
-    def _widened(self, found: Any, motion: MotionState) -> UncertainEstimate:
-        falling_error, rising_error = (jnp.interp(found.value, self.levels, e) for e in self.error)
-        error = jnp.where(motion.up > 0, rising_error, falling_error)
-        if self.motions is not None:
-            error = jnp.sqrt(error**2 + growth_of(self.motions, motion))
-        deviation = jnp.hypot(getattr(found, "deviation", jnp.zeros_like(error)), error)
-        if not self.has_draws:
-            return UncertainEstimate(found.value, found.status, deviation)
-        draws = jnp.multiply.outer(self.scores, deviation) + jnp.expand_dims(found.value, 0)
-        return UncertainEstimate(found.value, found.status, deviation, draws)
 
 
 def calibrated(
@@ -384,25 +378,17 @@ def _motions(
     """
     known = record.input[record.mask & np.isfinite(record.input)]
     ends = float(known.min()), float(known.max())
-    time = np.zeros(len(record)) if record.time is None else record.time
-    fresh = np.zeros(len(record), bool)
-    fresh[record.starts] = True
-
-    def along(value: np.ndarray, status: np.ndarray) -> MotionState:
-        samples = (jnp.asarray(time), jnp.asarray(value), jnp.asarray(status))
-        return path(ends, width, at_rest(), samples, jnp.asarray(fresh))
-
-    missing = ~np.isfinite(record.input)
-    truth = along(record.input, np.where(missing, Status.INVALID, Status.OK))
-    whole = seen(truth, counted, ends, growth)
+    path = path_law(ends, width)
+    truth = along(path, "follow", record, record.input, np.isfinite(record.input), PATH)
+    whole = seen(truth[counted], ends, growth)
     grown, rising = np.zeros(len(record)), np.zeros(len(record), bool)
     for k, (value, status, _) in enumerate(runs[1:] or runs):
         rows = counted & (group == k) if len(runs) > 1 else counted
         rest = counted & ~rows
-        now = along(value, status)
-        others = seen(truth, rest, ends, growth) if rest.any() else whole
-        grown[rows] = np.asarray(growth_of(others, now))[rows]
-        rising[rows] = np.asarray(now.up)[rows] > 0
+        others = seen(truth[rest], ends, growth) if rest.any() else whole
+        law, sound = error_law(width, others), status != Status.INVALID
+        now = along(law, "deviation", record, value, sound, ("up",))[rows]
+        grown[rows], rising[rows] = now[:, 0] ** 2, now[:, 1] > 0
     return whole, grown[counted], rising[counted]
 
 

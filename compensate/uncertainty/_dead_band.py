@@ -2,25 +2,26 @@
 
 from typing import Any, NamedTuple
 
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
 from hysteresis import InputError, Scalar, is_concrete
+from hysteresis.running import each, numbers_of
+from hysteresis.trees import Tree, node
 
-from .._contract import AbstractCompensator, Found
+from .._contract import AbstractCompensator, AbstractStreamed, Found, scan_steps
 from .._readings import reading_of, with_reading
 
 
 class DeadBandState(NamedTuple):
-    """The inner state, and the reading it saw last: NaN before the first."""
+    """The inner state, and what the law of the dead band keeps."""
 
     inner: Any
-    held: Array
+    play: Float[Array, " state"]
 
 
-class DeadBandCompensator(AbstractCompensator[DeadBandState, Found]):
+class DeadBandCompensator(AbstractStreamed[DeadBandState, Found]):
     """A compensator behind a dead band on its reading.
 
     It is the inner inverse of v_k = clip(v_(k-1), y_k - width, y_k + width), a play behind the reading.
@@ -54,27 +55,20 @@ class DeadBandCompensator(AbstractCompensator[DeadBandState, Found]):
             )
 
     def init(self) -> DeadBandState:
-        return DeadBandState(self.inner.init(), jnp.asarray(jnp.nan, float))
+        first = jnp.asarray(numbers_of(self.law()).state, float)
+        return DeadBandState(self.inner.init(), first)
 
-    def step(
-        self, state: DeadBandState, t: ArrayLike | None, y: ArrayLike
+    def stream(
+        self, t: ArrayLike | None, y: ArrayLike, state: DeadBandState
     ) -> tuple[DeadBandState, Found]:
         y = jnp.asarray(y, float)
-        held, seen = self._play(state.held, reading_of(y, 0))
-        inner, estimate = self.inner.step(state.inner, t, with_reading(y, 0, seen))
-        return DeadBandState(inner, held), estimate
+        reading = reading_of(y, 1)
+        held = each(numbers_of(self.law()), "move", reading, state=state.play)
+        # No reading is passed on as none.
+        seen = jnp.where(jnp.isfinite(reading), held.value, reading)
+        inner, found = scan_steps(self.inner, t, with_reading(y, 1, seen), state.inner)
+        return DeadBandState(inner, jnp.asarray(held.state)), found
 
-    def simulate(
-        self, t: ArrayLike | None, y: ArrayLike, state: DeadBandState | None = None
-    ) -> Found:
-        state, y = self.init() if state is None else state, jnp.asarray(y, float)
-        _, seen = jax.lax.scan(lambda own, now: self._play(own, now), state.held, reading_of(y, 1))
-        return self.inner.simulate(t, with_reading(y, 1, seen), state.inner)
-
-    def _play(
-        self, held: Float[Array, ""], y: Float[Array, ""]
-    ) -> tuple[Float[Array, ""], Float[Array, ""]]:
-        """What is held from now on, and what the inner inverse sees: no reading where there is none."""
-        valid = jnp.isfinite(y)
-        moved = jnp.where(jnp.isnan(held), y, jnp.clip(held, y - self.width, y + self.width))
-        return jnp.where(valid, moved, held), jnp.where(valid, moved, y)
+    def law(self) -> Tree:
+        """See `hysteresis/laws/dead_band.py`."""
+        return node("dead_band", {"width": self.width}, {"begun": 0, "held": 0.0})

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from hysteresis import AbstractModel, InputError, is_concrete, register
 
-from .._contract import AbstractCompensator, Status, scan_steps
+from .._contract import AbstractCompensator, AbstractStreamed, Status, scan_steps
 from .._readings import reading_of, with_reading
 from ..inverses import inverse_of
 
@@ -49,7 +49,7 @@ class EnsembleState(NamedTuple):
 
 
 @register
-class EnsembleCompensator(AbstractCompensator[EnsembleState, UncertainEstimate]):
+class EnsembleCompensator(AbstractStreamed[EnsembleState, UncertainEstimate]):
     """The inverses of all draws of a model, side by side: value and deviation are their mean and spread.
 
     Draw d sees the reading y_k + sigma_d n_dk, n standard normal by (`seed`, d, k) alone, so that a
@@ -108,32 +108,14 @@ class EnsembleCompensator(AbstractCompensator[EnsembleState, UncertainEstimate])
         members = eqx.filter_vmap(lambda member: member.init())(self.members)
         return EnsembleState(members, jnp.asarray(0))
 
-    def step(
-        self, state: EnsembleState, t: ArrayLike | None, y: ArrayLike
+    def stream(
+        self, t: ArrayLike | None, y: ArrayLike, state: EnsembleState
     ) -> tuple[EnsembleState, UncertainEstimate]:
         y = jnp.asarray(y, float)
-        run = eqx.filter_vmap(lambda member, own, reading: member.step(own, t, reading))
-        readings = self._readings(y, state.count)
-        members, found = run(self.members, state.members, readings)
-        count = state.count + jnp.isfinite(reading_of(y, 0)).astype(state.count.dtype)
-        return EnsembleState(members, count), _together(found)
-
-    def stream(
-        self, t: ArrayLike | None, y: Array, state: EnsembleState
-    ) -> tuple[EnsembleState, UncertainEstimate]:
-        """All readings at once: the state after them, and the estimates."""
         run = eqx.filter_vmap(lambda member, own, reading: scan_steps(member, t, reading, own))
         members, found = run(self.members, state.members, self._all_readings(y, state.count))
         count = state.count + jnp.isfinite(reading_of(y, 1)).sum().astype(state.count.dtype)
         return EnsembleState(members, count), _together(found)
-
-    def simulate(
-        self, t: ArrayLike | None, y: ArrayLike, state: EnsembleState | None = None
-    ) -> UncertainEstimate:
-        state = self.init() if state is None else state
-        readings = self._all_readings(jnp.asarray(y, float), state.count)
-        run = eqx.filter_vmap(lambda member, own, reading: member.simulate(t, reading, own))
-        return _together(run(self.members, state.members, readings))
 
     @eqx.filter_jit
     def _all_readings(

@@ -16,7 +16,7 @@ from hysteresis.laws import filtered as law
 from hysteresis.running import Known, Numbers, numbers_of, place_of, told
 from hysteresis.trees import node
 
-from .._contract import AbstractCompensator, Status
+from .._contract import AbstractCompensator, AbstractStreamed, Status
 from .._readings import with_reading
 from ..inverses import inverse_of
 from ..inverses._law import OWN, LawCompensator, goes_back_only, told_of_condition
@@ -34,7 +34,7 @@ class FilteredState(NamedTuple):
     value: Float[Array, ""]
 
 
-class FilteredCompensator(AbstractCompensator[FilteredState, UncertainEstimate]):
+class FilteredCompensator(AbstractStreamed[FilteredState, UncertainEstimate]):
     """An extended Kalman filter of the input, for noisy readings.
 
     It finds the input that is likeliest if it walks at random and the reading is noisy:
@@ -125,24 +125,12 @@ class FilteredCompensator(AbstractCompensator[FilteredState, UncertainEstimate])
         first = Numbers(self.known, self.numbers).state
         return FilteredState(first, never, self.numbers[place_of(self.known, "value")])
 
-    def simulate(
-        self, t: ArrayLike | None, y: ArrayLike, state: FilteredState | None = None
-    ) -> UncertainEstimate:
+    def stream(
+        self, t: ArrayLike | None, y: ArrayLike, state: FilteredState
+    ) -> tuple[FilteredState, UncertainEstimate]:
         if t is None and self.by_time:
             raise InputError("no-time", "steps by time need the times.", fix="give t.")
-        return self.stream(t, jnp.asarray(y, float), self.init() if state is None else state)[1]
-
-    def step(
-        self, state: FilteredState, t: ArrayLike | None, y: ArrayLike
-    ) -> tuple[FilteredState, UncertainEstimate]:
-        t = None if t is None else jnp.asarray(t, float)[None]
-        after, found = self.stream(t, jnp.asarray(y, float)[None], state)
-        return after, UncertainEstimate(found.value[0], found.status[0], found.deviation[0])
-
-    def stream(
-        self, t: ArrayLike | None, y: Array, state: FilteredState
-    ) -> tuple[FilteredState, UncertainEstimate]:
-        """All readings at once: the state after them, and the estimates."""
+        y = jnp.asarray(y, float)
         times = jnp.zeros(y.shape[:1]) if t is None else jnp.asarray(t, float)
         if self.known is None:
             each: list[tuple[float, int, float]] = []

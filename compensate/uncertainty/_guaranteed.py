@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from hysteresis import InputError, Record, register
 
-from .._contract import AbstractCompensator, State, Status
+from .._contract import AbstractCompensator, AbstractStreamed, State, Status, scan_steps
 from .._estimate import estimate
 
 EXACT = 1e-9
@@ -60,7 +60,7 @@ def runs_needed(guarantee: float) -> int:
 
 
 @register
-class GuaranteedCompensator(AbstractCompensator[State, BandedEstimate]):
+class GuaranteedCompensator(AbstractStreamed[State, BandedEstimate]):
     """A compensator with a band that holds a whole new run, with a probability that is guaranteed.
 
         low, high = value -+ factor shape,     P(every input of a new run is in its band) >= guarantee
@@ -91,14 +91,11 @@ class GuaranteedCompensator(AbstractCompensator[State, BandedEstimate]):
     def init(self) -> State:
         return self.inner.init()
 
-    def step(self, state: State, t: ArrayLike | None, y: ArrayLike) -> tuple[State, BandedEstimate]:
-        state, found = self.inner.step(state, t, y)
+    def stream(
+        self, t: ArrayLike | None, y: ArrayLike, state: State
+    ) -> tuple[State, BandedEstimate]:
+        state, found = scan_steps(self.inner, t, y, state)
         return state, self._banded(found)
-
-    def simulate(
-        self, t: ArrayLike | None, y: ArrayLike, state: State | None = None
-    ) -> BandedEstimate:
-        return self._banded(self.inner.simulate(t, y, state))
 
     @property
     def statement(self) -> str:

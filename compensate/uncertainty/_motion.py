@@ -3,15 +3,14 @@
 import math
 from typing import Any, NamedTuple
 
-import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float
 
-from hysteresis.laws.error import ANY_MOTION
-
-from .._contract import Status
+from hysteresis import Record, is_concrete
+from hysteresis.laws.error import ANY_MOTION, UNMOVED
+from hysteresis.running import each, numbers_of
+from hysteresis.trees import Tree, node
 
 NEAR = 0.15
 """Part of the trained range by which a reversal has to be away from those seen for half of the growth."""
@@ -33,6 +32,9 @@ TIMED = 4.0
 
 SELDOM = 0.02
 """Part of the rows at either end of what was seen that do not count: a slip is no kind of motion."""
+
+PATH = ("up", "known", "last", "before", "speed")
+"""What the law of an error keeps of a motion."""
 
 NEVER = 1e30
 """Greater than any speed."""
@@ -56,149 +58,81 @@ class Motions(NamedTuple):
     growth: Float[Array, "2"]
 
 
-class MotionState(NamedTuple):
-    """A play behind the estimates, which forgets what is smaller than they are known, and its reversals.
-
-    - `t`, `seen`: of the last sample, `follower`: the play; NaN before the first one.
-    - `up`: whether it rose last; `moved`: whether it moved at all.
-    - `last`, `before`, `earlier`: reversals, the newest first; of the last two `known` are known. One that
-      is passed again is forgotten, with the one after it. The first sample counts as a reversal.
-    - `begin`, `elapsed`, `speed`: where the stroke began, the time since, and its mean speed; before it is
-      long enough that of the stroke before.
-    """
-
-    t: Float[Array, "*samples"]
-    seen: Float[Array, "*samples"]
-    follower: Float[Array, "*samples"]
-    up: Int[Array, "*samples"]
-    moved: Int[Array, "*samples"]
-    known: Int[Array, "*samples"]
-    last: Float[Array, "*samples"]
-    before: Float[Array, "*samples"]
-    earlier: Float[Array, "*samples"]
-    begin: Float[Array, "*samples"]
-    elapsed: Float[Array, "*samples"]
-    speed: Float[Array, "*samples"]
-
-
-def at_rest() -> MotionState:
-    """Before the first sample."""
-    nan, zero = jnp.asarray(jnp.nan, float), jnp.asarray(0)
-    none = jnp.zeros_like(nan)
-    return MotionState(nan, nan, nan, zero + 1, zero, zero, none, none, none, none, none, none)
-
-
-def moved(ends: Any, width: float, s: MotionState, sample: tuple[Array, ...]) -> MotionState:
-    """The state after a sample (t, value, status); an INVALID one changes nothing."""
-    t, value, status = sample
-    seen = jnp.clip(value, *ends)
-    first = jnp.isnan(s.follower)
-    old = jnp.where(first, seen, s.follower)
-    follower = jnp.clip(old, seen - width, seen + width)
-    elapsed = s.elapsed + jnp.where(first, 0.0, jnp.maximum(t - s.t, 0.0))
-    last, begin = jnp.where(first, seen, s.last), jnp.where(first, seen, s.begin)
-
-    up = jnp.where(follower > old, 1, jnp.where(follower < old, 0, s.up))
-    turned = (up != s.up) & (s.moved > 0)
-    known = jnp.where(turned, jnp.minimum(s.known + 1, 2), s.known)
-    earlier = jnp.where(turned, s.before, s.earlier)
-    before = jnp.where(turned, last, s.before)
-    last = jnp.where(turned, old + jnp.where(s.up > 0, width, -width), last)
-    begin, elapsed = jnp.where(turned, old, begin), jnp.where(turned, 0.0, elapsed)
-
-    passed = (known > 0) & jnp.where(up > 0, seen > before, seen < before)
-    last = jnp.where(passed & (known > 1), earlier, last)
-    known = jnp.where(passed, 0, known)
-
-    span = jnp.abs(follower - begin)
-    timed = (span > TIMED * width) & (elapsed > 0)
-    speed = jnp.where(timed, span / jnp.where(timed, elapsed, 1.0), s.speed)
-    is_moved = jnp.where(follower != old, 1, s.moved)
-    after = MotionState(
-        t, seen, follower, up, is_moved, known, last, before, earlier, begin, elapsed, speed
-    )
-    invalid = status == Status.INVALID
-    return MotionState(*(jnp.where(invalid, a, b) for a, b in zip(s, after, strict=True)))
-
-
-@eqx.filter_jit
-def path(
-    ends: Any,
+def error_law(
     width: float,
-    s: MotionState,
-    samples: tuple[Array, ...],
-    fresh: Bool[Array, " samples"],
-) -> MotionState:
-    """The state after every sample (t, value, status); where one is `fresh`, nothing was before it."""
-
-    def step(s: MotionState, sample: Any) -> tuple[MotionState, MotionState]:
-        *rest, first = sample
-        start = MotionState(*(jnp.where(first, a, b) for a, b in zip(at_rest(), s, strict=True)))
-        after = moved(ends, width, start, tuple(rest))
-        return after, after
-
-    return jax.lax.scan(step, s, (*samples, fresh))[1]
-
-
-def unlike(motions: Motions, s: MotionState) -> tuple[Array, Array]:
-    """How unlike those seen the reversals are, and the speed, each from 0 to 1:
-
-        x / (1 + x),    x = (d0^2 + d1^2 + d2^2) / NEAR^2,    x = (log10(speed / nearest speed) / DECADES)^2
-
-    d0, d1, d2: how far the estimate and the last two reversals are from those seen, over the range.
-    """
-    turns = jnp.moveaxis(motions.turns[jnp.asarray(s.up)], (-2, -1), (0, 1))
-    now = _outside(s.seen, *motions.inputs)
-    last = _outside(s.last, *turns[0])
-    before = jnp.where(s.known > 0, _outside(s.before, *turns[1]), 0.0)
-    reach = jnp.maximum(NEAR * (motions.ends[1] - motions.ends[0]), 1e-30)
-    away = (now**2 + last**2 + before**2) / reach**2
-    slow, fast = motions.speeds
-    v = jnp.where(s.speed > 0, s.speed, fast)
-    off = jnp.log10(jnp.where(v < slow, slow / v, jnp.where(v > fast, v / fast, 1.0)))
-    rate = jnp.where(s.speed > 0, (off / DECADES) ** 2, 0.0)
-    return away / (1.0 + away), rate / (1.0 + rate)
+    motions: Motions | None,
+    levels: Any = (0.0, 1.0),
+    falling: Any = (0.0, 0.0),
+    rising: Any = (0.0, 0.0),
+) -> Tree:
+    """The law of an error, `hysteresis/laws/error.py`; without levels that of its growth alone."""
+    levels, falling, rising = map(_known, (levels, falling, rising))
+    if len(levels) == 1:
+        levels, falling, rising = (
+            np.append(levels, levels + 1.0),
+            *(np.repeat(e, 2) for e in (falling, rising)),
+        )
+    known: dict[str, Any] = ANY_MOTION
+    if motions is not None:
+        (low, high), (least, most), (slow, fast), (growth, hurry) = map(
+            _known, (motions.ends, motions.inputs, motions.speeds, motions.growth)
+        )
+        known = {
+            "low": low, "high": high, "least": least, "most": most, "turns": motions.turns, "slow": slow,
+            "fast": fast, "near": _reach(low, high), "factor": DECADES * math.log(10.0),
+            "timed": TIMED * width, "growth": growth, "hurry": hurry,
+        }  # fmt: skip
+    tables = {"levels": len(levels), "level": levels, "falling": falling, "rising": rising}
+    state = {"begun": 0, "follower": 0.0, "up": 1, **UNMOVED}
+    return node("error", tables | {"width": width} | known, state)
 
 
-def growth_of(motions: Motions, s: MotionState) -> Float[Array, "*samples"]:
-    """The variance that the error has beyond that on the motions seen."""
-    away, rate = unlike(motions, s)
-    return motions.growth[0] ** 2 * away + motions.growth[1] ** 2 * rate
+def path_law(ends: tuple[float, float], width: float) -> Tree:
+    """The law of an error, of which only the motion is asked for."""
+    found = error_law(width, None)
+    found["parameters"] |= {"low": ends[0], "high": ends[1], "timed": TIMED * width}
+    return found
 
 
-def error_parameters(motions: Motions | None, width: float) -> dict[str, Any]:
-    """What the element of an error holds of the motions that it was learnt on."""
-    if motions is None:
-        return ANY_MOTION
-    (low, high), (least, most), (slow, fast) = (
-        np.asarray(x).tolist() for x in (motions.ends, motions.inputs, motions.speeds)
-    )
-    growth, hurry = np.asarray(motions.growth).tolist()
-    return {
-        "low": low, "high": high, "least": least, "most": most, "turns": motions.turns, "slow": slow,
-        "fast": fast, "near": max(NEAR * (high - low), 1e-30), "factor": DECADES * math.log(10.0),
-        "timed": TIMED * width, "growth": growth, "hurry": hurry,
-    }  # fmt: skip
+def _known(x: Any) -> Any:
+    return np.asarray(x, float) if is_concrete(x) else x
 
 
-def _outside(at: Array, low: Array, high: Array) -> Array:
-    return jnp.maximum(jnp.maximum(low - at, at - high), 0.0)
+def _reach(low: Any, high: Any) -> Any:
+    return (np if is_concrete(low) else jnp).maximum(NEAR * (high - low), 1e-30)
+
+
+def along(
+    law: Tree,
+    function: str,
+    record: Record,
+    value: np.ndarray,
+    sound: np.ndarray,
+    keeps: tuple[str, ...],
+) -> np.ndarray:
+    """What a function of the law of an error gives along all sequences, and what it keeps."""
+    time = np.zeros(len(record)) if record.time is None else record.time
+    found = np.empty((len(record), 1 + len(keeps)))
+    where, numbers = np.where(sound, value, np.nan), numbers_of(law)
+    for _, rows in record.sequences():
+        told = each(
+            numbers, function, value[rows], times=time[rows], where=where[rows], keeps=keeps
+        )
+        found[rows] = np.column_stack([told.value, told.said])
+    return found
 
 
 def seen(
-    s: MotionState,
-    rows: Bool[np.ndarray, " samples"],
+    path: Float[np.ndarray, "samples columns"],
     ends: tuple[float, float],
     growth: tuple[float, float],
 ) -> Motions:
-    """The motions of some rows of a path, all but the most seldom."""
-    up, known, speed, at = (np.asarray(part)[rows] for part in (s.up, s.known, s.speed, s.seen))
+    """The motions of a path's rows, all but the most seldom: estimates, then what `PATH` names."""
+    at, up, known, last, before, speed = path.T
     turns = np.empty((2, 2, 2))
     for way in (0, 1):
-        for k, (part, have) in enumerate(
-            ((s.last, up == way), (s.before, (up == way) & (known > 0)))
-        ):
-            found = np.asarray(part)[rows][have]
+        for k, (part, have) in enumerate(((last, up == way), (before, (up == way) & (known > 0)))):
+            found = part[have]
             # Where no row went this way, none is known to be unlike.
             turns[way, k] = _between(found) if len(found) else ends
     timed = speed[speed > 0]

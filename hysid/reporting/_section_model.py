@@ -6,10 +6,10 @@ import numpy as np
 
 from compensate import Status
 from compensate.export._header_facts import learnt_on
-from compensate.uncertainty._motion import error_parameters
 from hysteresis import InputError, Preisach
 from hysteresis._escape import shell_word
 from hysteresis.preisach import GridDensity
+from hysteresis.trees import plain
 from identify import excited_cells
 
 from .._compensator import with_compensator
@@ -221,7 +221,7 @@ def _beside(case: Case, section: Section) -> None:
     if "band" not in found:
         return
     band = error_of(fit)
-    known = learnt_on(error_parameters(band.motions, band.width))
+    known = learnt_on(plain(band.law())["parameters"])
     said = f"Its deviation was learnt {known}. Where the last two turns or the speed are others, it grows."
     if np.isfinite(band.coverage):
         said += f" 1.645 deviations hold {number(100 * band.coverage)} % of the held-out rows."

@@ -9,6 +9,7 @@ from ._over_time import looks as looks
 from ._over_time import run as run
 from ._over_time import tangents as tangents
 from ._told import Told as Told
+from ._told import each as each
 from ._told import told as told
 from ._traced import estimates as estimates
 from ._traced import outputs as outputs

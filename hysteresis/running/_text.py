@@ -23,6 +23,10 @@ AROUND = {"adaptive": _around.adaptive, "filtered": _around.filtered}
 """Kinds around a whole tree, and what writes their functions."""
 
 
+EACH = "each_"
+"""Before the name of a law's function and what of its state is kept: a loop over columns of numbers."""
+
+
 class Node(NamedTuple):
     """A node, its number, where its row in n begins, and its parts."""
 
@@ -47,6 +51,9 @@ class Text:
 
     def of(self, wanted: str) -> str:
         entries = [f"STATE = {self.rows}", self._take()]
+        if wanted.startswith(EACH):
+            loop = self._each(wanted)
+            return "\n\n\n".join([*self.home.texts.values(), *self.nodes.values(), loop])
         if "tangents" in wanted:
             entries += self._marked()
         if wanted == "find_told":
@@ -81,6 +88,28 @@ class Text:
             "told(m, n, said, k)",
             [f"put(said, k * {len(said)} + {j}, 1.0 * {x})" for j, x in enumerate(said)],
         )
+
+    def _each(self, wanted: str) -> str:
+        """A loop over rows that calls a function of the law, as `find_told` does over rows of a tree."""
+        name, *kept = wanted.removeprefix(EACH).split("_")
+        taken = [a.arg for a in law(self.root.kind).functions[name].args.args[2:]]
+        columns = [x for x in taken if x != "dt"]
+        values = [
+            "get(dt, k)" if x == "dt" else f"get(given, {len(columns)} * k + {columns.index(x)})"
+            for x in taken
+        ]
+        said = [
+            f"    put(said, k * {len(kept)} + {j}, 1.0 * {self.number(self.root, x)})"
+            for j, x in enumerate(kept)
+        ]
+        return "\n    ".join([
+            "@loop", f"def {wanted}(m, n, first, size, x, dt, c, rows, u, status, said, given):",
+            "for k in range(rows):",
+            "    if get(x, k) - get(x, k) == 0.0:",
+            f"        put(u, k, {self.law(self.root, name, *values)})",
+            f"        put(status, k, {self.number(self.root, 'status')})",
+            *said,
+        ]).replace("@loop\n    ", "@loop\n")  # fmt: skip
 
     def _all(self, node: Node) -> list[Node]:
         return [*(one for part in node.parts for one in self._all(part)), node]
