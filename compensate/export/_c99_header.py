@@ -211,7 +211,7 @@ class _Header:
             home = self.elements[kind]
             for name in ("look", "move", "follow", "find"):
                 if name in home.functions:
-                    dt = "dt, " if home.takes_time(name) else ""
+                    dt = "dt, " if home.law.takes_time(name) else ""
                     call = f"{home.prefix}_{name}(&{self.stem}_{k}, &s->n{k}, {dt}value);"
                     bodies[name] = [f"    {call}" if name == "follow" else f"    return {call}"]
         return "\n\n".join(self._function(k, name, body) for name, body in bodies.items())

@@ -2,17 +2,15 @@
 
 import ast
 import inspect
-import io
 import math
-import tokenize
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from types import ModuleType
 from typing import Any
 
 from hysteresis import InputError
 from hysteresis._escape import c_comment
-from hysteresis.laws import _codes, module_of
+from hysteresis.laws import _codes
+from hysteresis.running._law import Law, law
 
 _INDENT = "    "
 _OPERATORS = {
@@ -22,6 +20,7 @@ _OPERATORS = {
     ast.And: ("&&", 5), ast.Or: ("||", 4),
 }  # fmt: skip
 _ATOM = 20
+_KINDS = {"float": "real", "None": "void"}
 
 
 @dataclass(frozen=True)
@@ -39,41 +38,38 @@ class Expression:
 
 @dataclass
 class Element:
-    """A module of `hysteresis.laws` in C: names begin with `stem` and `kind`, numbers are `real`."""
+    """A law in C: names begin with `stem` and `kind`, numbers are `real`."""
 
-    module: ModuleType
+    law: Law
     stem: str
     kind: str
     real: str
     single: bool
-    functions: dict[str, ast.FunctionDef] = field(default_factory=dict)
-    structures: dict[str, dict[str, str]] = field(default_factory=dict)
     common: dict[str, str] = field(default_factory=dict)
     """Functions that were translated once for all nodes of this kind, by their names in C."""
 
     def __post_init__(self) -> None:
-        source = inspect.getsource(self.module)
-        tree = ast.parse(source)
-        # ast drops comments. The C code keeps them for its readers, and the ones with "at most:" bound the
-        # loops, so they come from the tokens and are found again by their line.
-        tokens = tokenize.generate_tokens(io.StringIO(source).readline)
-        remarks = [t for t in tokens if t.type == tokenize.COMMENT]
-        alone = [t for t in remarks if t.line.lstrip().startswith("#")]
-        self.comments = {t.start[0]: t.string.lstrip("# ") for t in alone}
-        self.bounds = {
-            t.start[0]: t.string.partition("at most: ")[2] for t in remarks if "at most: " in t.string
+        # The C code keeps comments for its readers, and the ones with "at most:" bound the loops.
+        remarks = self.law.comments
+        self.comments = {
+            line: t.string.lstrip("# ")
+            for line, t in remarks.items()
+            if t.line.lstrip().startswith("#")
+        }
+        self.bounds = {line: t.string.partition("at most: ")[2] for line, t in remarks.items()}
+        module = self.law.module
+        self.functions = {
+            name: node for name, node in self.law.functions.items()
+            if getattr(module, name).__module__ == module.__name__
         }  # fmt: skip
-        self.about = ast.get_docstring(tree) or ""
-        self.abouts: dict[str, str] = {}
-        for node in tree.body:
-            if isinstance(node, ast.FunctionDef):
-                self.functions[node.name] = node
-            elif isinstance(node, ast.ClassDef):
-                self.abouts[node.name] = ast.get_docstring(node) or ""
-                self.structures[node.name] = {
-                    a.target.id: _kind(a.annotation)
-                    for a in node.body if isinstance(a, ast.AnnAssign) and isinstance(a.target, ast.Name)
-                }  # fmt: skip
+        self.structures = {
+            name: {f: _KINDS.get(kind, kind) for f, kind in fields.items()}
+            for name, fields in self.law.fields.items()
+        }
+        self.about = inspect.getdoc(module) or ""
+        self.abouts = {
+            name: inspect.getdoc(getattr(module, name)) or "" for name in self.structures
+        }
 
     @property
     def prefix(self) -> str:
@@ -81,13 +77,8 @@ class Element:
 
     def borrowed(self, name: str) -> "Element":
         """The element that a function was imported from, its names among ours."""
-        module = inspect.getmodule(getattr(self.module, name))
-        assert module is not None
-        return Element(module, self.stem, self.kind, self.real, self.single)
-
-    def takes_time(self, function: str) -> bool:
-        """Whether a function has dt."""
-        return any(a.arg == "dt" for a in self.functions[function].args.args)
+        owner = getattr(self.law.module, name).__module__
+        return Element(law(owner.rpartition(".")[2]), self.stem, self.kind, self.real, self.single)
 
     def structure(self, name: str, lengths: dict[str, int] | None = None) -> str:
         """`Parameters`, arrays as pointers to constants, or `State`, arrays of the given lengths."""
@@ -117,7 +108,7 @@ class Element:
 
 def element(kind: str, stem: str, single: bool) -> Element:
     """By the name of its module."""
-    return Element(module_of(kind), stem, kind, f"{stem}_real", single)
+    return Element(law(kind), stem, kind, f"{stem}_real", single)
 
 
 def comment(text: str, indent: str) -> str:
@@ -412,8 +403,7 @@ class Function:
 
 def _kind(annotation: ast.expr | None) -> str:
     text = ast.unparse(annotation) if annotation else "float"
-    kinds = {"float": "real", "None": "void"}
-    return "Callable" if text.startswith("Callable") else kinds.get(text, text)
+    return "Callable" if text.startswith("Callable") else _KINDS.get(text, text)
 
 
 def _first(body: list[ast.stmt], name: str) -> ast.stmt:

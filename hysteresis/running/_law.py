@@ -30,15 +30,15 @@ PARSING = RLock()
 
 @dataclass
 class Law:
-    """`fields`: of Parameters and State, name to "int", "float" or "Reals". `settles`: the lines of loops
-    that end in a root, by a comment "settles"; `vanishes`: those of quotients that are 0 there."""
+    """`fields`: of Parameters and State, name to "int", "float" or "Reals". `comments`: by their lines.
+    `settles`: the lines of loops that end in a root, by a comment "settles"; `vanishes`: those of quotients
+    that are 0 there."""
 
     kind: str
     module: ModuleType
     fields: dict[str, dict[str, str]] = field(default_factory=dict)
     functions: dict[str, ast.FunctionDef] = field(default_factory=dict)
-    settles: set[int] = field(default_factory=set)
-    vanishes: set[int] = field(default_factory=set)
+    comments: dict[int, tokenize.TokenInfo] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         source = inspect.getsource(self.module)
@@ -55,10 +55,12 @@ class Law:
                     for a in node.body
                     if isinstance(a, ast.AnnAssign) and isinstance(a.target, ast.Name)
                 }
-        for token in tokenize.generate_tokens(io.StringIO(source).readline):
-            if token.type == tokenize.COMMENT:
-                found = {"# settles": self.settles, "# vanishes": self.vanishes}
-                found.get(token.string, set()).add(token.start[0])
+        tokens = tokenize.generate_tokens(io.StringIO(source).readline)
+        self.comments = {t.start[0]: t for t in tokens if t.type == tokenize.COMMENT}
+        self.settles, self.vanishes = (
+            {line for line, t in self.comments.items() if t.string == f"# {word}"}
+            for word in ("settles", "vanishes")
+        )
 
     def named(self, structure: str, *kinds: str) -> list[str]:
         """The fields of these kinds, in their order."""

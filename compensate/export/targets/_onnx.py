@@ -201,7 +201,7 @@ class _Step:
         return self.write.run(part, part.home, name, [part, *given])
 
     def _bound(self, part: Part, name: str, dt: Value, value: Value) -> Value:
-        given = [dt, value] if part.home.takes_time(name) else [value]
+        given = [dt, value] if part.home.law.takes_time(name) else [value]
         return self.write.call(part, name, *given)
 
     def _series(self, parts: list[_Node]) -> _Node:
