@@ -8,12 +8,13 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 from numpy.typing import ArrayLike
 
 from hysteresis import AbstractModel, InputError, Scalar, is_concrete, parameter
 from hysteresis._parameter import as_float
 
+from .._contract import scan_steps
 from .._invert import invert
 from ..runtime._contact_status import ContactStatus
 
@@ -126,24 +127,31 @@ class Slip(eqx.Module):
         combined = jnp.zeros(len(combined_axes()))
         return SlipState(jnp.zeros(self.weights.shape[1:]), combined)
 
-    def step(
-        self, state: SlipState, reading: Float[Array, " 6"]
-    ) -> tuple[SlipState, Float[Array, " 6"]]:
-        """The state after one reading without its bias, and the correction to add, N and N m."""
-        now = jnp.asarray(combined_axes()) @ (reading / self.full_scale)
-        moved = state.stop + (now - state.last)[:, None]
-        stop = jnp.clip(moved, -self.travels[None], self.travels[None])
-        part = jnp.einsum("ijk,jk->i", self.weights, stop / self.travels[None])
-        return SlipState(stop, now), self.full_scale * part
-
     def stops(self, readings: ArrayLike) -> Float[Array, "samples stops"]:
         """s/r of a record of readings (samples, 6) that begins at rest."""
+        readings = jnp.asarray(readings, float)
+        _, found = self.follow(self.init(), readings, jnp.ones(len(readings), bool))
+        return found.reshape(len(readings), -1)
 
-        def one(state: SlipState, reading: Array) -> tuple[SlipState, Array]:
-            state, _ = self.step(state, reading)
-            return state, (state.stop / self.travels[None]).ravel()
+    def corrections(self, stops: Float[Array, "samples directions travels"]) -> Array:
+        """What to add to the readings (samples, 6), N and N m, for such s/r."""
+        return self.full_scale[None] * jnp.einsum("ijk,sjk->si", self.weights, stops)
 
-        return jax.lax.scan(one, self.init(), jnp.asarray(readings, float))[1]
+    @eqx.filter_jit
+    def follow(
+        self, state: SlipState, readings: Float[Array, "samples 6"], usable: Bool[Array, " samples"]
+    ) -> tuple[SlipState, Float[Array, "samples directions travels"]]:
+        """The state after readings without their bias, and s/r of each; one that is not usable changes
+        nothing."""
+
+        def one(state: SlipState, row: tuple[Array, Array]) -> tuple[SlipState, Array]:
+            now = jnp.where(row[1], row[0], state.last)
+            moved = state.stop + (now - state.last)[:, None]
+            stop = jnp.clip(moved, -self.travels[None], self.travels[None])
+            return SlipState(stop, now), stop / self.travels[None]
+
+        combined = (readings / self.full_scale[None]) @ jnp.asarray(combined_axes()).T
+        return jax.lax.scan(one, state, (combined, usable))
 
 
 def combined_axes() -> Float[np.ndarray, "combinations 6"]:
@@ -285,11 +293,7 @@ class WristSensor(eqx.Module):
 
     def init(self) -> WristState:
         """The state before the first reading."""
-        plays: Any = ()
-        if self.hysteresis is not None:
-            alike = _side_by_side(self.hysteresis)
-            one_by_one = tuple(invert(model).init() for model in self.hysteresis)
-            plays = one_by_one if alike is None else jax.vmap(lambda m: invert(m).init())(alike)
+        plays = tuple(invert(model).init() for model in self.hysteresis or ())
         none = jnp.full((6,), jnp.nan, self.matrix.dtype)
         return WristState(none, none[0], plays, () if self.slip is None else self.slip.init())
 
@@ -300,37 +304,46 @@ class WristSensor(eqx.Module):
 
         A reading that is not finite is INVALID: the last wrench is held, and nothing else changes.
         """
-        reading = self._readings(reading)
-        t = jnp.asarray(t, reading.dtype)
-        sound, channels, slip = self._calibrated(reading), state.channels, state.slip
-        if self.slip is not None:
-            slip, correction = self.slip.step(slip, reading - self.bias)
-            sound = sound + correction
-        if self.hysteresis is not None:
-            channels, sound = self._undone(state.channels, t, sound)
-        now = self._wrench(reading, sound, motion)
-        whole = jnp.concatenate([now.force, now.moment])
-        dt = jnp.where(jnp.isnan(state.time), jnp.inf, jnp.maximum(t - state.time, 0))
-        slow = self.time_constant > 0
-        part = jnp.where(slow, -jnp.expm1(-dt / jnp.where(slow, self.time_constant, 1)), 1)
-        first = jnp.isnan(state.held)
-        held = jnp.where(
-            first, whole, state.held + part * (whole - jnp.where(first, 0, state.held))
-        )
-        usable = (now.doubt != int(ContactStatus.INVALID)) & jnp.isfinite(t)
-        after = jax.tree.map(
-            lambda new, old: jnp.where(usable, new, old), WristState(held, t, channels, slip), state
-        )
-        told = jnp.where(jnp.isnan(after.held), 0, after.held)
-        doubt = jnp.where(usable, now.doubt, int(ContactStatus.INVALID))
-        return after, Wrench(told[:3], told[3:], doubt)
+        times = jnp.asarray(t, self.matrix.dtype)[None]
+        after, found = self.stream(times, self._readings(reading)[None], motion, state)
+        return after, Wrench(*(x[0] for x in found))
 
     def simulate(
         self, t: ArrayLike | None, readings: ArrayLike, motion: Motion = AT_REST
     ) -> Wrench:
         """`step` over all readings (samples, 6); each of `motion` is (samples, 3), or one for all."""
+        return self.stream(t, readings, motion, self.init())[1]
+
+    def stream(
+        self, t: ArrayLike | None, readings: ArrayLike, motion: Motion, state: WristState
+    ) -> tuple[WristState, Wrench]:
+        """All readings at once: the state after them, and the wrenches."""
         readings = self._readings(readings)
-        return _scan(self, jnp.asarray(t, readings.dtype), readings, motion.of(readings[..., :3]))
+        t, sound = jnp.asarray(t, readings.dtype), self._calibrated(readings)
+        doubt = self._wrench(readings, sound, motion).doubt
+        usable = (doubt != int(ContactStatus.INVALID)) & jnp.isfinite(t)
+        slip, channels = state.slip, []
+        if self.slip is not None:
+            slip, stops = self.slip.follow(slip, readings - self.bias[None], usable)
+            sound = sound + self.slip.corrections(stops)
+        if self.hysteresis is not None:
+            seen = jnp.where(usable[:, None], sound, jnp.nan)
+            # The time of the last reading, before the first one its own.
+            at = jax.lax.cummax(jnp.where(usable, jnp.arange(len(t)), -1))
+            clock = t[jnp.where(at < 0, jnp.argmax(usable), at)]
+            axes = zip(self.hysteresis, state.channels, seen.T, strict=True)
+            each = [scan_steps(invert(model), clock, y, own) for model, own, y in axes]
+            channels = [own for own, _ in each]
+            sound = jnp.stack([found.value for _, found in each], 1)
+        now = self._wrench(readings, sound, motion)
+        whole = jnp.concatenate([now.force, now.moment], 1)
+        (held, time), slow = _slowed(
+            self.time_constant, (state.held, state.time), (whole, t, usable)
+        )
+        told = jnp.where(jnp.isnan(slow), 0, slow)
+        doubt = jnp.where(usable, now.doubt, int(ContactStatus.INVALID))
+        after = WristState(held, time, tuple(channels), slip)
+        return after, Wrench(told[:, :3], told[:, 3:], doubt)
 
     def reading_of(self, force: ArrayLike, moment: ArrayLike) -> Float[Array, "*samples 6"]:
         """The readings at rest that loads (..., 3) make: `read` run backwards."""
@@ -376,19 +389,10 @@ class WristSensor(eqx.Module):
             )  # fmt: skip
         return readings
 
-    def _undone(self, states: Any, t: Array, sound: Array) -> tuple[Any, Array]:
-        """Compensate the hysteresis of each axis, side by side if the models are of one kind."""
-        assert self.hysteresis is not None
-        if (alike := _side_by_side(self.hysteresis)) is not None:
-            states, found = jax.vmap(lambda m, s, y: invert(m).step(s, t, y))(alike, states, sound)
-            return states, found.value
-        rows = zip(self.hysteresis, states, sound, strict=True)
-        after = [invert(model).step(before, t, y) for model, before, y in rows]
-        return tuple(s for s, _ in after), jnp.stack([found.value for _, found in after])
-
     def _calibrated(self, readings: Array) -> Array:
         return (readings - _along(self.bias, readings)) @ self.matrix.T
 
+    @eqx.filter_jit
     def _wrench(self, readings: Array, sound: Array, motion: Motion) -> Wrench:
         sound = sound * (1 if self.reports == "load" else -1)
         rotation = self.turned().T
@@ -408,18 +412,19 @@ class WristSensor(eqx.Module):
 
 
 @eqx.filter_jit
-def _scan(sensor: WristSensor, t: Array, readings: Array, motion: Motion) -> Wrench:
-    samples = t, readings, motion
-    return jax.lax.scan(lambda state, now: sensor.step(state, *now), sensor.init(), samples)[1]
+def _slowed(time_constant: Any, state: Any, rows: tuple[Array, Array, Array]) -> Any:
+    """The low-pass over wrenches (samples, 6) at their times, where they are usable."""
 
+    def one(own: tuple[Array, Array], row: tuple[Array, Array, Array]) -> Any:
+        (held, time), (whole, t, usable) = own, row
+        dt = jnp.where(jnp.isnan(time), jnp.inf, jnp.maximum(t - time, 0))
+        slow, first = time_constant > 0, jnp.isnan(held)
+        part = jnp.where(slow, -jnp.expm1(-dt / jnp.where(slow, time_constant, 1)), 1)
+        moved = held + part * (whole - jnp.where(first, 0, held))
+        held = jnp.where(usable, jnp.where(first, whole, moved), held)
+        return (held, jnp.where(usable, t, time)), held
 
-def _side_by_side(models: tuple[AbstractModel, ...]) -> AbstractModel | None:
-    """Six models stacked into one, which compiles once; None if their structures differ."""
-    kinds = {
-        (jax.tree.structure(model), tuple(jnp.shape(leaf) for leaf in jax.tree.leaves(model)))
-        for model in models
-    }
-    return jax.tree.map(lambda *leaves: jnp.stack(leaves), *models) if len(kinds) == 1 else None
+    return jax.lax.scan(one, state, rows)
 
 
 def _filled(values: Any, count: int) -> Any:
