@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from hysteresis import AbstractModel, InputError, Units, conversion, is_concrete, register
 from hysteresis._type_variables import PyTree
 
-from .._contract import AbstractCompensator, Status, scan_steps
+from .._contract import AbstractCompensator, AbstractStreamed, Status, scan_steps
 from ..uncertainty._ensemble import UncertainEstimate
 
 Limit = float | tuple[float, ...]
@@ -23,13 +23,13 @@ def _limit(value: Any) -> Limit:
     return tuple(map(float, value)) if np.ndim(value) else float(value)
 
 
-class BackwardsInput(NamedTuple):
+class BackwardsInput(eqx.Module):
     """Times and readings, the state they begin in, and where sequences start."""
 
-    t: Array
+    t: Array | None
     u: Array
     state: Any
-    start: Array
+    starts: tuple[int, ...] = eqx.field(static=True)
 
 
 @register
@@ -64,24 +64,22 @@ class BackwardsModel(AbstractModel[Any, BackwardsInput]):
         *,
         starts: tuple[int, ...] = (0,),
     ) -> BackwardsInput:
-        u = jnp.asarray(u, float)
-        t = jnp.zeros_like(u) if t is None else jnp.asarray(t, u.dtype)
-        start = jnp.zeros(len(u), bool).at[jnp.array(starts)].set(True)
-        return BackwardsInput(t, u, self.init() if state is None else state, start)
+        t, u = None if t is None else jnp.asarray(t, float), jnp.asarray(u, float)
+        return BackwardsInput(t, u, self.init() if state is None else state, tuple(starts))
 
     def evaluate(self, prepared: BackwardsInput) -> Float[Array, " samples"]:
-        return _by_steps(self, prepared)
+        t, u, ends = prepared.t, prepared.u, (*prepared.starts[1:], len(prepared.u))
+        rows = [slice(*ends) for ends in zip(prepared.starts, ends, strict=True)]
+        runs = [self.follow(None if t is None else t[k], u[k], prepared.state)[1] for k in rows]
+        return jnp.concatenate(runs)
 
-
-@eqx.filter_jit
-def _by_steps(model: BackwardsModel, prepared: BackwardsInput) -> Array:
-    def step(state: Any, row: tuple[Array, Array, Array]) -> tuple[Any, Array]:
-        t, u, start = row
-        begin = jax.tree.map(lambda first, now: jnp.where(start, first, now), prepared.state, state)
-        return model.step(begin, t, u)
-
-    rows = prepared.t, prepared.u, prepared.start
-    return jax.lax.scan(step, prepared.state, rows)[1]
+    def follow(
+        self, t: ArrayLike | None, u: ArrayLike, state: PyTree = None
+    ) -> tuple[PyTree, Float[Array, " samples"]]:
+        """All samples at once: (state after the last one, outputs)."""
+        own = self.init() if state is None else state
+        after, found = scan_steps(self.compensator, t, u, own)
+        return after, found.value
 
 
 def _units(model: AbstractModel) -> Units | None:
@@ -98,7 +96,7 @@ class ForceState(NamedTuple):
 
 
 @register
-class ForceEstimator(AbstractCompensator[ForceState, UncertainEstimate]):
+class ForceEstimator(AbstractStreamed[ForceState, UncertainEstimate]):
     """Force from readings, by a model that was trained in this direction.
 
         F = clip(M[z], 0, high),     deviation: its error on readings that were held out
@@ -163,27 +161,42 @@ class ForceEstimator(AbstractCompensator[ForceState, UncertainEstimate]):
     def init(self) -> ForceState:
         return ForceState(self.model.init(), jnp.zeros_like(self.deviation))
 
-    def step(
-        self, state: ForceState, t: ArrayLike | None, y: ArrayLike
+    def stream(
+        self, t: ArrayLike | None, y: ArrayLike, state: ForceState
     ) -> tuple[ForceState, UncertainEstimate]:
+        """Of readings (samples,), of several channels (samples, channels)."""
         y = jnp.asarray(y, self.deviation.dtype)
-        t = jnp.asarray(0.0 if t is None else t, y.dtype)
-        valid = jnp.isfinite(y).all() & jnp.isfinite(t)
-        model, found = self.model.step(state.model, t, y)
+        t = jnp.zeros(y.shape[:1], y.dtype) if t is None else jnp.asarray(t, y.dtype)
+        channels = y.reshape(len(y), -1)
+        valid = jnp.isfinite(channels).all(1) & jnp.isfinite(t)
+        if hasattr(self.model, "follow") and is_concrete(valid):
+            rows, model, found = np.flatnonzero(valid), state.model, jnp.zeros(len(y), y.dtype)
+            if len(rows):
+                model, moved = self.model.stream(t[rows], y[rows], model)
+                found = found.at[rows].set(moved)
+        else:
+            model, found = _where_valid(self.model, state.model, (t, y, valid))
         found = self.newtons * found
-        value = jnp.clip(found, 0.0, self.high)
-        after = ForceState(model, value)
-        after = jax.tree.map(lambda new, old: jnp.where(valid, new, old), after, state)
-        low, high = (jnp.array(end, y.dtype) for end in (self.low_reading, self.high_reading))
-        beyond = ((y < low) | (y > high)).any()
+        latest = jax.lax.cummax(jnp.where(valid, jnp.arange(len(y)), -1))
+        value = jnp.where(latest < 0, state.value, jnp.clip(found, 0.0, self.high)[latest])
+        low, high = (jnp.atleast_1d(np.asarray(x)) for x in (self.low_reading, self.high_reading))
+        beyond = ((channels < low[None]) | (channels > high[None])).any(1)
         status = jnp.where(found > self.high, Status.SATURATED, Status.OK)
         status = jnp.where(beyond, Status.EXTRAPOLATED, status)
         status = jnp.where(valid, status, Status.INVALID)
-        return after, UncertainEstimate(after.value, status, self.deviation)
+        after = ForceState(model, value[-1] if len(y) else state.value)
+        return after, UncertainEstimate(
+            value, status, jnp.broadcast_to(self.deviation, value.shape)
+        )
 
-    def simulate(
-        self, t: ArrayLike | None, y: ArrayLike, state: ForceState | None = None
-    ) -> UncertainEstimate:
-        """`step` over all samples; readings (samples,), of several channels (samples, channels)."""
-        y = jnp.asarray(y, float)
-        return scan_steps(self, t, y, self.init() if state is None else state)[1]
+
+@eqx.filter_jit
+def _where_valid(model: AbstractModel, state: PyTree, rows: tuple[Array, Array, Array]) -> Any:
+    """A model sample by sample; those that are not valid change nothing."""
+
+    def one(own: PyTree, row: tuple[Array, Array, Array]) -> tuple[PyTree, Array]:
+        t, y, valid = row
+        after, found = model.step(own, t, y)
+        return jax.tree.map(lambda new, old: jnp.where(valid, new, old), after, own), found
+
+    return jax.lax.scan(one, state, rows)
