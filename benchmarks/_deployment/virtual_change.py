@@ -73,7 +73,7 @@ def _quiet_rows(quick: bool) -> list[Row]:
     cycle = np.arange(len(u)) // ROWS
     known = np.where(cycle % 10 == 0, u, np.nan)
     found = own.simulate(DT * np.arange(len(u)), y + noise, references=known)
-    rate = np.exp(-float(own.settings.threshold))
+    rate = np.exp(-float(own.settings["threshold"]))
     heard = float(found.changes[-1])
     what = f"false alarms in {hours} hours; allowed per independent reference: {rate:.0e}"
     row = judged(what, heard, 0)

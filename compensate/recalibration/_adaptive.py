@@ -20,24 +20,6 @@ SAID = 6
 """Numbers that the law says beside an estimate, see `Recalibrated`."""
 
 
-class Settings(eqx.Module):
-    """What a recursion starts from and is judged by; see `hysteresis.laws.adaptive`."""
-
-    zero: Float[Array, ""]
-    nominal: Float[Array, " parts"]
-    least: Float[Array, " parts"]
-    rises: Float[Array, " parts"]
-    widths: Float[Array, " parts"]
-    start: Float[Array, " unknowns"]
-    spread: Float[Array, " unknowns"]
-    noise: Float[Array, ""]
-    correlation: Float[Array, ""]
-    memory: Float[Array, ""]
-    settling: Float[Array, ""]
-    threshold: Float[Array, ""]
-    error: Float[Array, ""]
-
-
 class Recalibrated(NamedTuple):
     """Estimates, and at each sample the advice, the accuracy lost and what has been learnt.
 
@@ -101,12 +83,10 @@ class AdaptiveCompensator(AbstractCompensator[LawState, Recalibrated]):
 
     fitted: AbstractModel
     parts: tuple[AbstractModel, ...]
-    centres: Float[Array, " parts"]
-    sign: float = eqx.field(static=True)
     low: float = eqx.field(static=True)
     high: float = eqx.field(static=True)
-    floored: bool = eqx.field(static=True)
-    settings: Settings
+    settings: Tree
+    start: Float[Array, " unknowns"]
     numbers: Float[Array, " numbers"]
     known: Known = eqx.field(static=True)
 
@@ -114,14 +94,14 @@ class AdaptiveCompensator(AbstractCompensator[LawState, Recalibrated]):
         self,
         fitted: AbstractModel,
         parts: tuple[AbstractModel, ...],
-        centres: Float[Array, " parts"],
-        sign: float,
         ends: tuple[float, float],
-        floored: bool,
-        settings: Settings,
+        settings: Tree,
+        start: Float[Array, " unknowns"],
     ):
-        self.fitted, self.parts, self.centres, self.settings = fitted, parts, centres, settings
-        self.sign, (self.low, self.high), self.floored = sign, ends, floored
+        """`settings`: parameters of `hysteresis/laws/adaptive.py`, what the ends tell left out; `start`:
+        the variances of zero, drift and weights at first."""
+        self.fitted, self.parts, self.settings, self.start = fitted, parts, settings, start
+        self.low, self.high = ends
         self.known, m = numbers_of(self.tree(plain(fitted.tree(depth=OWN)), depth=OWN))
         self.numbers = jnp.asarray(m, float)
 
@@ -228,27 +208,23 @@ class AdaptiveCompensator(AbstractCompensator[LawState, Recalibrated]):
             >>> own.tree(fit.model.tree())["kind"]
             'adaptive'
         """
-        p, n = self.settings, len(self.parts) + 2
+        own, n = self.settings, len(self.parts) + 2
         parts = [part_tree(part, eps, depth) for part in self.parts]
-        theta = np.concatenate([[p.zero, 0.0], p.nominal])
+        theta = np.concatenate([[own["zero"], 0.0], own["nominal"]])
         reach = self.high - self.low
         made = node(
             "adaptive",
             {
-                "low": self.low, "high": self.high, "rounding": ROUNDING * eps, **precisions(eps, reach),
-                "flat": max(FLAT_WIDTH, 256 * eps) * reach, "parts": len(self.parts), "sign": self.sign,
-                "floored": self.floored,
-                "zero": p.zero, "centres": self.centres, "nominal": p.nominal, "least": p.least,
-                "rises": p.rises, "widths": p.widths, "noise": p.noise, "correlation": p.correlation,
-                "memory": p.memory, "settling": p.settling, "threshold": p.threshold, "spread": p.spread,
-                "error": p.error,
+                "low": self.low, "high": self.high, "rounding": ROUNDING * eps,
+                "flat": max(FLAT_WIDTH, 256 * eps) * reach, **precisions(eps, reach),
+                "parts": len(self.parts), **own,
             },
             {
                 "value": self.low, "slope": 0.0, "reference": 0.0, "known": 0, "share": 0.0, "elapsed": 0.0,
-                "idle": 0.0, "used": theta, "theta": theta, "covariance": np.diag(p.start),
+                "idle": 0.0, "used": theta, "theta": theta, "covariance": np.diag(self.start),
                 "before": theta, "run": 0.0, "common": 0.0, "apart": 0.0,
                 "evidence": 0.0, "excess": 0.0,
-                "possible": 0.0, "settled": 0.0, "loss": p.error**2, "residual": 1.0, "changes": 0,
+                "possible": 0.0, "settled": 0.0, "loss": own["error"] ** 2, "residual": 1.0, "changes": 0,
                 "output": np.zeros(n), "shown": np.zeros(n), "along": np.zeros(n), "work": np.zeros(n * n),
             },
             [*parts, fitted],

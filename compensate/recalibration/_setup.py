@@ -12,7 +12,7 @@ from hysteresis.trees import input_range
 from .._contract import Status
 from .._estimate import estimate
 from ..inverses import inverse_of
-from ._adaptive import AdaptiveCompensator, Settings
+from ._adaptive import AdaptiveCompensator
 from ._parts import split
 
 LEAST = 0.05
@@ -120,19 +120,16 @@ def adaptive(
     start[2:] *= free
     spread = np.concatenate([[(ZERO_AFTER * span) ** 2, drift**2], (AFTER * size) ** 2])
     cycle = used.sum() / max(1, turns) / correlation
-    settings = Settings(
-        *(jnp.asarray(x, float) for x in (
-            zero, nominal, np.where(free, LEAST * nominal, nominal), rises, widths, start, spread, noise,
-            correlation, max(MEMORY * cycle, 2.0), max(cycle, 1.0), -math.log(false_alarms),
-            _error(model, record, used),
-        ))
-    )  # fmt: skip
+    settings = {
+        "sign": found.sign, "floored": found.floor is not None, "zero": zero, "centres": centres,
+        "nominal": nominal, "least": np.where(free, LEAST * nominal, nominal), "rises": rises,
+        "widths": widths, "noise": noise, "correlation": correlation, "memory": max(MEMORY * cycle, 2.0),
+        "settling": max(cycle, 1.0), "threshold": -math.log(false_alarms), "spread": spread,
+        "error": _error(model, record, used),
+    }  # fmt: skip
     models = tuple(p.model for p in found.parts)
-    floored = found.floor is not None
-    return AdaptiveCompensator(
-        model, models, jnp.asarray(centres), found.sign, _ends(model, record, used), floored,
-        settings,
-    )  # fmt: skip
+    ends = _ends(model, record, used)
+    return AdaptiveCompensator(model, models, ends, settings, jnp.asarray(start))
 
 
 def _centred(

@@ -129,7 +129,7 @@ def _summary(
         "gain": float(found.gain[-1]), "loop": float(found.loop[-1]), "found": events,
         "rows": len(record), "references": len(error),
         "rmse": float(np.sqrt(np.mean(error**2))) if len(error) else None,
-        "fit_error": float(own.settings.error),
+        "fit_error": float(own.settings["error"]),
         "flagged": int((np.asarray(found.status) != Status.OK).sum()), "text": "\n".join(lines),
     }  # fmt: skip
 

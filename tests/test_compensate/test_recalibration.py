@@ -149,7 +149,7 @@ def test_a_change_is_learnt_from_two_cycles(name: str):
     frozen = np.asarray(own.simulate(found.t, y).value) - found.u
     out = own.simulate(found.t, y, references=known_in(found, (0, 4)))
     error = np.asarray(out.value) - found.u
-    fit = float(own.settings.error)
+    fit = float(own.settings["error"])
     last = slice(5 * ROWS, None)
     lost = np.sqrt(np.mean(frozen[last] ** 2)) - fit
     assert np.sqrt(np.mean(error[last] ** 2)) - fit <= 0.2 * lost
@@ -163,7 +163,7 @@ def test_gain_zero_and_width_are_told_apart():
     found, y = changed(MODELS["sum"], 0.9, 1.3)
     own = made("sum")
     out = own.simulate(found.t, y + 0.3, references=known_in(found, (0, 4)))
-    rises, widths = np.asarray(own.settings.rises), np.asarray(own.settings.widths)
+    rises, widths = np.asarray(own.settings["rises"]), np.asarray(own.settings["widths"])
     gain = 0.9 * (rises[0] + 1.3 * rises[1:].sum()) / rises.sum()
     loop = 0.9 * (widths[0] + 1.3 * widths[1:].sum()) / widths.sum()
     assert abs(float(out.gain[-1]) / gain - 1) < 0.01
@@ -211,7 +211,7 @@ def test_errors_that_last_a_cycle_count_once_a_cycle():
     correlations = []
     for more in (0.0, lasting):
         record = Record.from_arrays(found.u, found.y + found.noise + more, found.t)
-        correlations.append(float(adaptive(MODELS["sum"], record).settings.correlation))
+        correlations.append(float(adaptive(MODELS["sum"], record).settings["correlation"]))
     assert correlations[0] < 0.25 * ROWS
     assert correlations[1] > 0.6 * ROWS
 
@@ -271,7 +271,7 @@ def test_weights_keep_an_inverse(name: str):
     theta = np.asarray(own.unknowns(state))
     assert np.isfinite(theta).all()
     assert np.isfinite(np.asarray(out.value)).all()
-    assert (theta[2:] >= np.asarray(own.settings.least)).all()
+    assert (theta[2:] >= np.asarray(own.settings["least"])).all()
     outputs = [
         sum(w * float(p.simulate(found.t, u)[-1]) for w, p in zip(theta[2:], own.parts, strict=True))
         for u in (np.append(found.u[:-1], end) for end in (own.low, own.high))
