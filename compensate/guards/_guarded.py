@@ -210,7 +210,7 @@ class GuardedCompensator(AbstractStreamed[GuardedState, Found]):
             apart = jnp.maximum(apart, jnp.abs(of_other.value - found.value))
         told = each(
             numbers_of(self.law()), "limited",
-            found.value, found.status, late | (jnp.isfinite(y) & (seen != reading)), apart, reading,
+            found.value, found.status, late | (seen != reading), apart, reading,
             where=jnp.where(found.status == Status.INVALID, jnp.nan, reading), state=state.limited,
             held=jnp.where(jnp.isnan(state.first), self._limited(found.value), state.value),
             keeps=("beyond",),

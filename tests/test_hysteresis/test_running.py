@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +14,11 @@ import numpy as np
 import pytest
 
 from hysteresis import AbstractModel, InputError, PrandtlIshlinskii
-from hysteresis.laws._tree import node_of
-from hysteresis.running import Numbers, _compiled, estimates, numbers_of, outputs
+from hysteresis.laws import error
+from hysteresis.laws._tree import error_of, node_of
+from hysteresis.running import Numbers, _compiled, each, estimates, numbers_of, outputs
 from hysteresis.running import _over_time as over_time
-from hysteresis.trees import plain
+from hysteresis.trees import node, plain
 from tests.problems import PROBLEMS, SAMPLES, Problem, clock, random_histories
 from tests.test_compensate.test_inverses.test_conditioned import model as conditioned
 from tests.test_compensate.test_inverses.test_conditioned import walk
@@ -290,3 +292,44 @@ with ThreadPoolExecutor(8) as pool:
 def test_several_threads_may_read_laws():
     """Two threads of the search for plays did so first, and failed now and then."""
     subprocess.run([sys.executable, "-c", READING], check=True)
+
+
+@pytest.mark.parametrize("mode", ["plain", "compiled"])
+def test_one_law_over_columns_is_its_own_text(mode: str):
+    """The deviation of an error, with gaps, in two pieces: the file's own function, number by number."""
+    if mode == "compiled":
+        pytest.importorskip("numba")
+    rng = np.random.default_rng(2)
+    u, t = random_histories(rng, 0.0, 1.0, (1, 90))[0], np.cumsum(rng.integers(1, 9, 90) / 8)
+    tables = {
+        "levels": 3,
+        "level": [0.0, 0.4, 1.0],
+        "falling": [0.1, 0.2, 0.3],
+        "rising": [0.3, 0.1, 0.2],
+    }
+    known = error.ANY_MOTION | {
+        "width": 0.05, "low": 0.1, "high": 0.9, "least": 0.3, "most": 0.6, "near": 0.2, "growth": 0.5,
+        "fast": 0.4, "factor": 1.6, "timed": 0.2, "hurry": 0.3,
+    }  # fmt: skip
+    state = {"begun": 0, "follower": 0.0, "up": 1, **error.UNMOVED}
+    law = node("error", tables | known, state)
+    gaps = np.isin(np.arange(90), [0, 1, 40, 44, 45, 89])
+    where, own, before, wanted = np.where(gaps, np.nan, u), error_of(law), t[2], []
+    for now, value, gap in zip(t, u, gaps, strict=True):
+        if not gap:
+            wanted.append(own(now - before, value))
+            before = now
+        else:
+            wanted.append(wanted[-1] if wanted else np.nan)
+    begin = {"state": None, "t": np.nan, "held": np.nan}
+    found = []
+    with over_time.compiled_at_once() if mode == "compiled" else nullcontext():
+        for rows in (slice(0, 45), slice(45, None)):
+            told = each(
+                numbers_of(law), "deviation", u[rows], times=t[rows], where=where[rows], keeps=("up",),
+                **begin,
+            )  # fmt: skip
+            begin = {"state": told.state, "t": told.t, "held": told.value[-1]}
+            assert np.isin(told.said, (0.0, 1.0)).all()
+            found.append(told.value)
+    np.testing.assert_array_equal(np.concatenate(found), wanted)
