@@ -59,15 +59,13 @@ def longest_step(t: ArrayLike) -> float:
 
 
 class GuardedState(NamedTuple):
-    """The inner state; those of the other starts; the inner clock's first time; the time of the last
-    reading; what long steps have taken off the clock; what the guard's law keeps; the last estimate. NaN
-    before the first reading."""
+    """The inner state; those of the other starts; the time of the last reading, NaN before the first one,
+    and that since the first, long steps shortened; what the guard's law keeps; the last estimate."""
 
     inner: Any
     others: tuple[Any, ...]
-    first: Array
     last: Array
-    removed: Array
+    clock: Array
     limited: Array
     value: Array
 
@@ -100,7 +98,7 @@ class GuardedCompensator(AbstractStreamed[GuardedState, Found]):
 
     **Arguments:**
 
-    - `inner`: any compensator. `low`, `high`: the trained inputs, in the input's unit.
+    - `inner`: any compensator; it is given times since the first reading. `low`, `high`: the trained inputs, in the input's unit.
     - `beyond`: `"limit"` as above; `"nan"`: an estimate beyond is NaN; `"free"`: only the status tells.
     - `starts`: other states of `inner` before the first reading, at time 0. None: the first state is known.
     - `deviation`: of usual estimates, in the input's unit; 0 where none is stated: starts then have to
@@ -184,10 +182,9 @@ class GuardedCompensator(AbstractStreamed[GuardedState, Found]):
         return conditioned_in(self.inner) is None
 
     def init(self) -> GuardedState:
-        none = jnp.asarray(jnp.nan, float)
-        others = tuple(start.state for start in self.starts)
+        none, others = jnp.asarray(jnp.nan, float), tuple(start.state for start in self.starts)
         own = jnp.asarray(numbers_of(self.law()).state, float)
-        return GuardedState(self.inner.init(), others, none, none, jnp.zeros_like(none), own, none)
+        return GuardedState(self.inner.init(), others, none, jnp.zeros_like(none), own, none)
 
     def stream(
         self, t: ArrayLike | None, y: ArrayLike, state: GuardedState
@@ -196,30 +193,30 @@ class GuardedCompensator(AbstractStreamed[GuardedState, Found]):
         reading = reading_of(y, 1)
         seen = self._clipped(reading)
         given = jnp.zeros_like(reading) if t is None else jnp.asarray(t, float)
-        clock, late, last, removed = self._clock(state, given, y)
-        first = _first(state, clock, y)
+        clock, late, last = self._clock(state, given, y)
         y = with_reading(y, 1, seen)
+        times = None if t is None else clock
         found: Any
-        inner, found = scan_steps(self.inner, None if t is None else clock, y, state.inner)
-        since = None if t is None else _since(first, clock)
+        inner, found = scan_steps(self.inner, times, y, state.inner)
         of_other: Any
         others, apart = [], jnp.zeros_like(reading)
         for other in state.others:
-            after, of_other = scan_steps(self.inner, since, y, other)
+            after, of_other = scan_steps(self.inner, times, y, other)
             others.append(after)
             apart = jnp.maximum(apart, jnp.abs(of_other.value - found.value))
         told = each(
             numbers_of(self.law()), "limited",
             found.value, found.status, late | (seen != reading), apart, reading,
             where=jnp.where(found.status == Status.INVALID, jnp.nan, reading), state=state.limited,
-            held=jnp.where(jnp.isnan(state.first), self._limited(found.value), state.value),
+            held=jnp.where(jnp.isnan(state.last), self._limited(found.value), state.value),
             keeps=("beyond",),
         )  # fmt: skip
         value, status, beyond = jnp.asarray(told.value), jnp.asarray(told.status), told.said[:, 0]
         if self.beyond == "nan":
             value = jnp.where(beyond > 0, jnp.nan, value)
         held = value[-1] if len(value) else state.value
-        own = inner, tuple(others), first, last, removed, jnp.asarray(told.state), held
+        now = clock[-1] if len(value) else state.clock
+        own = inner, tuple(others), last, now, jnp.asarray(told.state), held
         found = found._replace(value=value, status=status)
         if getattr(found, "draws", None) is not None:
             found = found._replace(draws=self._limited(found.draws))
@@ -235,19 +232,20 @@ class GuardedCompensator(AbstractStreamed[GuardedState, Found]):
         }  # fmt: skip
         return node("guard", parameters, {"beyond": 0})
 
-    def _clock(self, state: GuardedState, t: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-        """The inner clock, in which no step is longer than `longest`; which samples come after a longer
-        one; the time of the last reading, and what long steps have taken off the clock up to there."""
-        if self.longest is None:
-            return t, jnp.zeros(t.shape, bool), state.last, state.removed
-        valid = _valid(y)
+    def _clock(self, state: GuardedState, t: Array, y: Array) -> tuple[Array, Array, Array]:
+        """The inner clock, which begins with the first reading and in which no step is longer than
+        `longest`; which samples come after a longer one; the time of the last reading."""
+        valid = jnp.isfinite(y) if y.ndim == 1 else jnp.isfinite(y).all(axis=-1)
         at = jax.lax.cummax(jnp.where(valid, jnp.arange(t.shape[0]), -1))
-        before = jnp.concatenate([jnp.full(1, -1), at[:-1]])
-        wait = t - jnp.where(before < 0, state.last, t[before])
-        late = valid & (wait >= self.longest)
-        removed = state.removed + jnp.cumsum(jnp.where(late, wait - self.longest, 0.0))
-        last = jnp.where(at[-1] < 0, state.last, t[at[-1]])
-        return t - removed, late, last, removed[-1]
+        at = jnp.concatenate([jnp.full(1, -1), at])
+        times = jnp.concatenate([t, state.last[None]])  # the last one is that at -1
+        wait = t - times[at[:-1]]
+        passed = jnp.where(valid & (wait > 0), wait, 0.0)
+        if self.longest is None:
+            late = jnp.zeros(t.shape, bool)
+        else:
+            late, passed = passed >= self.longest, jnp.minimum(passed, self.longest)
+        return state.clock + jnp.cumsum(passed), late, times[at[-1]]
 
     def _clipped(self, y: Array) -> Array:
         if self.readings is None:
@@ -261,21 +259,3 @@ class GuardedCompensator(AbstractStreamed[GuardedState, Found]):
             return jnp.clip(value, self.low, self.high)
         beyond = (value < self.low - self.slack) | (value > self.high + self.slack)
         return jnp.where(beyond, jnp.nan, value)
-
-
-def _valid(y: Array) -> Array:
-    """Which of the samples are readings, beside a condition or not."""
-    finite = jnp.isfinite(y)
-    return finite if y.ndim == 1 else finite.all(axis=-1)
-
-
-def _first(state: GuardedState, clock: Array, y: Array) -> Array:
-    """The inner clock at the first reading."""
-    valid = _valid(y)
-    now = jnp.where(valid.any(), clock[jnp.argmax(valid)], jnp.nan)
-    return jnp.where(jnp.isnan(state.first), now, state.first)
-
-
-def _since(first: Array, clock: Array) -> Array:
-    """The clock of another start, whose first reading comes without delay."""
-    return jnp.where(jnp.isnan(first), 0.0, jnp.maximum(clock - first, 0.0))
