@@ -98,7 +98,8 @@ class GuardedCompensator(AbstractStreamed[GuardedState, Found]):
 
     **Arguments:**
 
-    - `inner`: any compensator; it is given times since the first reading. `low`, `high`: the trained inputs, in the input's unit.
+    - `inner`: any compensator; it is given times since the first reading.
+    - `low`, `high`: the trained inputs, in the input's unit.
     - `beyond`: `"limit"` as above; `"nan"`: an estimate beyond is NaN; `"free"`: only the status tells.
     - `starts`: other states of `inner` before the first reading, at time 0. None: the first state is known.
     - `deviation`: of usual estimates, in the input's unit; 0 where none is stated: starts then have to
