@@ -68,10 +68,8 @@ def error_law(
     """The law of an error, `hysteresis/laws/error.py`; without levels that of its growth alone."""
     levels, falling, rising = map(_known, (levels, falling, rising))
     if len(levels) == 1:
-        levels, falling, rising = (
-            np.append(levels, levels + 1.0),
-            *(np.repeat(e, 2) for e in (falling, rising)),
-        )
+        levels = np.append(levels, levels + 1.0)
+        falling, rising = np.repeat(falling, 2), np.repeat(rising, 2)
     known: dict[str, Any] = ANY_MOTION
     if motions is not None:
         (low, high), (least, most), (slow, fast), (growth, hurry) = map(
@@ -79,7 +77,8 @@ def error_law(
         )
         known = {
             "low": low, "high": high, "least": least, "most": most, "turns": motions.turns, "slow": slow,
-            "fast": fast, "near": _reach(low, high), "factor": DECADES * math.log(10.0),
+            "fast": fast, "near": jnp.maximum(NEAR * (high - low), 1e-30),
+            "factor": DECADES * math.log(10.0),
             "timed": TIMED * width, "growth": growth, "hurry": hurry,
         }  # fmt: skip
     tables = {"levels": len(levels), "level": levels, "falling": falling, "rising": rising}
@@ -96,10 +95,6 @@ def path_law(ends: tuple[float, float], width: float) -> Tree:
 
 def _known(x: Any) -> Any:
     return np.asarray(x, float) if is_concrete(x) else x
-
-
-def _reach(low: Any, high: Any) -> Any:
-    return (np if is_concrete(low) else jnp).maximum(NEAR * (high - low), 1e-30)
 
 
 def along(
