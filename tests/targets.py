@@ -10,7 +10,17 @@ import numpy as np
 from compensate import Origin, Quantity, calibrated, invert
 from compensate.export._export import Program
 from compensate.export.targets._export_to import write_to
-from hysteresis import AbstractModel, Burgers, DuhemOperator, PrandtlIshlinskii, Preisach, Record
+from hysteresis import (
+    AbstractModel,
+    Burgers,
+    DuhemOperator,
+    ModulatedStops,
+    PrandtlIshlinskii,
+    Preisach,
+    Record,
+    Softening,
+    Sum,
+)
 from hysteresis.preisach import GridDensity
 from tests.c_harness import Compiled
 from tests.problems import random_histories
@@ -56,9 +66,17 @@ def _duhem() -> tuple[AbstractModel, np.ndarray, np.ndarray]:
     return model, 0.02 * np.arange(ROWS), u
 
 
+def _sum() -> tuple[AbstractModel, np.ndarray, np.ndarray]:
+    u = random_histories(np.random.default_rng(2), 0.0, 1.0, (1, ROWS))[0]
+    slopes = np.array([[0.5, 1.0], [0.2, 0.4]])
+    stops = ModulatedStops(0.0, 1.0, np.array([0.1, 0.3]), np.array([0.0, 1.0]), slopes, np.ones(2))
+    softening = Softening(0.0, 1.0, np.triu(np.full((3, 3), 0.1)))
+    return Sum([stops, softening]), 0.02 * np.arange(ROWS), u
+
+
 MAKERS: dict[str, Callable[[], tuple[AbstractModel, np.ndarray, np.ndarray]]] = {
     "relays": _relays, "creep": _rated, "conditioned": _conditioned, "plays": _plays,
-    "duhem": _duhem,
+    "duhem": _duhem, "sum": _sum,
 }  # fmt: skip
 
 

@@ -547,7 +547,7 @@ def in_onnx(name: str, n: int, folder: Path) -> tuple[dict[str, str], np.ndarray
 
 
 @JUDGES["onnxruntime"].needed
-@pytest.mark.parametrize("name", ["relays", "creep"])
+@pytest.mark.parametrize("name", ["relays", "creep", "sum"])
 def test_an_onnx_step_gives_the_estimates_of_the_header(name: str, tmp_path: Path):
     """Bit for bit, state and all; its metadata say where it begins, and what it was made from."""
     facts, found, wanted = in_onnx(name, 60, tmp_path)

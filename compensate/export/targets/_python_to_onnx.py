@@ -60,6 +60,9 @@ def _over_unless_zero(graph: Graph, above: Value, below: Value, otherwise: Value
 COMPOSED = {"asinh": _asinh, "log1p": _log1p, "expm1": _expm1}
 """Functions that ONNX lacks for double."""
 
+DONE = "has returned"
+"""A call's flag among its variables: no law can have a variable of this name."""
+
 
 @dataclass(eq=False)
 class Part:
@@ -112,7 +115,8 @@ class Translator:
 
 @dataclass
 class Frame:
-    """One call: its variables are the graph's, under its number; functions and structures are `bound`."""
+    """One call: its variables are the graph's, under its number; functions and structures are `bound`, and
+    names of the state's arrays are `arrays`."""
 
     translator: Translator
     part: Part
@@ -120,6 +124,7 @@ class Frame:
     types: dict[str, str]
     number: int
     bound: dict[str, Any] = field(default_factory=dict)
+    arrays: dict[str, str] = field(default_factory=dict)
 
     @property
     def graph(self) -> Graph:
@@ -134,7 +139,7 @@ class Frame:
 
     @property
     def _done(self) -> Value | None:
-        return self.graph.variables.get((self.number, "done"))
+        return self.graph.variables.get((self.number, DONE))
 
     # Statements
 
@@ -143,16 +148,26 @@ class Frame:
         for k, node in enumerate(body):
             self._statement(node)
             done = self._done
-            if done is None or k + 1 == len(body):
+            if done is None or done.known is False or k + 1 == len(body):
                 continue
             if done.known:
                 return
-            self.graph.branch(done, lambda: None, lambda rest=body[k + 1 :]: self.block(rest))
+            self.graph.branch(done, lambda: None, lambda rest=body[k + 1 :]: self._going_on(rest))
             return
+
+    def _going_on(self, rest: list[ast.stmt]) -> None:
+        # That nothing has returned is known here. Forgotten, it would be asked again behind each statement,
+        # one branch in another: protobuf reads no more than 33 of them.
+        self._set(DONE, self.graph.constant(False, "bool"))
+        self.block(rest)
 
     def _statement(self, node: ast.stmt) -> None:
         graph = self.graph
         match node:
+            case ast.Assign(
+                targets=[ast.Name(id=name)], value=ast.Attribute(value=ast.Name(id=of), attr=array)
+            ) if self._is_array(of, array):
+                self.arrays[name] = array
             case ast.Assign(targets=[ast.Name(id=name)], value=value):
                 made = self.value(value)
                 kind = self.types.get(name, made.type)
@@ -161,9 +176,12 @@ class Frame:
                 made, key = self.value(value), ("state", self.part.key, name)
                 graph.variables[key] = graph.cast(made, graph.variables[key].type)
             case ast.Assign(
-                targets=[ast.Subscript(value=ast.Attribute(attr=name), slice=index)], value=value
+                targets=[
+                    ast.Subscript(value=ast.Attribute(attr=name) | ast.Name(id=name), slice=index)
+                ],
+                value=value,
             ):
-                key = ("state", self.part.key, name)
+                key = ("state", self.part.key, self.arrays.get(name, name))
                 one = np.array([1])
                 places = graph.node(
                     "Reshape", [self.value(index), graph.constant(one, "int")], "int"
@@ -179,7 +197,7 @@ class Frame:
                     self._set(
                         "return", graph.cast(made, "int" if made.type == "bool" else made.type)
                     )
-                self._set("done", graph.constant(True, "bool"))
+                self._set(DONE, graph.constant(True, "bool"))
             case ast.Expr(value=value):
                 self.value(value)
             case ast.If(test=test, body=then, orelse=other):
@@ -206,7 +224,7 @@ class Frame:
     def _unsettled(self, node: ast.stmt) -> None:
         """A flag for whether a branch or loop has returned, where it can."""
         if self._done is None and any(isinstance(n, ast.Return) for n in ast.walk(node)):
-            self._set("done", self.graph.constant(False, "bool"))
+            self._set(DONE, self.graph.constant(False, "bool"))
 
     def _going(self, test: Value) -> Value:
         done = self._done
@@ -228,10 +246,18 @@ class Frame:
     def _is_variable(self, name: str) -> bool:
         return (self.number, name) in self.graph.variables
 
+    def _is_array(self, structure: str, name: str) -> bool:
+        return (
+            self.types.get(structure) == "State"
+            and self.part.home.structures["State"].get(name) == "Reals"
+        )
+
     def value(self, node: ast.expr) -> Value:
         """A value of the graph."""
         graph = self.graph
         match node:
+            case ast.Name(id=name) if name in self.arrays:
+                return graph.variables["state", self.part.key, self.arrays[name]]
             case ast.Constant(value=bool() | int() as known):
                 return graph.constant(int(known), "int")
             case ast.Constant(value=float() as known):
@@ -250,7 +276,8 @@ class Frame:
                 return graph.constant(known, "int" if kind == "int" else "real")
             case ast.Subscript(value=array, slice=index):
                 table, at = self.value(array), graph.cast(self.value(index), "int")
-                if table.known is not None and at.known is not None:
+                # The trial run of a loop goes one step too far.
+                if table.known is not None and at.known is not None and at.known < len(table.known):
                     return graph.constant(float(table.known[at.known]), "real")
                 return graph.node("Gather", [table, at], "real", axis=0)
             case ast.UnaryOp(op=ast.Not(), operand=inner):
