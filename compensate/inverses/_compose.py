@@ -1,10 +1,12 @@
 """Inverses of composed models of which a part is no law: of a chain the chain of inverses."""
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
 from hysteresis import (
+    AbstractModel,
     InputError,
     Scaled,
     Series,
@@ -18,6 +20,7 @@ from hysteresis.trees import input_range, search_range
 from .._contract import AbstractCompensator, AbstractStreamed, Estimate, Status, scan_steps
 from .._readings import reading_of, with_reading
 from ._bisection import BracketedCompensator
+from ._default import check_rises
 from ._inverse_of import inverse_of
 from ._law import LawCompensator, has_laws
 
@@ -95,4 +98,15 @@ def _(model: Sum) -> AbstractCompensator:
             "no part of the sum says over which inputs it holds, so none can be looked for.",
             fix="BracketedCompensator(model, low, high).",
         )
+    if any(map(_falls, model.parts)):
+        check_rises(model)
     return LawCompensator(model) if has_laws(model) else BracketedCompensator(model, *ends)
+
+
+def _falls(model: AbstractModel) -> bool:
+    """Whether the output of a model falls as its input rises, by its scales."""
+    if isinstance(model, Scaled):
+        return _falls(model.inner) != bool(is_concrete(model.factor) and np.all(model.factor < 0))
+    if isinstance(model, Series):
+        return sum(map(_falls, model.parts)) % 2 == 1
+    return isinstance(model, Sum) and any(map(_falls, model.parts))

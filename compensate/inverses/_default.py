@@ -3,6 +3,7 @@
 import numpy as np
 
 from hysteresis import AbstractModel, InputError, is_concrete, parameters
+from hysteresis._registry import OURS
 from hysteresis.trees import ROUNDING, search_range
 
 from .._contract import AbstractCompensator
@@ -18,13 +19,22 @@ WALKS, STEPS, GRID = 16, 24, 65
 @inverse_of.register
 def _(model: AbstractModel) -> AbstractCompensator:
     """Between the ends that the model names (`low`, `high`, `nodes`), else as far as its parameters reach.
+    Laws of ours rise by the bounds of their parameters, which are not looked at again.
 
     The check is no proof: it looks at random histories of every size. Raises `InputError` where one
     of them shows a falling output, and where the parameters are not known yet, under `jit` or `vmap`.
     """
-    name = type(model).__name__
-    if has_laws(model):
+    laws = has_laws(model)
+    if laws and type(model).__module__.partition(".")[0] in OURS:
         return LawCompensator(model)
+    ends = check_rises(model)
+    return LawCompensator(model) if laws else BracketedCompensator(model, *ends)
+
+
+def check_rises(model: AbstractModel) -> tuple[float, float]:
+    """Raise `InputError` where the output of a model falls on a random history; else the ends between which
+    it was looked at."""
+    name = type(model).__name__
     values = [value for _, _, value in parameters(model) if value is not None]
     if not all(is_concrete(value) for value in values):
         raise InputError(
@@ -55,7 +65,7 @@ def _(model: AbstractModel) -> AbstractCompensator:
             fix="BracketedCompensator(model, low, high) between inputs where it rises, or register an"
             f" inverse of its own: compensate.inverse_of.register({name}, ...).",
         )
-    return BracketedCompensator(model, low, high)
+    return low, high
 
 
 def _histories(low: float, high: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -18,8 +18,11 @@ from hysteresis import (
     Burgers,
     InputError,
     LinearSponge,
+    MonotoneCurve,
     NonlinearMaxwell,
     Preisach,
+    Scaled,
+    Series,
     Sum,
 )
 from hysteresis.preisach import GridDensity
@@ -322,3 +325,26 @@ def test_a_model_that_falls_in_a_state_of_its_past_has_no_inverse(strength: floa
     with pytest.raises(InputError, match="falls") as found:
         invert(model, trained=(0.0, 1.0), past=past)
     assert found.value.code == "not-invertible"
+
+
+def curve(*increments: float) -> MonotoneCurve:
+    return MonotoneCurve.even(0.0, 2.0, np.array(increments))
+
+
+@given(st.lists(st.floats(0.0, 0.9), min_size=4, max_size=4))
+def test_a_sum_with_a_part_that_falls_less_than_the_others_rise_has_an_inverse(
+    fall: list[float],
+):
+    model = Sum([curve(1.0, 1.0, 1.0, 1.0), Scaled(curve(*fall), -1.0)])
+    u = np.array([0.0, 0.5, 1.2, 1.9, 1.4])
+    found = invert(model).simulate(None, model.simulate(None, u))
+    np.testing.assert_allclose(found.value, u, atol=1e-8)
+
+
+@pytest.mark.parametrize("factor", [-1.5, -4.0])
+def test_a_sum_that_falls_somewhere_has_none(factor: float):
+    model = Sum(
+        [curve(1.0, 1.0, 1.0), Series([curve(0.0, 1.0, 0.0), Scaled(LinearSponge(1.0), factor)])]
+    )
+    with pytest.raises(InputError, match=r"the output of Sum falls .* \[not-invertible\]"):
+        invert(model)
