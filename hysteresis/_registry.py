@@ -15,10 +15,12 @@ from dataclasses import MISSING, dataclass, fields, is_dataclass
 from functools import cache
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
+from types import ModuleType
 from typing import Any, TypeVar, overload
 
 from ._errors import InputError
 from ._model import AbstractModel
+from .laws import announce
 
 GROUP = "hysid.models"
 OURS = ("hysteresis", "compensate")
@@ -85,16 +87,32 @@ def _load_ours() -> None:
 
 
 @overload
-def register(model: Class, /, guess: Guess | None = None, name: str | None = None) -> Class: ...
+def register(
+    model: Class,
+    /,
+    guess: Guess | None = None,
+    name: str | None = None,
+    law: ModuleType | None = None,
+) -> Class: ...
 
 
 @overload
 def register(
-    model: None = None, /, guess: Guess | None = None, name: str | None = None
+    model: None = None,
+    /,
+    guess: Guess | None = None,
+    name: str | None = None,
+    law: ModuleType | None = None,
 ) -> Callable[[Class], Class]: ...
 
 
-def register(model: Any = None, /, guess: Guess | None = None, name: str | None = None) -> Any:
+def register(
+    model: Any = None,
+    /,
+    guess: Guess | None = None,
+    name: str | None = None,
+    law: ModuleType | None = None,
+) -> Any:
     """Make a model known: by name in `fit` and on the command line, and in files of fits.
 
     A saved fit holds the names of its classes; only registered classes are made when it is loaded.
@@ -107,6 +125,7 @@ def register(model: Any = None, /, guess: Guess | None = None, name: str | None 
     - `guess`: where a fit starts, `guess(record) -> model`. Without it the fit starts from `model()` where
       every field has a default.
     - `name`: how `fit` and `--model` call it, whatever the case; by default the name of the class.
+    - `law`: the module of its law, see `hysteresis.laws.announce`.
 
     Returns the class; without a class, a decorator.
 
@@ -120,7 +139,7 @@ def register(model: Any = None, /, guess: Guess | None = None, name: str | None 
         True
     """
     if model is None:
-        return lambda kind: register(kind, guess, name)
+        return lambda kind: register(kind, guess, name, law)
     has_fields = inspect.isclass(model) and (is_dataclass(model) or hasattr(model, "_fields"))
     if not has_fields or inspect.isabstract(model):
         raise InputError(
@@ -145,6 +164,8 @@ def register(model: Any = None, /, guess: Guess | None = None, name: str | None 
             _BY_NAME.pop(known.name.casefold(), None)
         _BY_NAME[entry.name.casefold()] = entry
     _BY_CLASS[key] = entry
+    if law is not None:
+        announce(law)
     return model
 
 

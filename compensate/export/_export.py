@@ -1,7 +1,7 @@
 """Compensators as files that run without JAX: JSON for `compensate.runtime`, a header for C99."""
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -13,8 +13,10 @@ from numpy.typing import ArrayLike
 
 from hysteresis import AbstractModel, InputError, Oscillator, condition_of, conversion
 from hysteresis._atomic_file import write_whole
+from hysteresis.laws import announced
 from hysteresis.laws._tree import node_of
 from hysteresis.records._common_part import STILL
+from hysteresis.running._law import law
 from hysteresis.trees import Tree, plain
 
 from .._contract import AbstractCompensator
@@ -37,7 +39,7 @@ from ._motion import LONGEST as LONGEST_MOTION
 from ._motion import Motion
 from ._precision import require_double
 from ._starts import starts_in
-from ._trees import ONE_WAY, guard_tree, tree_of
+from ._trees import ONE_WAY, guard_tree, nodes_of, tree_of
 
 FAR = 1000.0
 """Spans of the estimates that an input may be beyond."""
@@ -233,7 +235,10 @@ class Program:
             raise InputError("no-rows", "There are fewer than two finite readings to export for.")
         y, c = y[finite], c[finite]
         t = None if times is None else np.asarray(times, float)[finite]
-        rates, kinds = any(map(_has_rates, _nodes(tree))), {node["kind"] for node in _nodes(tree)}
+        rates, kinds = (
+            any(map(_has_rates, nodes_of(tree))),
+            {node["kind"] for node in nodes_of(tree)},
+        )
         # The error may depend on the speed where the model does not.
         counts_time = rates or (t is not None and error is not None and error.knows_speeds)
         if rates and t is None:
@@ -332,7 +337,7 @@ class Program:
         )
 
     def _deep_enough(self) -> tuple[str, ...]:
-        if all(node["kind"] != "preisach" for node in _nodes(self._trees[np.float64])):
+        if all(node["kind"] != "preisach" for node in nodes_of(self._trees[np.float64])):
             return ()
         dt = np.diff(self._times, prepend=self._times[0])
         deep = tree_of(self.model, depth=DEEP)
@@ -347,7 +352,7 @@ class Program:
     @property
     def predicts(self) -> bool:
         """Whether the header has the model itself too; of an oscillator it has not."""
-        return all(node["kind"] not in ONE_WAY for node in _nodes(self._trees[np.float64]))
+        return all(node["kind"] not in ONE_WAY for node in nodes_of(self._trees[np.float64]))
 
     def write_runtime(self, path: str | Path) -> Exported:
         """`export_runtime` of what was prepared."""
@@ -413,16 +418,12 @@ def wider(y: np.ndarray) -> tuple[float, float]:
     return low - (high - low) / 2, high + (high - low) / 2
 
 
-def _nodes(tree: dict[str, Any]) -> Iterator[dict[str, Any]]:
-    yield tree
-    for part in tree.get("parts", ()):
-        yield from _nodes(part)
-
-
 def _has_rates(node: dict[str, Any]) -> bool:
     p = node.get("parameters", {})
+    kind = node["kind"]
     return (
-        node["kind"] in ("chain", "friction", "maxwell", "oscillator")
+        kind in ("chain", "friction", "maxwell", "oscillator")
+        or (kind in announced() and law(kind).takes_time("move"))
         or (node["kind"] == "adaptive" and p["spread"][1] > 0)  # the zero drifts
         or bool(p.get("forgetting"))
         or any(p.get("rates", ()))

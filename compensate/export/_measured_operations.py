@@ -8,8 +8,8 @@ from functools import cache
 from types import FrameType
 from typing import NamedTuple
 
-from hysteresis.laws import _search, module_of
-from hysteresis.laws._tree import KINDS, Tree
+from hysteresis.laws import KINDS, _search, announced, module_of
+from hysteresis.laws._tree import Tree
 
 from ..runtime._compensator import Compensator
 from ._operation_count import CALL, OF_A_NODE, own_operations
@@ -34,7 +34,7 @@ def measured(document: Tree, samples: Sequence[Sequence[float]]) -> Operations:
     The lines of the elements that a step runs are traced, in so many of the steps, evenly; each counts as
     `operations` counts it.
     """
-    lines, sensor, count = _costs(), Compensator(document), 0
+    lines, sensor, count = _costs(announced()), Compensator(document), 0
 
     def within(frame: FrameType, event: str, _: object) -> Tracer:
         nonlocal count
@@ -66,11 +66,11 @@ def measured(document: Tree, samples: Sequence[Sequence[float]]) -> Operations:
 
 
 @cache
-def _costs() -> dict[str, dict[int, int]]:
+def _costs(further: tuple[str, ...]) -> dict[str, dict[int, int]]:
     """Operations of every line of the elements, by file and line."""
     found: dict[str, dict[int, int]] = {}
     kinds = [kind for kind in KINDS if kind != "series"]
-    for module in (_search, *map(module_of, (*kinds, "error", "guard"))):
+    for module in (_search, *map(module_of, (*kinds, *further, "error", "guard"))):
         code = ast.parse(inspect.getsource(module))
         lines = found[str(inspect.getsourcefile(module))] = {}
         for function in (node for node in code.body if isinstance(node, ast.FunctionDef)):

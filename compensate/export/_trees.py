@@ -1,5 +1,7 @@
 """Models and what is around their inverses as trees of plain numbers: what the runtimes without JAX run."""
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from hysteresis import AbstractModel
@@ -25,6 +27,13 @@ def program_of(model: AbstractModel) -> Tree:
 def tree_of(model: AbstractModel, precision: type = np.float64, depth: int = 64) -> Tree:
     """The tree of a model for numbers of a precision, and so many reversals of a Preisach model."""
     return plain(model.tree(float(np.finfo(precision).eps), depth))
+
+
+def nodes_of(tree: Tree) -> Iterator[Tree]:
+    """A tree, node by node."""
+    yield tree
+    for part in tree.get("parts", ()):
+        yield from nodes_of(part)
 
 
 def guard_tree(guard: GuardedCompensator, precision: type = np.float64) -> Tree:

@@ -1,9 +1,11 @@
 """The Duhem model: dy = alpha |du| (beta u - y) + gamma du."""
 
+import hysid_duhem_law
 import jax.numpy as jnp
 import numpy as np
 
-from hysteresis import AbstractSteppedModel, parameter, register
+from hysteresis import parameter, register
+from hysteresis.trees import AbstractSearchedModel, node
 
 
 def guess(record):
@@ -12,20 +14,14 @@ def guess(record):
     return Duhem(10 / np.ptp(record.input[record.mask]), slope, 0.7 * slope)
 
 
-@register(guess=guess)
-class Duhem(AbstractSteppedModel):
+@register(guess=guess, law=hysid_duhem_law)
+class Duhem(AbstractSearchedModel):
     """Between two samples y follows a straight line and an exponential, exactly."""
 
     alpha: float = parameter(unit="1 / input", bounds=(0, jnp.inf), meaning="forgetting per input")
     beta: float = parameter(unit="output / input", bounds=(0, jnp.inf), meaning="slope far away")
     gamma: float = parameter(unit="output / input", bounds=(0, jnp.inf), meaning="slope at first")
 
-    def init(self, t0=None, u0=None):
-        return jnp.zeros_like(self.alpha), jnp.zeros_like(self.alpha)  # input and output
-
-    def step(self, state, t, u):
-        before, y = state
-        gap = jnp.sign(u - before) * (self.gamma - self.beta) / self.alpha
-        far = jnp.exp(-self.alpha * jnp.abs(u - before))
-        y = self.beta * u + gap + (y - self.beta * before - gap) * far
-        return (u, y), y
+    def forwards(self):
+        numbers = {"alpha": self.alpha, "beta": self.beta, "gamma": self.gamma}
+        return node("hysid_duhem_law", numbers, {"u": 0.0, "y": 0.0})

@@ -10,7 +10,7 @@ import identify
 from compensate import invert
 from compensate.guards._run_in import driven
 from hysteresis import AbstractModel, InputError
-from hysteresis.laws._tree import KINDS
+from hysteresis.laws import KINDS
 from hysteresis.running._compiled import available, loop_of
 from hysteresis.running._law import law
 from hysteresis.running._numbers import Structure

@@ -6,19 +6,12 @@ from functools import partial
 from math import nan
 from typing import Any, NamedTuple, get_type_hints
 
-from . import module_of
+from . import KINDS, announced, module_of
 from ._codes import OK
 from ._types import check_fields
 
 Function = Callable[[float, float], float]
 Tree = dict[str, Any]
-
-KINDS = (
-    "adaptive", "bouc_wen", "chain", "clip", "curve", "dead_band",
-    "degrading_bouc_wen", "drift", "duhem", "foam", "friction", "line",
-    "maxwell", "occupancy", "oscillator", "plays", "polynomial", "preisach", "scaled",
-    "series", "share", "softening", "stops", "sum", "time_drift",
-)  # fmt: skip
 
 
 def error_of(tree: Tree) -> Callable[[float, float], float]:
@@ -78,7 +71,7 @@ def node_of(
     """
     kind = tree["kind"]
     inner = [node_of(part, states, takes) for part in parts_of(tree)]
-    if kind not in KINDS:
+    if kind not in (*KINDS, *announced()):
         raise ValueError(f"no element {kind!r}")
     if kind == "series":
         return _series(inner)

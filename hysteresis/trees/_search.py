@@ -23,11 +23,11 @@ BEYOND = 0.25
 
 
 class AbstractSearchedModel(AbstractLawModel):
-    """A model for inputs from `low` to `high` whose law goes forwards: the input behind an output is looked
-    for, a little beyond them too."""
+    """A model whose law goes forwards: the input behind an output is looked for, from `low` to `high` and a
+    little beyond where it has such fields, else as far as its parameters reach.
 
-    low: eqx.AbstractVar[float]
-    high: eqx.AbstractVar[float]
+    A subclass has fields and `forwards`; `docs/your-own-model.md` shows one.
+    """
 
     @abc.abstractmethod
     def forwards(self) -> Tree:
@@ -37,7 +37,8 @@ class AbstractSearchedModel(AbstractLawModel):
         return looked_for(self, [self.forwards()], eps)
 
     def search_range(self) -> tuple[Any, Any]:
-        return widened(self.low, self.high)
+        own = input_range(self)
+        return reach_of(self) if own is None else widened(*own)
 
 
 def input_range(model: AbstractModel) -> tuple[Any, Any] | None:

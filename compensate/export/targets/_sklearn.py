@@ -1,11 +1,13 @@
 """A Python package with an estimator for scikit-learn, and the runtime in plain Python that it runs."""
 
+import inspect
 from pathlib import Path
 
 from hysteresis import laws
 
 from ...runtime import _file
 from .._export import Exported, Program
+from .._trees import nodes_of
 from ._artefact import Artefact, name_in_c
 
 RUNTIME = Path(_file.__file__).parent
@@ -19,9 +21,12 @@ def sklearn(program: Program, out: Path, real: str) -> Exported:
     made.words["step"] = made.usual_step
     made.add_template("sklearn/__init__.py.txt", "__init__.py")
     made.add_template("sklearn/README.md", "README.md")
-    made.files["runtime/__init__.py"] = (
-        '"""As much of compensate.runtime as a compensator needs."""\n'
-    )
+    begin = '"""As much of compensate.runtime as a compensator needs."""\n'
+    kinds = {node["kind"] for node in nodes_of(made.document["tree"])}
+    for kind in kinds.intersection(laws.announced()):
+        made.files[f"runtime/laws/{kind}.py"] = inspect.getsource(laws.module_of(kind))
+        begin += f"from .laws import {kind}, announce\n\nannounce({kind})\n"
+    made.files["runtime/__init__.py"] = begin
     for file in (*map(RUNTIME.joinpath, MODULES), *sorted(LAWS.glob("*.py"))):
         name = file.name if file.parent == RUNTIME else f"laws/{file.name}"
         text = file.read_text("utf-8").replace("from hysteresis.laws", "from .laws")
