@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 from hysteresis._escape import visible
 from hysteresis.laws._tree import begun, parts_of
 
+from ..inverses._law import goes_back_only
 from ..runtime._file import LONGEST
 from ..runtime._status import Status
 from . import _c99_adaptive
@@ -25,7 +26,6 @@ from ._header_facts import (
     trained,
 )
 from ._python_to_c99 import Element, comment, element, number
-from ._trees import ONE_WAY
 
 Tree = dict[str, Any]
 
@@ -62,7 +62,7 @@ class _Header:
         self.condition: dict[str, Any] | None = document.get("condition")
         learns = self.root.tree["kind"] == "adaptive"
         self._learns = self.elements["adaptive"] if learns else None
-        self.predicts = all(part.tree["kind"] not in ONE_WAY for part in self.parts)
+        self.predicts = not goes_back_only(document["tree"])
 
     def text(self) -> str:
         stem, upper = self.stem, self.stem.upper()

@@ -24,7 +24,7 @@ from .._invert import invert
 from ..guards._guarded import GuardedCompensator
 from ..guards._guarded import longest_step as longest_step
 from ..guards._run_in import Past
-from ..inverses._law import stable_step
+from ..inverses._law import goes_back_only, stable_step
 from ..recalibration._adaptive import AdaptiveCompensator
 from ..runtime._compensator import KIND
 from ..runtime._file import COMPENSATOR_SCHEMA, number
@@ -39,7 +39,7 @@ from ._motion import LONGEST as LONGEST_MOTION
 from ._motion import Motion
 from ._precision import require_double
 from ._starts import starts_in
-from ._trees import ONE_WAY, guard_tree, nodes_of, tree_of
+from ._trees import guard_tree, nodes_of, tree_of
 
 FAR = 1000.0
 """Spans of the estimates that an input may be beyond."""
@@ -352,7 +352,7 @@ class Program:
     @property
     def predicts(self) -> bool:
         """Whether the header has the model itself too; of an oscillator it has not."""
-        return all(node["kind"] not in ONE_WAY for node in nodes_of(self._trees[np.float64]))
+        return not goes_back_only(self._trees[np.float64])
 
     def write_runtime(self, path: str | Path) -> Exported:
         """`export_runtime` of what was prepared."""

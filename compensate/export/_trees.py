@@ -11,9 +11,6 @@ from ..guards._guarded import ROUNDING as ROUNDING_OF_ENDS
 from ..guards._guarded import GuardedCompensator
 from ..inverses import inverse_of
 
-ONE_WAY = ("oscillator",)
-"""Kinds of elements that run from reading to estimate only."""
-
 
 def program_of(model: AbstractModel) -> Tree:
     """The tree of a model that can be inverted.
