@@ -181,7 +181,9 @@ class Compensator:
         status, beyond = self._status(), strange or dt >= self.longest or seen != reading
         self._deviation = deviation = self._error(dt, value)
         if self._guard is not None:
-            apart = max((abs(find(dt, seen) - value) for find in self._others), default=0.0)
+            apart = 0.0
+            for find in self._others:
+                apart = max(apart, abs(find(dt, seen) - value))
             value, status = self._guard.of(value, status, beyond, apart, reading)
         elif beyond and status in (_OK, Status.FLAT):
             status = _EXTRAPOLATED
