@@ -331,6 +331,7 @@ def curve(*increments: float) -> MonotoneCurve:
     return MonotoneCurve.even(0.0, 2.0, np.array(increments))
 
 
+@settings(max_examples=10)
 @given(st.lists(st.floats(0.0, 0.9), min_size=4, max_size=4))
 def test_a_sum_with_a_part_that_falls_less_than_the_others_rise_has_an_inverse(
     fall: list[float],
