@@ -3,9 +3,10 @@
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from hysteresis import Conditioned, Record, condition_of, with_condition
 
@@ -22,6 +23,11 @@ def with_reading(
     if y.ndim == dimensions:
         return reading
     return jnp.concatenate([reading[..., None], y[..., 1:].astype(reading.dtype)], -1)
+
+
+def latest_of(valid: Bool[Array, " samples"]) -> Int[Array, " samples"]:
+    """The latest valid sample up to each one; -1 before the first."""
+    return jax.lax.cummax(jnp.where(valid, jnp.arange(len(valid)), -1))
 
 
 def conditioned_in(compensator: Any) -> Conditioned | None:

@@ -16,6 +16,7 @@ from hysteresis._parameter import as_float
 
 from .._contract import scan_steps
 from .._invert import invert
+from .._readings import latest_of
 from ..runtime._contact_status import ContactStatus
 
 GRAVITY = 9.80665
@@ -320,8 +321,8 @@ class WristSensor(eqx.Module):
         """All readings at once: the state after them, and the wrenches."""
         readings = self._readings(readings)
         t, sound = jnp.asarray(t, readings.dtype), self._calibrated(readings)
-        doubt = self._wrench(readings, sound, motion).doubt
-        usable = (doubt != int(ContactStatus.INVALID)) & jnp.isfinite(t)
+        now = self._wrench(readings, sound, motion)
+        usable = (now.doubt != int(ContactStatus.INVALID)) & jnp.isfinite(t)
         slip, channels = state.slip, []
         if self.slip is not None:
             slip, stops = self.slip.follow(slip, readings - self.bias[None], usable)
@@ -329,13 +330,14 @@ class WristSensor(eqx.Module):
         if self.hysteresis is not None:
             seen = jnp.where(usable[:, None], sound, jnp.nan)
             # The time of the last reading, before the first one its own.
-            at = jax.lax.cummax(jnp.where(usable, jnp.arange(len(t)), -1))
+            at = latest_of(usable)
             clock = t[jnp.where(at < 0, jnp.argmax(usable), at)]
             axes = zip(self.hysteresis, state.channels, seen.T, strict=True)
             each = [scan_steps(invert(model), clock, y, own) for model, own, y in axes]
             channels = [own for own, _ in each]
             sound = jnp.stack([found.value for _, found in each], 1)
-        now = self._wrench(readings, sound, motion)
+        if self.slip is not None or self.hysteresis is not None:
+            now = self._wrench(readings, sound, motion)
         whole = jnp.concatenate([now.force, now.moment], 1)
         (held, time), slow = _slowed(
             self.time_constant, (state.held, state.time), (whole, t, usable)

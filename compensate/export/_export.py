@@ -235,10 +235,8 @@ class Program:
             raise InputError("no-rows", "There are fewer than two finite readings to export for.")
         y, c = y[finite], c[finite]
         t = None if times is None else np.asarray(times, float)[finite]
-        rates, kinds = (
-            any(map(_has_rates, nodes_of(tree))),
-            {node["kind"] for node in nodes_of(tree)},
-        )
+        nodes = list(nodes_of(tree))
+        rates, kinds = any(map(_has_rates, nodes)), {node["kind"] for node in nodes}
         # The error may depend on the speed where the model does not.
         counts_time = rates or (t is not None and error is not None and error.knows_speeds)
         if rates and t is None:

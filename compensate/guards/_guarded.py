@@ -3,7 +3,6 @@
 from typing import Any, NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -15,7 +14,7 @@ from hysteresis.running import each, numbers_of
 from hysteresis.trees import Tree, node
 
 from .._contract import AbstractCompensator, AbstractStreamed, Found, Status, scan_steps
-from .._readings import conditioned_in, reading_of, with_reading
+from .._readings import conditioned_in, latest_of, reading_of, with_reading
 from ..runtime._file import LONGEST
 from ._run_in import Start
 
@@ -237,8 +236,7 @@ class GuardedCompensator(AbstractStreamed[GuardedState, Found]):
         """The inner clock, which begins with the first reading and in which no step is longer than
         `longest`; which samples come after a longer one; the time of the last reading."""
         valid = jnp.isfinite(y) if y.ndim == 1 else jnp.isfinite(y).all(axis=-1)
-        at = jax.lax.cummax(jnp.where(valid, jnp.arange(t.shape[0]), -1))
-        at = jnp.concatenate([jnp.full(1, -1), at])
+        at = jnp.concatenate([jnp.full(1, -1), latest_of(valid)])
         times = jnp.concatenate([t, state.last[None]])  # the last one is that at -1
         wait = t - times[at[:-1]]
         passed = jnp.where(valid & (wait > 0), wait, 0.0)

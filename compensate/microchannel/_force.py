@@ -13,6 +13,7 @@ from hysteresis import AbstractModel, InputError, Units, conversion, is_concrete
 from hysteresis._type_variables import PyTree
 
 from .._contract import AbstractCompensator, AbstractStreamed, Status, scan_steps
+from .._readings import latest_of
 from ..uncertainty._ensemble import UncertainEstimate
 
 Limit = float | tuple[float, ...]
@@ -177,7 +178,7 @@ class ForceEstimator(AbstractStreamed[ForceState, UncertainEstimate]):
         else:
             model, found = _where_valid(self.model, state.model, (t, y, valid))
         found = self.newtons * found
-        latest = jax.lax.cummax(jnp.where(valid, jnp.arange(len(y)), -1))
+        latest = latest_of(valid)
         value = jnp.where(latest < 0, state.value, jnp.clip(found, 0.0, self.high)[latest])
         low, high = (jnp.atleast_1d(np.asarray(x)) for x in (self.low_reading, self.high_reading))
         beyond = ((channels < low[None]) | (channels > high[None])).any(1)

@@ -103,13 +103,13 @@ class Text:
             for j, x in enumerate(kept)
         ]
         return "\n    ".join([
-            "@loop", f"def {wanted}(m, n, first, size, x, dt, c, rows, u, status, said, given):",
+            f"@loop\ndef {wanted}(m, n, first, size, x, dt, c, rows, u, status, said, given):",
             "for k in range(rows):",
             "    if get(x, k) - get(x, k) == 0.0:",
             f"        put(u, k, {self.law(self.root, name, *values)})",
             f"        put(status, k, {self.number(self.root, 'status')})",
             *said,
-        ]).replace("@loop\n    ", "@loop\n")  # fmt: skip
+        ])  # fmt: skip
 
     def _all(self, node: Node) -> list[Node]:
         return [*(one for part in node.parts for one in self._all(part)), node]
