@@ -14,8 +14,11 @@ def channels(case: Case) -> Section:
     nodes, values = np.asarray(combined.nodes), np.asarray(combined.values)
     names = [plain_name(*of) for of in zip(combined.names, combined.units, strict=True)]
     axes = [label(*of) for of in zip(names, combined.units, strict=True)]
+    memory = (
+        "" if combined.memory is None else " and of what each leaves behind (stops, slow states)"
+    )
     section = Section("Channels", [
-        f"The input is a sum of curves, one for each of {len(names)} channels, in the unit of the"
+        f"The input is a sum of curves, one for each of {len(names)} channels{memory}, in the unit of the"
         f" {case.output}: what the {case.output} would be without memory."
         " Beyond its ends a curve keeps its end value. Falling curves next to rising ones cancel effects"
         f" that the channels measure and the {case.output} does not contain."

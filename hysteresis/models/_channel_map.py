@@ -1,4 +1,4 @@
-"""Several input channels: a static map of them to one scalar."""
+"""Several input channels: a map of them to one scalar, each with a memory of its own where it has one."""
 
 from typing import Any
 
@@ -11,6 +11,7 @@ from jaxtyping import Array, Float
 from .._errors import InputError
 from .._parameter import Scalar, as_float, is_concrete
 from .._registry import register
+from ..numerics._input_memory import slow_states, stops
 
 
 @register
@@ -20,7 +21,13 @@ class ChannelMap(eqx.Module):
         s = offset + f_1(x_1) + ... + f_C(x_C)
 
     f_c is a polygon: straight between its nodes, and constant beyond the first and the last, because
-    nothing is known there. The scalar has the unit of the output. Each curve converts its channel's
+    nothing is known there. With `memory` each channel v_c, in parts of its fitted range, also
+    adds what it leaves behind:
+
+        s = ... + sum_c (sum_j m_cj stop_j(v_c) + sum_k m_ck (v_c - average_k(v_c)))
+
+    with stop operators of some `radii` and exponential averages over some `times`, which begin with the
+    first row. The scalar has the unit of the output. Each curve converts its channel's
     unit to that unit, so channels may have different units.
 
     A curve may rise or fall. A sensor's channels also respond to other quantities than the wanted one
@@ -34,6 +41,8 @@ class ChannelMap(eqx.Module):
     - `offset`: in the unit of the output.
     - `names`, `units`: of the channels.
     - `trained`: the least and the greatest scalar of the rows that it was fitted to; None if unknown.
+    - `radii`: of the stop operators, in parts of the range of the nodes. `times`: of the averages.
+    - `memory`: (channels, radii + times) their weights, in the unit of the output.
 
     Raises `InputError` where an argument does not meet these conditions.
 
@@ -51,6 +60,11 @@ class ChannelMap(eqx.Module):
     names: tuple[str, ...] = eqx.field(static=True)
     units: tuple[str, ...] = eqx.field(static=True)
     trained: tuple[float, float] | None = eqx.field(default=None, static=True)
+    radii: tuple[float, ...] = eqx.field(default=(), static=True)
+    times: tuple[float, ...] = eqx.field(default=(), static=True)
+    memory: Float[Array, "channels memories"] | None = eqx.field(
+        default=None, converter=lambda x: None if x is None else as_float(x)
+    )
 
     def __check_init__(self) -> None:
         shapes = self.nodes.shape, self.values.shape
@@ -67,7 +81,38 @@ class ChannelMap(eqx.Module):
                 "parameter-out-of-bounds", f"nodes = {self.nodes}.", fix="keep them increasing."
             )
 
-    def __call__(self, x: Float[Array, "samples channels"] | Any) -> Float[Array, " samples"]:
-        """The scalar at every sample."""
+    def __call__(
+        self,
+        x: Float[Array, "samples channels"] | Any,
+        time: Float[np.ndarray, " samples"] | None = None,
+    ) -> Float[Array, " samples"]:
+        """The scalar at every sample of one sequence; `time` is needed where there are `times`."""
         each = jax.vmap(jnp.interp, in_axes=(1, 0, 0))
-        return self.offset + each(jnp.asarray(x, float), self.nodes, self.values).sum(0)
+        found = self.offset + each(jnp.asarray(x, float), self.nodes, self.values).sum(0)
+        if self.memory is None:
+            return found
+        for v, weights in zip(self.parts_of_range(x).T, np.asarray(self.memory), strict=True):
+            found += memory_columns(v, time, self.radii, self.times) @ weights
+        return found
+
+    def parts_of_range(self, x: Float[Array, "samples channels"] | Any) -> np.ndarray:
+        """The channels in parts of the range of their nodes."""
+        low, high = np.asarray(self.nodes)[:, 0], np.asarray(self.nodes)[:, -1]
+        return (np.asarray(x) - low) / (high - low)
+
+
+def memory_columns(
+    v: Float[np.ndarray, " samples"],
+    time: Float[np.ndarray, " samples"] | None,
+    radii: tuple[float, ...],
+    times: tuple[float, ...],
+) -> Float[np.ndarray, "samples memories"]:
+    """What one sequence of a channel leaves behind: its stops, then its slow states."""
+    found = [stops(v, np.array(radii))] if radii else []
+    if times:
+        if time is None:
+            raise InputError(
+                "no-time", "The channels have a memory of times.", fix="give the time (--time)."
+            )
+        found.append(slow_states(v, time, np.array(times)))
+    return np.hstack(found)

@@ -1,9 +1,10 @@
 """Fitting the map that combines several channels into the one input of a scalar model.
 
-The map is linear in the rises of its curves over their cells, so all of them are found at once, by least
-squares with a prior that holds neighbouring rises alike. Held-out parts of the training rows choose its
-strength, and how many first cycles the map leaves out, where that takes away a part of their error: they
-are those of a sample that still settles. The scalar model is fitted to all rows.
+The map is linear in the rises of its curves over their cells and in the weights of what each channel leaves
+behind, so all of them are found at once, by least squares with a prior whose strengths are chosen group by
+group on left-out parts, see `_group_strengths`. The channels have a memory where that takes away a part of
+the held-out error. So are first cycles left out of the map: those of a sample that still settles.
+The scalar model is fitted to all rows.
 
 The scalar model is fitted to values that each part has from a map that did not see it. On the values of the
 whole fit, which is better on rows it saw than it will be on any other, a model with memory explains errors
@@ -12,33 +13,42 @@ by up to 2.
 """
 
 from dataclasses import replace
-from typing import TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from hysteresis import ChannelMap, InputError, Note, Record
+from hysteresis.models._channel_map import memory_columns
 
-from ..records._channel_map import columns_of, combine
-from ..records._folds import Fold, earned, held_out_errors, simplest, thinned
-from ._cross_validation import ROWS, STRENGTHS, Choice, jittered, normal_equations_of, total
+from ..records._channel_map import combine
+from ..records._folds import Fold, earned, held_out_errors, thinned
+from ..records._latest import repeats
+from ..records._relaxation_times import longest_sequence
+from ..records._speeds import usual_speed
+from ._cross_validation import ROWS, normal_equations_of
+from ._group_strengths import Group, GroupedColumns, Strengths
 
 CELLS = 16
 """Cells of each channel's even grid."""
 
-STRAIGHT = (100.0, 10.0, 1.0)
-"""Further prior strengths, the strongest first: with 100 the curves are straight lines, which is all that a
-few sessions with zeros of their own tell."""
+RADII = (0.02, 0.055, 0.15, 0.4)
+"""Of the stops of a channel, in parts of its range."""
 
-RIDGE = 1e-3
-"""Pulls what the data leave open to 0, as a part of the prior; straight lines are pulled no harder than
-curves."""
+TIMES = 4
+"""Of the averages of a channel."""
 
 SETTLING = 3
 """First cycles left out, at most."""
 
 GROUPS = 5
 """Groups that several sequences make, at most, each held out in turn."""
+
+APART = 100.0
+"""Between channels, in units of `Group.places`: they have nothing in common."""
+
+BLOCKS = 6
+"""Of a single sequence."""
 
 
 def fit_channel_map(record: Record, keep_conditioning: bool = False) -> tuple[ChannelMap, Record]:
@@ -64,39 +74,44 @@ def fit_channel_map(record: Record, keep_conditioning: bool = False) -> tuple[Ch
             place=record.source,
             fix="use more rows, or fewer channels.",
         )
-    most = 0 if keep_conditioning else _most_settling(record)
-    part, tested = _parts(record, most)
-    choices = [
-        _chosen(_Problem(record, moving, part, tested, left_out)) for left_out in range(most + 1)
-    ]
-    fewer = [one for one in choices[1:] if earned(choices[0].blocks, one.blocks)]
-    choice = simplest(fewer) if fewer else choices[0]
-    problem = choice.problem
-    fitted = problem.map(choice.strength)
+    # Of cycles that differ the first tell what later ones do not.
+    alike = repeats(replace(record, input=np.nan_to_num(record.output)))
+    several = len(record.labels) > 1
+    most = _most_settling(record) if (alike or several) and not keep_conditioning else 0
+    cut = _parts(record, most)
+    best = _Problem(record, moving, cut)
+    for left_out in range(1, most + 1):
+        fewer = _Problem(record, moving, cut, left_out)
+        if earned(best.blocks, fewer.blocks):
+            best = fewer
+    remembering = _Problem(record, moving, cut, best.left_out, remembers=True)
+    if earned(best.blocks, remembering.blocks):
+        best = remembering
+    fitted = best.map(tuple(best.normal))
     combined = combine(record, fitted)
     u = combined.input.copy()
     used = u[record.mask]
     fitted = replace(fitted, trained=(float(used.min()), float(used.max())))
     # Values of a part that nothing else is like, an only ramp's end, would be no use to a model.
-    for p in tested if len(tested) > 1 else ():
-        u[part == p] = problem.map(choice.strength, without=p)(columns_of(record, fitted))[
-            part == p
-        ]
-    error = 100 * float(np.sqrt(choice.blocks.mean()))
+    for fold in cut.each:
+        rows = cut.part == fold.test[0]
+        u[rows] = combine(record, best.map(fold.train)).input[rows]
+    error = 100 * float(np.sqrt(best.blocks.mean())) / float(np.ptp(record.output[record.mask]))
     said = []
     if still := [name for name in record.channels if name not in moving]:
         text = f"Left out {', '.join(map(repr, still))}: the same in all rows that count."
         said.append(Note("skipped", text))
-    if problem.left_out:
-        rows, all_rows = int((record.mask & ~problem.settled).sum()), int(record.mask.sum())
+    if best.left_out:
+        rows, all_rows = int((record.mask & ~best.settled).sum()), int(record.mask.sum())
         text = (
-            f"The map of the channels leaves out what comes before cycle {problem.left_out + 1}, {rows} of"
+            f"The map of the channels leaves out what comes before cycle {best.left_out + 1}, {rows} of"
             f" {all_rows} rows: without it, it predicts held-out rows better."
         )
         said.append(Note("settled", text, {"rows": rows, "of": all_rows}))
+    memory = " and a memory each" if best.remembers else ""
     text = (
-        f"Combined {len(moving)} channels by curves with a prior of strength {choice.strength:g}: parts"
-        f" held out are {error:.2g} % of the range off. Each has the values of a map without it."
+        f"Combined {len(moving)} channels by curves{memory}: parts held out are {error:.2g} % of the range"
+        " off. Each has the values of a map without it."
     )
     said.append(Note("combined", text))
     return fitted, replace(
@@ -107,96 +122,148 @@ def fit_channel_map(record: Record, keep_conditioning: bool = False) -> tuple[Ch
 
 
 class _Problem:
-    """The columns of every rise at the rows that count, and their products over each part."""
+    """The columns of every channel at the rows that count, and their products over each part.
+
+    - `remembers`: whether the channels have stops and slow states too.
+    - `left_out`: first cycles that the map does not learn from.
+    - `blocks`: squared errors of the parts held out.
+    """
 
     def __init__(
         self,
         record: Record,
         names: list[str],
-        part: Int[np.ndarray, " samples"],
-        tested: tuple[int, ...],
-        left_out: int,
+        cut: "_Cut",
+        left_out: int = 0,
+        remembers: bool = False,
     ) -> None:
-        self.left_out, self.tested = left_out, tested
+        self.left_out, self.remembers = left_out, remembers
         self.names, self.units = tuple(names), tuple(record.channels[name] for name in names)
         self.settled = _settled(record, left_out)
         used = record.mask & self.settled
-        self.scale = float(np.ptp(record.output[used]))
-        self.centre = float(record.output[used].mean())
+        self.scale, self.centre = (
+            float(record.output[used].std()) or 1.0,
+            float(record.output[used].mean()),
+        )
         x = np.column_stack([record.columns[name] for name in names])
         low, high = x[used].min(0), x[used].max(0)
         high = np.where(high > low, high, low + 1.0)  # one that moved in the cycles left out alone
         self.nodes = np.linspace(low, high, CELLS + 1, axis=1)
-        # What is tested includes the rows left out of the fit, where there are other sequences.
+        self.radii = RADII if remembers else ()
+        self.times = _times(record) if remembers else ()
         rows = thinned(np.flatnonzero(record.mask), ROWS)
-        self.part, self.y = part[rows], (record.output[rows] - self.centre) / self.scale
-        cells = (x[rows, :, None] - self.nodes[:, :-1]) / (self.nodes[:, 1:] - self.nodes[:, :-1])
-        ramps = np.clip(cells, 0.0, 1.0).reshape(len(rows), -1)
-        self.A = np.hstack([np.ones((len(rows), 1)), ramps])
-        of_part = {int(p): (self.part == p) & used[rows] for p in np.unique(self.part)}
-        self.normal = normal_equations_of(self.A, self.y, of_part)
-        self.mean = self.A[used[rows]].mean(0)
+        y = (record.output[rows] - self.centre) / self.scale
+        X, groups = self._columns(record, (x - low) / (high - low), rows)
+        learnt, tested = used[rows], cut.tested[rows]
+        self.columns = GroupedColumns(X, groups)
+        self.mean = X[learnt].mean(0)
+        A = self.columns.whitened
+        of_part = {p: cut.part[rows] == p for p in range(cut.part.max() + 1)}
+        self.normal, held = (
+            normal_equations_of(A, y, {p: own & some for p, own in of_part.items()})
+            for some in (learnt, tested)
+        )
+        self.strengths = Strengths(self.columns, self.normal, cut.folds, held)
 
-    def all_but(self, without: int | None) -> tuple[int, ...]:
-        """The parts, less one."""
-        return tuple(p for p in self.normal if p != without)
+        def error(unknowns: np.ndarray, test: tuple[int, ...]) -> np.ndarray:
+            some = np.isin(cut.part[rows], test) & tested
+            return A[some] @ unknowns - y[some]
 
-    def solve(self, strength: float, which: tuple[int, ...]) -> Float[np.ndarray, " unknowns"]:
-        """Offset about `centre` and rises, in `scale`, from some parts."""
-        H, b = total(self.normal[p] for p in which).means
-        D = np.diff(np.eye(CELLS), axis=0)
-        each = strength * CELLS * D.T @ D + min(strength, STRENGTHS[0]) * RIDGE * np.eye(CELLS)
-        H[1:, 1:] += np.kron(np.eye(len(self.names)), each)
-        return np.linalg.solve(jittered(H), b)
+        self.blocks = self.scale**2 * held_out_errors(cut.folds, self.strengths.solution, error)
 
-    def tried(self, strength: float) -> "Tried":
-        """The errors of the parts that are tested, each without it."""
+    def _columns(
+        self, record: Record, v: Float[np.ndarray, "samples channels"], rows: np.ndarray
+    ) -> tuple[np.ndarray, list[Group]]:
+        """A line, a curve, and what is left behind, of each channel; those of a kind are one group."""
+        cells = np.arange(CELLS)
+        curves = [np.clip(CELLS * one[rows, None] - cells, 0, 1) for one in v.T]
+        lines = [np.clip(one[rows, None], 0, 1) for one in v.T]
+        kinds = [(lines, np.zeros(1)), (curves, cells / 2)]
+        if self.remembers:
+            left = [np.empty((len(rows), len(self.radii) + len(self.times))) for _ in v.T]
+            for _, own in record.sequences():
+                a, b = np.searchsorted(rows, [own.start, own.stop])
+                time = None if record.time is None else record.time[own]
+                for found, one in zip(left, v[own].T, strict=True):
+                    found[a:b] = memory_columns(one, time, self.radii, self.times)[
+                        rows[a:b] - own.start
+                    ]
+            stops = len(self.radii)
+            kinds.append(([one[:, :stops] for one in left], np.arange(stops)))
+            if self.times:
+                kinds.append(([one[:, stops:] for one in left], np.arange(len(self.times))))
+        groups, end = [], 0
+        for each, places in kinds:
+            begin, end = end, end + len(each) * len(places)
+            which = np.repeat(np.arange(len(each)), len(places))
+            apart = np.column_stack([np.tile(places, len(each)), APART * which])
+            groups.append(Group(np.arange(begin, end), apart, is_expected=begin == 0))
+        return np.hstack([np.hstack(each) for each, _ in kinds]), groups
 
-        def error(x: np.ndarray, test: tuple[int, ...]) -> np.ndarray:
-            rows = np.isin(self.part, test)
-            return self.A[rows] @ x - self.y[rows]
-
-        folds = [Fold(self.all_but(p), (p,)) for p in self.tested]
-        blocks = held_out_errors(folds, lambda train: self.solve(strength, train), error)
-        return Choice(self, strength, blocks)
-
-    def map(self, strength: float, without: int | None = None) -> ChannelMap:
-        """The map of all parts but one; its curves are 0 in the mean over the rows it is for."""
-        x = self.scale * self.solve(strength, self.all_but(without))
-        rises = x[1:].reshape(len(self.names), CELLS)
-        means = (rises * self.mean[1:].reshape(rises.shape)).sum(1)
+    def map(self, which: tuple[int, ...]) -> ChannelMap:
+        """The map of some parts; its curves are 0 in the mean over the rows it is for."""
+        weights, offset = self.columns.weights(self.strengths.solution(which))
+        weights = self.scale * weights
+        count = len(self.names)
+        lines, rises, memory = np.split(weights, [count, count * (1 + CELLS)])
+        rises = rises.reshape(count, CELLS) + lines[:, None] / CELLS
+        mean = self.mean[count : count * (1 + CELLS)].reshape(rises.shape)
+        means = (rises * mean).sum(1)
         values = np.pad(np.cumsum(rises, axis=1), ((0, 0), (1, 0))) - means[:, None]
-        offset = self.centre + x[0] + means.sum()
-        return ChannelMap(self.nodes, values, offset, self.names, self.units)
+        offset = self.centre + self.scale * offset + means.sum()
+        if not self.remembers:
+            return ChannelMap(self.nodes, values, offset, self.names, self.units)
+        stops, slow = (
+            one.reshape(count, -1) for one in np.split(memory, [count * len(self.radii)])
+        )
+        return ChannelMap(
+            self.nodes, values, offset, self.names, self.units, radii=self.radii, times=self.times,
+            memory=np.hstack([stops, slow]),
+        )  # fmt: skip
 
 
-Tried: TypeAlias = Choice[_Problem]
+class _Cut(NamedTuple):
+    """The rows cut into parts, see `_parts`.
 
-
-def _chosen(problem: _Problem) -> Tried:
-    """The strongest prior that is as good as the best one."""
-    choices = [problem.tried(strength) for strength in (*STRAIGHT, *STRENGTHS)]
-    return simplest(choices)
-
-
-def _parts(record: Record, most: int) -> tuple[Int[np.ndarray, " samples"], tuple[int, ...]]:
-    """Part of every row, whether it counts or not, and the parts that are held out in turn.
-
-    Groups of sequences where several count; else cycles, of which the first `most` are never held out,
-    with 0 for rows in none; else the last quarter.
+    - `part` (samples,): of every row, whether it counts or not. `tested`: rows on which maps are judged.
+    - `each`: every part held out in turn. `folds`: on which strengths are chosen, and what a map has.
     """
-    part = np.zeros(len(record), int)
+
+    part: Int[np.ndarray, " samples"]
+    tested: Bool[np.ndarray, " samples"]
+    each: tuple[Fold, ...]
+    folds: tuple[Fold, ...]
+
+
+def _parts(record: Record, most: int) -> _Cut:
+    """Groups of sequences where several count, each held out in turn; else blocks of the rows that count,
+    the later half of which are predicted from those before: what drifts shows in no other way.
+
+    A new run begins with cycles that settle, too: they are tested. In a single one the `most` first cycles
+    are not.
+    """
+    part, tested = np.zeros(len(record), int), record.mask
     counted = [rows for _, rows in record.sequences() if record.mask[rows].any()]
-    if len(counted) > 1:
+    several = len(counted) > 1
+    if several:
         for k, rows in enumerate(counted):
-            part[rows] = 1 + k % GROUPS
-        return part, tuple(range(1, min(len(counted), GROUPS) + 1))
-    cycles = np.unique(record.cycle[record.mask & (record.cycle > 0)])
-    if len(cycles) > 1:
-        return record.cycle, tuple(int(c) for c in cycles if c > most)
-    rows = np.flatnonzero(record.mask)
-    part[rows[3 * len(rows) // 4] :] = 1
-    return part, (1,)
+            part[rows] = k % GROUPS
+    else:
+        tested = tested & _settled(record, most)
+        before = np.cumsum(tested) - tested
+        part = np.minimum(before * BLOCKS // int(tested.sum()), BLOCKS - 1)
+    every = range(int(part[record.mask].max()) + 1)
+    each = tuple(Fold(tuple(p for p in every if p != k), (k,)) for k in every)
+    later = tuple(Fold(tuple(range(k)), (k,)) for k in every if 2 * k >= len(every))
+    return _Cut(part, tested, each, each if several else (*each, *later))
+
+
+def _times(record: Record) -> tuple[float, ...]:
+    """From five steps to a third of the longest sequence; none where that is no longer, or without time."""
+    longest, step = longest_sequence(record), usual_speed(record)[1]
+    if not 0 < 15 * step < longest:
+        return ()
+    return tuple(np.geomspace(5 * step, longest / 3, TIMES).tolist())
 
 
 def _most_settling(record: Record) -> int:

@@ -24,9 +24,12 @@ def combine(record: Record, channels: ChannelMap | None) -> Record:
     if channels is None:
         problem = f"Fitted to one input, and the record has {len(record.channels)} channels."
         raise InputError("wrong-channels", problem, fix="give the input it was fitted to.")
+    x, combined = columns_of(record, channels), np.empty(len(record))
+    for _, rows in record.sequences():
+        combined[rows] = channels(x[rows], None if record.time is None else record.time[rows])
     return replace(
         record,
-        input=np.asarray(channels(columns_of(record, channels))),
+        input=combined,
         input_name=combined_name(channels),
         input_unit=record.output_unit,
         channels={},
