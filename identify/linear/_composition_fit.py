@@ -22,7 +22,7 @@ from ..records._folds import (
 )
 from ..records._orientation import SLACK, output_falls, slack
 from ..records._relaxation_times import longest_sequence, relaxation_times
-from ..records._speeds import moves_evenly, usual_speed
+from ..records._speeds import amplitudes_differ, moves_evenly, usual_speed
 from ._composition import (
     AT_ONCE,
     CELLS,
@@ -51,7 +51,7 @@ from ._cross_validation import (
 )
 from ._cross_validation import STRENGTHS as PRIOR_STRENGTHS
 from ._linear_fit import LinearFit
-from ._sliders import PLACE_STOPS, SPAN_STOPS, STOPS
+from ._sliders import LEVELS, PLACE_STOPS, SPAN_STOPS, STOPS
 from ._unknown_vectors import relative
 
 Samples = Float[np.ndarray, " samples"]
@@ -176,6 +176,9 @@ def unknowns_for(
     some = tuple(p for p in some if times or p not in (MAXWELL, STRENGTHS))
     some = tuple(p for p in some if duration > 0 or p != TIME_DRIFT)
     some = tuple(p for p in some if speed > 0 or p != FRICTION)
+    # At one amplitude the place and the history go together: what either does, another one would tell.
+    if not amplitudes_differ(record):
+        some = tuple(p for p in some if p not in LEVELS or len(LEVELS[p]) == 1)
     return CompositionUnknowns(
         some, float(u.min()), float(u.max()), float(np.ptp(y)) * (-1 if output_falls(record) else 1),
         times, False, initial, rest=float(np.median(record.input[record.starts])), speed=speed, step=step,
@@ -402,8 +405,7 @@ def _grown(path: list[Tried]) -> list[Tried]:
 
     The parts that gained most before are tried first. A part's gain seldom grows as others join, so one
     that gained less than half of the best so far is not tried again in this step, unless none gains enough.
-    Loops of one amplitude tell little of how stops change with place or span, so that plain ones which are
-    as good are taken.
+    Plain stops are taken where they are as good as those that change with place or span.
     """
     problem = path[-1].problem
     there = {*path[-1].parts, *DRIFTS}

@@ -1,8 +1,9 @@
-"""How fast the input of a record moves, and whether its differences are its speeds."""
+"""How fast and how far the input of a record moves, and whether its differences are its speeds."""
 
 import numpy as np
 
 from hysteresis import Record
+from hysteresis.records._cycles import default_dead_band, turning_points
 
 from ._folds import counted_share
 
@@ -12,6 +13,9 @@ makes two per cent of a speed."""
 
 VARIED = 1.5
 """Ratio of the rates of cycles from which on a lag between the clocks is not just another loop."""
+
+ALIKE = 0.15
+"""By how much ranges of one amplitude differ."""
 
 WHOLE = 0.9
 """Part of a cycle's rows that count, against the cycle with the greatest one, if it is a whole one."""
@@ -40,6 +44,20 @@ def rates_differ(record: Record) -> bool:
         moved = (ranges > 0) & (times > 0)
         rates += (ranges[moved] / times[moved]).tolist()
     return len(rates) < 2 or bool(np.quantile(rates, 0.9) >= VARIED * np.quantile(rates, 0.1))
+
+
+def amplitudes_differ(record: Record) -> bool:
+    """Whether its ways from one reversal to the next, or its sequences, differ in their range.
+
+    Of a sequence the first and the last way may be cut short: its own range stands for them.
+    """
+    ranges: list[float] = []
+    for _, rows in record.sequences():
+        u = record.input[rows][record.mask[rows]]
+        if len(u):
+            turns = turning_points(u, default_dead_band(u))
+            ranges += [float(np.ptp(u)), *np.abs(np.diff(u[turns]))[1:-1].tolist()]
+    return min(ranges) < (1 - ALIKE) * max(ranges)
 
 
 def usual_speed(record: Record) -> tuple[float, float]:

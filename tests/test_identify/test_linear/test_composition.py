@@ -152,6 +152,22 @@ def test_stops_that_are_the_same_everywhere_are_found_as_such():
     assert np.sqrt(np.mean(error**2)) < 0.001 * np.ptp(other.output)
 
 
+@pytest.mark.parametrize(
+    ("heights", "told"), [((1, 0.6, 0.3, 0.8, 1, 0.5, 0.9, 0.4), True), ((1,) * 6, False)]
+)
+def test_only_several_amplitudes_tell_what_the_place_changes(
+    heights: tuple[float, ...], told: bool
+):
+    wave = np.sin(2 * np.pi * np.arange(120) / 120)
+    u = np.concatenate([height * wave for height in heights])
+    slopes = np.array([[9.0, 1.0, 9.0], [3.0, 1.0, 3.0]])
+    levels = np.array([-1.0, 0.0, 1.0])
+    sliders = ModulatedStops(-1.0, 1.0, np.array([0.05, 0.2]), levels, slopes, np.ones(3))
+    data = Record.from_arrays(u, np.asarray(sliders.simulate(None, u)), dt=0.02)
+    found = fit(data, "Composition", test_cycles=1)
+    assert any(part in found.name for part in ("by position", "by span")) == told
+
+
 def test_a_fold_is_judged_behind_a_map_that_has_not_seen_it():
     data = record(noise=0.003)
     cut = parts(data).merged
