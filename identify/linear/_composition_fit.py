@@ -22,7 +22,7 @@ from ..records._folds import (
 )
 from ..records._orientation import SLACK, output_falls, slack
 from ..records._relaxation_times import longest_sequence, relaxation_times
-from ..records._speeds import amplitudes_differ, moves_evenly, usual_speed
+from ..records._speeds import amplitudes_differ, moves_evenly, rates_differ, usual_speed
 from ._composition import (
     AT_ONCE,
     CELLS,
@@ -176,9 +176,11 @@ def unknowns_for(
     some = tuple(p for p in some if times or p not in (MAXWELL, STRENGTHS))
     some = tuple(p for p in some if duration > 0 or p != TIME_DRIFT)
     some = tuple(p for p in some if speed > 0 or p != FRICTION)
-    # At one amplitude the place and the history go together: what either does, another one would tell.
+    # At one amplitude the place and the history go together: what either does, another one would tell. At
+    # one rate, too, the speed follows from the place and the direction.
     if not amplitudes_differ(record):
         some = tuple(p for p in some if p not in LEVELS or len(LEVELS[p]) == 1)
+        some = tuple(p for p in some if p != FRICTION or rates_differ(record))
     return CompositionUnknowns(
         some, float(u.min()), float(u.max()), float(np.ptp(y)) * (-1 if output_falls(record) else 1),
         times, False, initial, rest=float(np.median(record.input[record.starts])), speed=speed, step=step,
