@@ -45,7 +45,9 @@ class AbstractRecord:
     conditions: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        types = {"input": float, "output": float, "mask": bool, "line": int, "starts": int}
+        line = np.asarray(self.line)
+        types = {"input": float, "output": float, "mask": bool, "starts": int}
+        types["line"] = line.dtype if line.dtype.kind == "i" else int
         if self.time is not None:
             types["time"] = float
         for name, kind in types.items():
@@ -71,15 +73,18 @@ class AbstractRecord:
         wanted.append(("input", self.input_name, self.input, True))
         wanted.append(("output", self.output_name, self.output, self.mask))
         for role, name, x, where in wanted:
-            if (bad := np.isinf(x)).any():
+            # Without those that are not numbers, and without a copy; NaN of no number at all.
+            low, high = (f.reduce(x, dtype=float, initial=np.nan) for f in (np.fmin, np.fmax))
+            if np.isinf([low, high]).any():
+                bad = np.isinf(x)
                 raise self._fault("not-finite", f"{bad.sum()} infinite in {role} {name!r}", bad)
-            if (bad := (x > LARGEST) | (x < -LARGEST)).any():
+            if max(-low, high) > LARGEST:
+                bad = np.abs(x) > LARGEST
                 said = f"{bad.sum()} beyond {LARGEST:g} in {role} {name!r}"
                 raise self._fault("too-large", said, bad)
-            known = x[~np.isnan(x)]
-            if known.size and 0 < np.ptp(known) < LEAST_RANGE:
+            if 0 < high - low < LEAST_RANGE:
                 raise self._fault(
-                    "zero-range", f"the range of {role} {name!r} is {np.ptp(known):.3g}", ~np.isnan(x),
+                    "zero-range", f"the range of {role} {name!r} is {high - low:.3g}", ~np.isnan(x),
                     fix="use a smaller unit.",
                 )  # fmt: skip
             if not (bad := np.isnan(x) & where).any():
@@ -99,9 +104,11 @@ class AbstractRecord:
             raise self._fault(
                 "nan-time", f"{(~good).sum()} NaN in time {self.time_name!r}", ~good, fix=mend
             )
-        step = np.diff(self.time)
-        step[self.starts[1:] - 1] = np.inf  # each sequence has its own clock
-        if (k := np.flatnonzero(step < 0)).size:
+        after, before = self.time[1:], self.time[:-1]
+        ends = self.starts[1:] - 1  # each sequence has its own clock
+        back, same = after < before, after == before
+        back[ends] = same[ends] = False
+        if (k := np.flatnonzero(back)).size:
             t, where = self.time, self.lines(k[:1] + 1)
             raise InputError(
                 "time-backwards",
@@ -111,7 +118,7 @@ class AbstractRecord:
                 fix='segments="auto" (--segments auto) makes each its own sequence, and so does the'
                 " column that tells them apart (--group COL).",
             )
-        if (k := np.flatnonzero(step == 0)).size:
+        if (k := np.flatnonzero(same)).size:
             raise InputError(
                 "time-repeated",
                 f"{self.lines(k[0] + np.arange(2))} have the same time {self.time[k[0]]:.9g}"
@@ -171,5 +178,5 @@ class AbstractRecord:
         code = hashlib.sha256("\0".join(self.labels).encode())
         more = [self.columns[name] for name in (*sorted(self.channels), *sorted(self.conditions))]
         for x in (self.input, self.output, self.time, self.starts, self.mask, *more):
-            code.update(b"-" if x is None else np.ascontiguousarray(x).tobytes())
+            code.update(b"-" if x is None else np.ascontiguousarray(x))
         return code.hexdigest()

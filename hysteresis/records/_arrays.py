@@ -1,6 +1,6 @@
 """What a record is given, as rows of numbers of one length."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from typing import Any
 
@@ -8,6 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._errors import InputError
+
+PIECE = 2**16
+"""Rows that are worked on at a time."""
 
 REAL = "bifuO"
 """Kinds of arrays that may hold real numbers: not complex ones, dates, or words that look like numbers."""
@@ -38,6 +41,16 @@ def _is_fixed(array: Any) -> bool:
     while isinstance(array, np.ndarray) and not array.flags.writeable:
         array = array.base
     return array is None
+
+
+def pieces(count: int) -> Iterator[slice]:
+    """So many rows, some thousands at a time: what is made of them then takes no memory to speak of."""
+    yield from (slice(at, min(at + PIECE, count)) for at in range(0, count, PIECE))
+
+
+def in_pieces(make: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.ndarray:
+    """What `make` makes of each row, some thousands at a time."""
+    return np.concatenate([make(x[rows]) for rows in pieces(len(x))])
 
 
 def in_rows(kept: np.ndarray, *arrays: np.ndarray) -> tuple[np.ndarray, ...]:

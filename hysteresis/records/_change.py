@@ -1,5 +1,6 @@
 """How the output changes from cycle to cycle at the same inputs: drift, and a zero that moves."""
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -122,29 +123,31 @@ def _levels(record: AbstractRecord, rows: slice) -> _Levels | None:
         x[rows] for x in (record.input, record.output, record.cycle, record.branch)
     )
     counted = record.mask[rows] & np.isfinite(y) & (cycle > 0)
-    whole = np.bincount(cycle)
-    share = np.bincount(cycle[counted], minlength=len(whole)) / np.maximum(whole, 1)
-    numbers = np.flatnonzero(share > 0.5)
+    # Cycles follow each other, and rows in none stand at the end.
+    cycle = cycle[: np.count_nonzero(cycle)]
+    bounds = np.searchsorted(cycle, np.arange(1, cycle.max(initial=0) + 2, dtype=cycle.dtype))
+    of_each = np.add.reduceat(counted[: len(cycle)], bounds[:-1], dtype=np.int32)
+    numbers = np.flatnonzero(of_each > 0.5 * np.diff(bounds)) + 1
     if len(numbers) < FEWEST:
         return None
     if len(numbers) > ENOUGH:
         numbers = numbers[np.linspace(0, len(numbers) - 1, ENOUGH).astype(int)]
-    # The places of each cycle: masks would take rows times cycles.
-    chosen = np.zeros(len(whole), bool)
-    chosen[numbers] = True
-    at = np.flatnonzero(counted & chosen[cycle])
-    at = at[np.argsort(cycle[at], kind="stable")]
-    inside = np.split(at, np.flatnonzero(np.diff(cycle[at])) + 1)
-    ends = np.array([(u[own].min(), u[own].max()) for own in inside])
+
+    def inside() -> Iterator[Int[np.ndarray, " rows"]]:
+        for number in numbers:
+            first, stop = bounds[number - 1 : number + 1]
+            yield first + np.flatnonzero(counted[first:stop])
+
+    ends = np.array([(u[own].min(), u[own].max()) for own in inside()])
     middle = np.median(ends, axis=0)
     alike = (np.abs(ends - middle) <= ALIKE * (middle[1] - middle[0])).all(1)
     if alike.sum() < FEWEST:
         return None
-    numbers, inside = numbers[alike], [own for own, like in zip(inside, alike, strict=True) if like]
+    numbers = numbers[alike]
     low, high = ends[alike, 0].max(), ends[alike, 1].min()
     level = low + (high - low) * (np.arange(LEVELS) + 0.5) / LEVELS
     read = np.full((len(numbers), 2, LEVELS), np.nan)
-    for out, own in zip(read, inside, strict=True):
+    for out, own in zip(read, inside(), strict=True):
         for side, sign in zip(out, (1, -1), strict=True):
             leg = own[rising[own] == sign]
             if len(leg) > 1:
@@ -157,5 +160,5 @@ def _levels(record: AbstractRecord, rows: slice) -> _Levels | None:
     duration = np.nan
     if record.time is not None:
         t = record.time[rows]
-        duration = float(np.median([np.ptp(t[own]) for own in inside]))
+        duration = float(np.median([np.ptp(t[own]) for own in inside()]))
     return _Levels(numbers, both - np.median(both, axis=0), duration)

@@ -17,7 +17,7 @@ import numpy as np
 from ._cells import LONG_CELL, MISSING, MOST_TEXT, floats, parsed
 from .importers import Layout, Streamed
 
-BLOCK = 2**24
+BLOCK = 2**22
 """Bytes of a block; as strings and numbers its cells take some ten times as much memory."""
 
 CarefulRows = Callable[[str, int], tuple[Sequence[Sequence[str]], np.ndarray]]
@@ -74,12 +74,12 @@ class CompiledRows:
         room = rows + 1 + sum(max(p.count(b"\n"), p.count(b"\r")) for p in pieces)
         columns = [np.append(x, np.empty(room - rows)) if n else None
                    for x, n in zip(begun.values(), numeric, strict=True)]  # fmt: skip
-        lines = np.zeros(room, int)
+        lines = np.zeros(room, np.int32 if len(self._data) < 2**31 else np.int64)
         for place in _blocks(self._data, self._start):
             text = _text(self._data[place])
             count = text.count("\n")
             parts = self._compiled(text, count, numeric)
-            line = np.arange(first, first + count)
+            line = np.arange(first, first + count, dtype=lines.dtype)
             self._blocks.append((place, first, parts is None))
             if parts is None:
                 parts, line = self._carefully(text, first, numeric)

@@ -1,10 +1,11 @@
 """Where an input sequence turns: turning points, branches and cycles that noise cannot make."""
 
 from collections.abc import Iterable, Iterator
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+
+from ._arrays import pieces
 
 NEXT_TO_END = (0.02, 0.03, 0.05)
 """Of the way to the other end: places beside the end of a loop, where its legs have hardly parted."""
@@ -63,29 +64,34 @@ def turning_points(u: np.ndarray, dead_band: float) -> np.ndarray:
     if len(u) < 2:
         return np.arange(len(u))
     # Only raw extrema can be turning points: the last samples of runs of one direction.
-    step = np.diff(u)
-    moves = np.flatnonzero(step)
-    rising = (step > 0)[moves]
-    turns = moves[1:][rising[1:] != rising[:-1]] if len(moves) else moves
-    index = np.concatenate([[0], turns, [len(u) - 1]])
-    kept: list[int] = [0]
-    low = high = 0  # candidates: the extreme samples since the last reversal
-    sign = 0
-    value = u[index].tolist()  # a loop over Python floats is five times faster than over NumPy's
-    for k, x in enumerate(value):
-        if x >= value[high]:
-            high = k
-        if x <= value[low]:
-            low = k
-        if sign >= 0 and value[high] - x > dead_band:
-            if sign:
-                kept.append(high)
-            sign, low, high = -1, k, k
-        elif sign <= 0 and x - value[low] > dead_band:
-            if sign:
-                kept.append(low)
-            sign, low, high = 1, k, k
-    return np.unique(np.append(index[kept], len(u) - 1))
+    raw, rose = [np.zeros(1, int)], np.empty(0, bool)
+    for rows in pieces(len(u) - 1):
+        step = np.diff(u[rows.start : rows.stop + 1])
+        moves = np.flatnonzero(step)
+        rising = np.append(rose, step[moves] > 0)
+        raw.append(rows.start + moves[len(rose) ^ 1 :][rising[1:] != rising[:-1]])
+        rose = rising[-1:]
+    index = np.concatenate([*raw, [len(u) - 1]])
+    kept = bytearray(len(index))
+    kept[0] = kept[-1] = True
+    low = high = sign = 0  # candidates: the extreme samples since the last reversal
+    bottom = top = float(u[0])
+    for rows in pieces(len(index)):
+        # A loop over Python floats is five times faster than over NumPy's.
+        for k, x in enumerate(u[index[rows]].tolist(), rows.start):
+            if x >= top:
+                high, top = k, x
+            if x <= bottom:
+                low, bottom = k, x
+            if sign >= 0 and top - x > dead_band:
+                if sign:
+                    kept[high] = True
+                sign, low, high, bottom, top = -1, k, k, x, x
+            elif sign <= 0 and x - bottom > dead_band:
+                if sign:
+                    kept[low] = True
+                sign, low, high, bottom, top = 1, k, k, x, x
+    return index[np.frombuffer(kept, bool)]
 
 
 def branches(u: np.ndarray, dead_band: float | None = None) -> np.ndarray:
@@ -95,14 +101,14 @@ def branches(u: np.ndarray, dead_band: float | None = None) -> np.ndarray:
     that never moves is loading.
     """
     points = turning_points(u, default_dead_band(u) if dead_band is None else dead_band)
-    sign = np.ones(len(u), np.int8)
-    for a, b in pairwise(points):
-        sign[a + (a > 0) : b + 1] = 1 if u[b] >= u[a] else -1
-    return sign
+    if len(points) < 2:
+        return np.ones(len(u), np.int8)
+    signs = np.where(u[points[1:]] >= u[points[:-1]], 1, -1).astype(np.int8)
+    return np.repeat(signs, np.diff([-1, *points[1:]]))
 
 
 def cycles(u: np.ndarray, dead_band: float | None = None) -> np.ndarray:
-    """Number 1, 2, ... of the complete cycle each sample belongs to, 0 for none, (n,) int.
+    """Number 1, 2, ... of the complete cycle each sample belongs to, 0 for none, (n,) int32.
 
     A cycle is two successive legs: from one trough to the next, or from peak to peak where the
     sequence starts by falling. It runs `(a, b]`: the trough that two cycles share ends the
@@ -112,12 +118,13 @@ def cycles(u: np.ndarray, dead_band: float | None = None) -> np.ndarray:
     """
     band = default_dead_band(u) if dead_band is None else dead_band
     points = turning_points(u, band)
-    number = np.zeros(len(u), int)
-    for k, (a, b, c) in enumerate(zip(points[:-2:2], points[1:-1:2], points[2::2], strict=True)):
-        there, back = abs(u[b] - u[a]), abs(u[c] - u[b])
-        if c < len(u) - 1 or back > max(band, 0.5 * there):
-            number[a + (a > 0) : c + 1] = k + 1
-    return number
+    ends = points[2::2]
+    if len(ends):
+        a, b, c = u[points[2 * len(ends) - 2 :][:3]]
+        if ends[-1] == len(u) - 1 and not abs(c - b) > max(band, 0.5 * abs(b - a)):
+            ends = ends[:-1]
+    number = np.append(np.arange(1, len(ends) + 1, dtype=np.int32), np.int32(0))
+    return np.repeat(number, np.diff(ends, prepend=-1, append=len(u) - 1))
 
 
 ENOUGH = 10_000
@@ -185,13 +192,13 @@ def _least(*slopes: float) -> float:
 
 def _gaps(u: np.ndarray, y: np.ndarray, used: np.ndarray) -> Iterator[LoopSums]:
     """The sums of each loop."""
-    points = turning_points(u, default_dead_band(u)).tolist()
-    every = [*zip(points[:-2:2], points[1:-1:2], points[2::2], strict=True)]
-    if len(every) > ENOUGH:  # spread by the golden section, which no program of loops repeats
-        at = np.arange(ENOUGH) * 0.6180339887498949 % 1 * len(every)
-        every = [every[k] for k in np.unique(at.astype(int))]
+    points = turning_points(u, default_dead_band(u))
+    begins = 2 * np.arange(max(len(points) - 1, 0) // 2)
+    if len(begins) > ENOUGH:  # spread by the golden section, which no program of loops repeats
+        at = np.arange(ENOUGH) * 0.6180339887498949 % 1 * len(begins)
+        begins = begins[np.unique(at.astype(int))]
     loops = []
-    for a, b, c in every:
+    for a, b, c in points[begins[:, None] + np.arange(3)].tolist():
         legs = [np.arange(a, b + 1), np.arange(b, c + 1)]
         legs = [rows[np.argsort(u[rows], kind="stable")] for rows in legs]
         legs = [rows[used[rows]] for rows in legs]

@@ -9,7 +9,7 @@ import numpy as np
 from .._format import quantity
 from .._note import Note, warning
 from ._abstract_record import AbstractRecord
-from ._arrays import in_rows
+from ._arrays import in_rows, pieces
 from ._cycles import LoopSums, loop_sums, noise_level
 from ._units import FORCES, LENGTHS
 from ._zero import lost_contact, zero_jumps
@@ -180,8 +180,11 @@ def correlation(record: AbstractRecord) -> float:
     u, y = in_rows(np.isfinite(record.output), record.input, record.output)
     if not (len(u) and np.ptp(u) and np.ptp(y)):
         return 0.0
-    u, y = u - u.mean(), y - y.mean()
-    return float(u @ y / np.sqrt(u @ u) / np.sqrt(y @ y))
+    off, of_both = np.array([[u.mean()], [y.mean()]]), np.zeros((2, 2))
+    for rows in pieces(len(u)):
+        both = np.stack([u[rows], y[rows]]) - off
+        of_both += both @ both.T
+    return float(of_both[0, 1] / np.sqrt(of_both[0, 0]) / np.sqrt(of_both[1, 1]))
 
 
 @once
@@ -206,11 +209,13 @@ def _runs(record: AbstractRecord, rows: np.ndarray) -> list[np.ndarray]:
 def _ways_at_rest(record: AbstractRecord, limit: float) -> tuple[float, float]:
     """How far the input moves at most while the output stays at `limit`, and while it stays elsewhere."""
     u, y = record.input, record.output
-    begins = np.append(True, y[1:] != y[:-1])
-    begins[record.starts] = True
-    first = np.flatnonzero(begins)
-    way = np.maximum.reduceat(u, first) - np.minimum.reduceat(u, first)
-    at = y[first] == limit
+    rests = np.append(y[1:] == y[:-1], False)  # where the next row reads the same
+    rests[record.starts[1:] - 1] = False
+    ends = np.flatnonzero(np.diff(rests, prepend=False))  # the first and the last row of each rest
+    cut = ends + np.arange(len(ends)) % 2
+    cut = cut[cut < len(u)]
+    way = (np.maximum.reduceat(u, cut) - np.minimum.reduceat(u, cut))[::2]
+    at = y[ends[::2]] == limit
     return float(way[at].max(initial=0.0)), float(way[~at].max(initial=0.0))
 
 

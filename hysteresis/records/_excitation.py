@@ -83,7 +83,7 @@ def summary(record: AbstractRecord) -> dict[str, Any]:
     steps = _steps(record)
     clock = None
     if steps.size:
-        low, mid, high = np.quantile(steps, [0, 0.5, 1]).tolist()
+        low, mid, high = np.quantile(steps, [0, 0.5, 1], overwrite_input=True).tolist()
         clock = {"min": low, "median": mid, "max": high, "unit": record.time_unit}
     return {
         "source": record.source,
@@ -152,7 +152,9 @@ def _turns(u: np.ndarray) -> float:
 def _steps(record: AbstractRecord) -> np.ndarray:
     if record.time is None:
         return np.empty(0)
-    return np.concatenate([np.diff(record.time[s]) for _, s in record.sequences()])
+    within = np.ones(max(len(record) - 1, 0), bool)
+    within[record.starts[1:] - 1] = False
+    return in_rows(within, np.diff(record.time))[0]
 
 
 def _spread(record: AbstractRecord, role: str) -> dict[str, Any]:

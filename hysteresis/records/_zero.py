@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ._abstract_record import AbstractRecord
-from ._arrays import in_rows
+from ._arrays import in_pieces, in_rows, pieces
 from ._cycles import branches, default_dead_band, noise_level, turning_points
 
 LEAST = 0.02
@@ -56,6 +56,7 @@ _LAGS = np.array([3.0, 10.0, 30.0, 100.0])
 _FEWEST = 12
 
 Rows = Float[np.ndarray, " rows"]
+Steps, Far = Int[np.ndarray, " steps"], Float[np.ndarray, " steps"]
 
 
 class ZeroJump(NamedTuple):
@@ -109,24 +110,26 @@ def zero_jumps(record: AbstractRecord, lost: Sequence[LostContact] = ()) -> list
     span = float(max(part.y.max() for part in parts) - min(part.y.min() for part in parts))
     # What is below this is neither a jump nor holds one back.
     least = LEAST * span / STANDS_OUT.max()
-    far = [
-        (part, beyond) for part in parts if np.abs(beyond := _beyond(np.diff(part.y))).max() > least
-    ]
+    far = [(part, *_beyond(part.y, least)) for part in parts]
+    far = [(part, at, beyond, _kinds(part.u, at)) for part, at, beyond in far if len(at)]
     if not far:
         return []
-    kinds = [_kinds(part.u) for part, _ in far]
-    usual = _usual(np.abs(np.concatenate([beyond for _, beyond in far])), np.concatenate(kinds))
-    moved = np.abs(np.diff(record.input))
-    pace = float(np.median(moved[moved > 0])) if moved.any() else 0.0
+    usual = _usual(*(np.concatenate(x) for x in [*zip(*far, strict=True)][2:]))
+    moved = np.diff(record.input)
+    np.abs(moved, out=moved).sort()
+    moved = moved[np.searchsorted(moved, 0.0, "right") :]
+    pace = float(np.median(moved, overwrite_input=True)) if len(moved) else 0.0
+    del moved
     chance, found = np.sqrt(4 * np.log(len(record) / CHANCE)), []
-    for (part, beyond), kind in zip(far, kinds, strict=True):
+    for part, at, beyond, kind in far:
         least = max(LEAST * span, chance * noise_level(part.y))
         size = np.abs(beyond)
         (steps,) = np.nonzero(size > np.maximum(least, usual[kind]))
-        for k in steps[np.argsort(-size[steps], kind="stable")][: max(MOST)]:
-            if _recurs(part.u, beyond, int(k)):
+        for one in steps[np.argsort(-size[steps], kind="stable")][: max(MOST)].tolist():
+            if _recurs(part.u, at, beyond, one):
                 continue
-            if (jump := _jump(part, int(k), int(kind[k]), pace)) is not None:
+            k = int(at[one])
+            if (jump := _jump(part, k, int(kind[one]), pace)) is not None:
                 found.append(ZeroJump(int(part.row[k + 1]), jump))
                 y = np.append(part.y[: k + 1], part.y[k + 1 :] - jump)
                 part = part._replace(y=y)
@@ -136,7 +139,7 @@ def zero_jumps(record: AbstractRecord, lost: Sequence[LostContact] = ()) -> list
 class _Part(NamedTuple):
     """The rows that count of a sequence, and their numbers."""
 
-    row: Int[np.ndarray, " rows"]
+    row: Int[np.ndarray, " rows"] | range
     u: Rows
     y: Rows
 
@@ -148,13 +151,16 @@ def _parts(
     counts = record.mask & np.isfinite(record.output)
     counts = counts if kept is None else counts & kept
     for _, rows in record.sequences():
-        used = rows.start + np.flatnonzero(counts[rows])
-        yield _Part(used, *in_rows(counts[rows], record.input[rows], record.output[rows]))
+        used = counts[rows]
+        row = range(rows.start, rows.stop)
+        row = row if used.all() else rows.start + np.flatnonzero(used)
+        yield _Part(row, *in_rows(used, record.input[rows], record.output[rows]))
 
 
-def _recurs(u: Rows, beyond: Float[np.ndarray, " steps"], step: int) -> bool:
+def _recurs(u: Rows, at: Steps, beyond: Far, one: int) -> bool:
     """Whether another step half as high stands out on the same branch, at the same input to a tenth."""
-    like = np.flatnonzero(beyond * np.sign(beyond[step]) > 0.5 * abs(beyond[step]))
+    step = int(at[one])
+    like = at[beyond * np.sign(beyond[one]) > 0.5 * abs(beyond[one])]
     like = like[np.abs(like - step) > BESIDE]
     like = like[np.abs(u[like] - u[step]) < 0.1 * np.ptp(u)]
     ends = [np.clip([k - BESIDE, k + 1 + BESIDE], 0, len(u) - 1) for k in (step, *like)]
@@ -164,13 +170,14 @@ def _recurs(u: Rows, beyond: Float[np.ndarray, " steps"], step: int) -> bool:
 
 def _jump(part: _Part, step: int, kind: int, pace: float) -> float | None:
     """The size of a step that stands out; None where the input jumps, too, or the step does not stay."""
-    moves, steps = np.abs(np.diff(part.u)), np.diff(part.y)
-    near = np.r_[max(step - BESIDE, 0) : step, step + 1 : min(step + 1 + BESIDE, len(moves))]
-    if moves[step] > 2 * max(moves[near].max(), pace):
+    first = max(step - BESIDE, 0)
+    moves, steps = (np.diff(x[first : step + 2 + BESIDE]) for x in (part.u, part.y))
+    near, moves = np.arange(len(moves)) != step - first, np.abs(moves)
+    if moves[step - first] > 2 * max(moves[near].max(), pace):
         return None
     slope = np.median(steps[near])
-    size = float(steps[step] - slope)
-    behind, before = part.y[step + 1 : step + 2 + BESIDE], part.y[max(step - BESIDE, 0) : step + 1]
+    size = float(steps[step - first] - slope)
+    behind, before = part.y[step + 1 : step + 2 + BESIDE], part.y[first : step + 1]
     rise = np.median(behind) - np.median(before) - slope * (len(behind) + len(before)) / 2
     if abs(rise - size) > 0.5 * abs(size):  # a reading or two that are off
         return None
@@ -180,33 +187,41 @@ def _jump(part: _Part, step: int, kind: int, pace: float) -> float | None:
     return size if abs(shift - size) <= AGREES[kind] * abs(size) else None
 
 
-def _beyond(steps: Rows) -> Rows:
-    """How far each step is outside the range of those beside it."""
-    padded = np.pad(steps, BESIDE, mode="reflect")
-    low, high = np.full(len(steps), np.inf), np.full(len(steps), -np.inf)
-    for k in range(2 * BESIDE + 1):
-        if k != BESIDE:
-            other = padded[k : k + len(steps)]
-            np.minimum(low, other, out=low)
-            np.maximum(high, other, out=high)
-    return np.subtract(steps, np.clip(steps, low, high, out=low), out=low)
+def _beyond(y: Rows, least: float) -> tuple[Steps, Far]:
+    """The steps that are farther than `least` outside the range of those beside them, and how far."""
+    found, last = [], len(y) - 2
+    for rows in pieces(len(y) - 1):
+        near = np.abs(np.arange(rows.start - BESIDE, rows.stop + BESIDE))
+        near = np.minimum(near, 2 * last - near)  # behind an end the steps come once more
+        steps = y[near + 1] - y[near]
+        own = steps[BESIDE:-BESIDE]
+        beside = [steps[k:][: len(own)] for k in range(2 * BESIDE + 1) if k != BESIDE]
+        beyond = own - np.clip(own, np.minimum.reduce(beside), np.maximum.reduce(beside))
+        far = np.flatnonzero(np.abs(beyond) > least)
+        found.append((rows.start + far, beyond[far]))
+    at, beyond = (np.concatenate(x) for x in zip(*found, strict=True))
+    return at, beyond
 
 
-def _kinds(u: Rows) -> Int[np.ndarray, " steps"]:
-    """What the input does at each of its steps."""
+def _kinds(u: Rows, at: Steps) -> Int[np.ndarray, " steps"]:
+    """What the input does at these of its steps."""
     band = min(8 * noise_level(u), 0.25 * float(np.ptp(u)))
-    turns = turning_points(u, band)[1:-1]
-    kind = np.zeros(len(u) - 1, np.int8)
-    for k in range(-BESIDE, BESIDE + 1):
-        kind[np.clip(turns + k - 1, 0, len(kind) - 1)] = TURNING
-    still, width = np.append(0, np.cumsum(u[1:] == u[:-1])), 2 * HELD + 1
-    kind[HELD:-HELD][still[width:] - still[:-width] == width] = HOLDING
+    turns, kind = turning_points(u, band)[1:-1] - 1, np.zeros(len(at), np.int8)
+    for some in pieces(len(at)):
+        here = at[some, None]
+        if len(turns):
+            near = np.searchsorted(turns, here) + np.array([-1, 0])
+            apart = turns[np.clip(near, 0, len(turns) - 1)] - here
+            kind[some][(np.abs(apart) <= BESIDE).any(1)] = TURNING
+        beside = np.clip(here + np.arange(-HELD, HELD + 2), 0, len(u) - 1)
+        held = (np.diff(u[beside]) == 0).all(1)
+        kind[some][held & (here[:, 0] >= HELD) & (here[:, 0] < len(u) - 1 - HELD)] = HOLDING
     return kind
 
 
-def _usual(far: Rows, kind: Int[np.ndarray, " rows"]) -> Float[np.ndarray, " kinds"]:
+def _usual(beyond: Rows, kind: Int[np.ndarray, " rows"]) -> Float[np.ndarray, " kinds"]:
     """What a jump has to exceed where the input does this or that."""
-    each = [far[kind == one] for one in (MOVING, TURNING, HOLDING)]
+    each = [np.abs(beyond[kind == one]) for one in (MOVING, TURNING, HOLDING)]
     largest = [
         np.partition(x, -most - 1)[-most - 1] if len(x) > most else 0.0
         for x, most in zip(each, MOST, strict=True)
@@ -323,20 +338,23 @@ def lost_contact(record: AbstractRecord) -> list[LostContact]:
         u, y = part.u, part.y
         if len(u) < 2 * LEVELS or not np.ptp(u):
             continue
-        least, gone = WAY * float(np.ptp(u)), np.append(0.0, np.cumsum(np.abs(np.diff(u))))
+        least = WAY * float(np.ptp(u))
         band = max(chance * noise_level(y), 0.5 * LEAST * span)
         for near in {float(y[0]), 0.0}:
-            close = np.abs(y - near) <= 2 * band
-            zero = float(np.median(y[close])) if close.any() else near
-            level = np.round((y - zero) / (2 * band))
-            edges = np.diff((level == 0).astype(np.int8), prepend=0, append=0)
-            rest, moved = np.flatnonzero(edges > 0), np.flatnonzero(edges < 0) - 1
-            if not (gone[moved] - gone[rest]).max(initial=0.0) > least:
+            close = y[in_pieces(lambda y, near=near: np.abs(y - near) <= 2 * band, y)]
+            zero = float(np.median(close, overwrite_input=True)) if len(close) else near
+            del close
+            # Where a row is at rest, none is farther than 51 levels.
+            level = in_pieces(
+                lambda y, zero=zero: np.clip(np.round((y - zero) / (2 * band)), -99, 99).astype(np.int8), y
+            )
+            rests = np.flatnonzero(np.diff(level == 0, prepend=False, append=False))
+            gone = _path(u, rests - np.arange(len(rests)) % 2)  # at the first and the last row of each
+            if not (gone[1::2] - gone[::2]).max(initial=0.0) > least:
                 continue
             begin = np.flatnonzero(np.append(True, level[1:] != level[:-1]))
             end, rests = np.append(begin[1:], len(y)) - 1, level[begin] == 0
-            way = _way(u)
-            passed = way[end] - way[begin]
+            passed = _way(u, end) - _way(u, begin)
             long = rests & (passed > max(least, FURTHER * passed[~rests].max(initial=0.0)))
             for a, b in zip(begin[long].tolist(), end[long].tolist(), strict=True):
                 if _touches_elsewhere(part, a, b, zero, 0.1 * span):
@@ -344,21 +362,37 @@ def lost_contact(record: AbstractRecord) -> list[LostContact]:
     return sorted({(one.first, one.last): one for one in found}.values())
 
 
-def _way(u: Rows) -> Rows:
-    """How far the input has gone, without what noise adds to it."""
+def _path(u: Rows, at: Steps) -> Far:
+    """How far the input has gone up to these of its rows, which rise."""
+    found, gone = [], np.zeros(1)
+    for rows in pieces(len(u)):
+        begin = max(rows.start - 1, 0)
+        gone = np.cumsum(np.append(gone[-1], np.abs(np.diff(u[begin : rows.stop]))))
+        first, stop = np.searchsorted(at, [rows.start, rows.stop])
+        found.append(gone[at[first:stop] - begin])
+    return np.concatenate(found)
+
+
+def _way(u: Rows, at: Steps) -> Far:
+    """How far the input has gone up to these of its rows, without what noise adds to it."""
     turns = turning_points(u, default_dead_band(u))
     gone = np.r_[0.0, np.cumsum(np.abs(np.diff(u[turns])))]
-    leg = np.searchsorted(turns, np.arange(len(u)), "right") - 1
-    return gone[leg] + np.abs(u - u[turns[leg]])
+    leg = np.searchsorted(turns, at, "right") - 1
+    return gone[leg] + np.abs(u[at] - u[turns[leg]])
 
 
 def _touches_elsewhere(part: _Part, first: int, last: int, zero: float, off: float) -> bool:
     """Whether in a fifth of the input's range three of four others on the branch read `off` beside it."""
-    cell = np.minimum(LEVELS * (part.u - part.u.min()) / np.ptp(part.u), LEVELS - 1).astype(int)
-    cell += LEVELS * (branches(part.u) > 0)
+    low, span = part.u.min(), np.ptp(part.u)
+    cell = in_pieces(
+        lambda u: np.minimum(LEVELS * (u - low) / span, LEVELS - 1).astype(np.int8), part.u
+    )
+    cell += np.int8(LEVELS) * (branches(part.u) > 0)
     inside = np.zeros(len(cell), bool)
     inside[first : last + 1] = True
-    there = [one for one in set(cell[inside].tolist()) if (cell[~inside] == one).any()]
-    apart = np.abs(part.y - zero)
-    far = {one % LEVELS for one in there if np.quantile(apart[~inside & (cell == one)], 0.25) > off}
+    far = set()
+    for one in np.unique(cell[inside]).tolist():
+        apart = np.abs(part.y[~inside & (cell == one)] - zero)
+        if len(apart) and np.quantile(apart, 0.25) > off:
+            far.add(one % LEVELS)
     return len(far) >= WAY * LEVELS
