@@ -14,7 +14,7 @@ from .._format import duration, quantity
 from .._note import Note
 from ._arrays import same_length
 from ._cells import LARGEST, LEAST_RANGE
-from ._cycles import branches, cycles
+from ._cycles import branches, cycles, first_of_cycles
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,9 +164,14 @@ class AbstractRecord:
         return np.concatenate([branches(self.input[s]) for _, s in self.sequences()])
 
     @cached_property
+    def first_of_cycles(self) -> list[np.ndarray]:
+        """Of each sequence the first row of every complete cycle, and of what follows the last one."""
+        return [first_of_cycles(self.input[s]) for _, s in self.sequences()]
+
+    @property
     def cycle_counts(self) -> np.ndarray:
         """Complete cycles of each sequence, (m,)."""
-        return np.maximum.reduceat(self.cycle, self.starts) if len(self) else np.zeros(1, int)
+        return np.array([len(firsts) - 1 for firsts in self.first_of_cycles])
 
     @property
     def n_cycles(self) -> int:

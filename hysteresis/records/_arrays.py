@@ -48,9 +48,9 @@ def pieces(count: int) -> Iterator[slice]:
     yield from (slice(at, min(at + PIECE, count)) for at in range(0, count, PIECE))
 
 
-def in_pieces(make: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.ndarray:
+def in_pieces(make: Callable[..., np.ndarray], x: np.ndarray, *more: float) -> np.ndarray:
     """What `make` makes of each row, some thousands at a time."""
-    return np.concatenate([make(x[rows]) for rows in pieces(len(x))])
+    return np.concatenate([make(x[rows], *more) for rows in pieces(len(x))])
 
 
 def in_rows(kept: np.ndarray, *arrays: np.ndarray) -> tuple[np.ndarray, ...]:

@@ -9,6 +9,7 @@ from jaxtyping import Float, Int
 from .._format import quantity
 from .._note import Note, warning
 from ._abstract_record import AbstractRecord
+from ._arrays import in_rows
 from ._zero import zero_drift
 
 ENOUGH = 10_000
@@ -72,7 +73,11 @@ def change(record: AbstractRecord) -> Change | None:
     differences from the median cycle tells the rate, their median how far the zero has moved: a curve that
     changes its shape leaves the median where it is.
     """
-    found = [one for _, rows in record.sequences() if (one := _levels(record, rows)) is not None]
+    found = [
+        _levels(record, rows, firsts)
+        for (_, rows), firsts in zip(record.sequences(), record.first_of_cycles, strict=True)
+    ]
+    found = [one for one in found if one is not None]
     if not found:
         return None
     levels = max(found, key=lambda one: len(one.numbers))
@@ -91,8 +96,8 @@ def change(record: AbstractRecord) -> Change | None:
 
 def change_warnings(record: AbstractRecord) -> list[Note]:
     """A zero that moves by 15 % of the output's range or drifts surely by 5 %, and its fix."""
-    y, unit = record.output, record.output_unit
-    span = float(np.ptp(y[np.isfinite(y)])) if np.isfinite(y).any() else 0.0
+    (y,), unit = in_rows(np.isfinite(record.output), record.output), record.output_unit
+    span = float(np.ptp(y)) if len(y) else 0.0
     one = change(record)
     if one is not None and abs(one.moved) >= MOVED * span:
         moved, where = one.moved, f"from cycle {one.first} to cycle {one.last}"
@@ -118,16 +123,13 @@ class _Levels(NamedTuple):
     duration: float
 
 
-def _levels(record: AbstractRecord, rows: slice) -> _Levels | None:
-    u, y, cycle, rising = (
-        x[rows] for x in (record.input, record.output, record.cycle, record.branch)
-    )
-    counted = record.mask[rows] & np.isfinite(y) & (cycle > 0)
-    # Cycles follow each other, and rows in none stand at the end.
-    cycle = cycle[: np.count_nonzero(cycle)]
-    bounds = np.searchsorted(cycle, np.arange(1, cycle.max(initial=0) + 2, dtype=cycle.dtype))
-    of_each = np.add.reduceat(counted[: len(cycle)], bounds[:-1], dtype=np.int32)
-    numbers = np.flatnonzero(of_each > 0.5 * np.diff(bounds)) + 1
+def _levels(
+    record: AbstractRecord, rows: slice, firsts: Int[np.ndarray, " bounds"]
+) -> _Levels | None:
+    u, y, rising = (x[rows] for x in (record.input, record.output, record.branch))
+    counted = record.mask[rows] & np.isfinite(y)
+    of_each = np.add.reduceat(counted[: firsts[-1]], firsts[:-1], dtype=np.int32)
+    numbers = np.flatnonzero(of_each > 0.5 * np.diff(firsts)) + 1
     if len(numbers) < FEWEST:
         return None
     if len(numbers) > ENOUGH:
@@ -135,7 +137,7 @@ def _levels(record: AbstractRecord, rows: slice) -> _Levels | None:
 
     def inside() -> Iterator[Int[np.ndarray, " rows"]]:
         for number in numbers:
-            first, stop = bounds[number - 1 : number + 1]
+            first, stop = firsts[number - 1 : number + 1]
             yield first + np.flatnonzero(counted[first:stop])
 
     ends = np.array([(u[own].min(), u[own].max()) for own in inside()])

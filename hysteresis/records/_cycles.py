@@ -108,13 +108,20 @@ def branches(u: np.ndarray, dead_band: float | None = None) -> np.ndarray:
 
 
 def cycles(u: np.ndarray, dead_band: float | None = None) -> np.ndarray:
-    """Number 1, 2, ... of the complete cycle each sample belongs to, 0 for none, (n,) int32.
+    """Number 1, 2, ... of the complete cycle each sample belongs to, 0 for none, (n,) int32."""
+    firsts = first_of_cycles(u, dead_band)
+    number = np.append(np.arange(1, len(firsts), dtype=np.int32), np.int32(0))
+    return np.repeat(number, np.diff(firsts, append=len(u)))
+
+
+def first_of_cycles(u: np.ndarray, dead_band: float | None = None) -> np.ndarray:
+    """Index of the first sample of each complete cycle, and of the first one behind them all, (k + 1,).
 
     A cycle is two successive legs: from one trough to the next, or from peak to peak where the
     sequence starts by falling. It runs `(a, b]`: the trough that two cycles share ends the
     earlier one; the first sample, and a wait before the first leg, belong to cycle 1, a wait at
     the end to the last. The last cycle counts if its second leg comes back by at least half of its
-    first; what follows the last complete cycle, say a ramp and a hold, is 0.
+    first; what follows the last complete cycle, say a ramp and a hold, belongs to none.
     """
     band = default_dead_band(u) if dead_band is None else dead_band
     points = turning_points(u, band)
@@ -123,8 +130,7 @@ def cycles(u: np.ndarray, dead_band: float | None = None) -> np.ndarray:
         a, b, c = u[points[2 * len(ends) - 2 :][:3]]
         if ends[-1] == len(u) - 1 and not abs(c - b) > max(band, 0.5 * abs(b - a)):
             ends = ends[:-1]
-    number = np.append(np.arange(1, len(ends) + 1, dtype=np.int32), np.int32(0))
-    return np.repeat(number, np.diff(ends, prepend=-1, append=len(u) - 1))
+    return np.append(0, ends + 1)
 
 
 ENOUGH = 10_000

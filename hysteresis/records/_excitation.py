@@ -80,11 +80,6 @@ def check_rows(record: AbstractRecord, n_parameters: int | None = None) -> float
 @once
 def summary(record: AbstractRecord) -> dict[str, Any]:
     """Rows, sequences, cycles, ranges, noise, clock, saturation and loop direction."""
-    steps = _steps(record)
-    clock = None
-    if steps.size:
-        low, mid, high = np.quantile(steps, [0, 0.5, 1], overwrite_input=True).tolist()
-        clock = {"min": low, "median": mid, "max": high, "unit": record.time_unit}
     return {
         "source": record.source,
         "sha256": record.sha256,
@@ -99,7 +94,7 @@ def summary(record: AbstractRecord) -> dict[str, Any]:
             for name, unit in record.conditions.items()
             if (x := record.columns[name]).size
         ],
-        "dt": clock,
+        "dt": _clock(record),
         "loop_direction": loop_direction(record),
     }
 
@@ -149,12 +144,15 @@ def _turns(u: np.ndarray) -> float:
     return float(path / (2 * np.ptp(u))) if path else 0.0
 
 
-def _steps(record: AbstractRecord) -> np.ndarray:
-    if record.time is None:
-        return np.empty(0)
-    within = np.ones(max(len(record) - 1, 0), bool)
-    within[record.starts[1:] - 1] = False
-    return in_rows(within, np.diff(record.time))[0]
+def _clock(record: AbstractRecord) -> dict[str, Any] | None:
+    """The steps of time within sequences, None where there is none."""
+    steps = np.diff([] if record.time is None else record.time)
+    if len(record.starts) > 1:
+        steps = np.delete(steps, record.starts[1:] - 1)
+    if not steps.size:
+        return None
+    low, mid, high = np.quantile(steps, [0, 0.5, 1], overwrite_input=True).tolist()
+    return {"min": low, "median": mid, "max": high, "unit": record.time_unit}
 
 
 def _spread(record: AbstractRecord, role: str) -> dict[str, Any]:

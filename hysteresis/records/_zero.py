@@ -5,7 +5,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, Int8
 
 from ._abstract_record import AbstractRecord
 from ._arrays import in_pieces, in_rows, pieces
@@ -341,15 +341,14 @@ def lost_contact(record: AbstractRecord) -> list[LostContact]:
         least = WAY * float(np.ptp(u))
         band = max(chance * noise_level(y), 0.5 * LEAST * span)
         for near in {float(y[0]), 0.0}:
-            close = y[in_pieces(lambda y, near=near: np.abs(y - near) <= 2 * band, y)]
+            close = in_pieces(_near, y, near, 2 * band)
             zero = float(np.median(close, overwrite_input=True)) if len(close) else near
             del close
-            # Where a row is at rest, none is farther than 51 levels.
-            level = in_pieces(
-                lambda y, zero=zero: np.clip(np.round((y - zero) / (2 * band)), -99, 99).astype(np.int8), y
-            )
+            level = in_pieces(_level, y, zero, 2 * band)
             rests = np.flatnonzero(np.diff(level == 0, prepend=False, append=False))
-            gone = _path(u, rests - np.arange(len(rests)) % 2)  # at the first and the last row of each
+            gone = _path(
+                u, rests - np.arange(len(rests)) % 2
+            )  # at the first and the last row of each
             if not (gone[1::2] - gone[::2]).max(initial=0.0) > least:
                 continue
             begin = np.flatnonzero(np.append(True, level[1:] != level[:-1]))
@@ -360,6 +359,21 @@ def lost_contact(record: AbstractRecord) -> list[LostContact]:
                 if _touches_elsewhere(part, a, b, zero, 0.1 * span):
                     found.append(LostContact(int(part.row[a]), int(part.row[b]), zero))
     return sorted({(one.first, one.last): one for one in found}.values())
+
+
+def _near(y: Rows, value: float, width: float) -> Float[np.ndarray, " some"]:
+    """Those that are so near to a value."""
+    return y[np.abs(y - value) <= width]
+
+
+def _level(y: Rows, zero: float, width: float) -> Int8[np.ndarray, " rows"]:
+    """How many widths each row is from zero: 51 at most of a record that has rows there."""
+    return np.clip(np.round((y - zero) / width), -99, 99).astype(np.int8)
+
+
+def _cell(u: Rows, low: float, span: float) -> Int8[np.ndarray, " rows"]:
+    """In which part of the input's range each row is."""
+    return np.minimum(LEVELS * (u - low) / span, LEVELS - 1).astype(np.int8)
 
 
 def _path(u: Rows, at: Steps) -> Far:
@@ -383,10 +397,7 @@ def _way(u: Rows, at: Steps) -> Far:
 
 def _touches_elsewhere(part: _Part, first: int, last: int, zero: float, off: float) -> bool:
     """Whether in a fifth of the input's range three of four others on the branch read `off` beside it."""
-    low, span = part.u.min(), np.ptp(part.u)
-    cell = in_pieces(
-        lambda u: np.minimum(LEVELS * (u - low) / span, LEVELS - 1).astype(np.int8), part.u
-    )
+    cell = in_pieces(_cell, part.u, float(part.u.min()), float(np.ptp(part.u)))
     cell += np.int8(LEVELS) * (branches(part.u) > 0)
     inside = np.zeros(len(cell), bool)
     inside[first : last + 1] = True
