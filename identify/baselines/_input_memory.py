@@ -66,14 +66,18 @@ def directions(record: Record, band: float) -> Int[np.ndarray, " samples"]:
     return found
 
 
-def stops(record: Record, radii: Float[np.ndarray, " stops"]) -> Float[np.ndarray, "samples stops"]:
+def stops(
+    record: Record,
+    radii: Float[np.ndarray, " stops"],
+    out: Float[np.ndarray, "samples stops"] | None = None,
+) -> Float[np.ndarray, "samples stops"]:
     """Stop operators of these radii: the input less the play operator of the same radius.
 
         play_k = max(u_k - r, min(u_k + r, play_(k-1))),  play before the first row = its input
 
     Source: Brokate and Sprekels, Hysteresis and Phase Transitions (1996), section 2.1.
     """
-    found = np.empty((len(record), len(radii)))
+    found = np.empty((len(record), len(radii))) if out is None else out
     for _, rows in record.sequences():
         u = record.input[rows, None]
         play = np.repeat(u[:1], len(radii), axis=1)
@@ -87,14 +91,16 @@ def stops(record: Record, radii: Float[np.ndarray, " stops"]) -> Float[np.ndarra
 
 
 def slow_states(
-    record: Record, times: Float[np.ndarray, " states"]
+    record: Record,
+    times: Float[np.ndarray, " states"],
+    out: Float[np.ndarray, "samples states"] | None = None,
 ) -> Float[np.ndarray, "samples states"]:
     """The input less its exponential averages over these times, which begin at the first input.
 
     x' = (u - x) / time, exact for an input that is constant over each step.
     """
     assert record.time is not None
-    found = np.empty((len(record), len(times)))
+    found = np.empty((len(record), len(times))) if out is None else out
     for _, rows in record.sequences():
         u, t = record.input[rows], record.time[rows]
         step, rise = np.diff(t, prepend=t[0]), np.diff(u, prepend=u[0])
@@ -106,13 +112,19 @@ def slow_states(
     return found
 
 
-def lags(record: Record, rows_back: tuple[int, ...]) -> Float[np.ndarray, "samples lags"]:
+def lags(
+    record: Record,
+    rows_back: tuple[int, ...],
+    out: Float[np.ndarray, "samples lags"] | None = None,
+) -> Float[np.ndarray, "samples lags"]:
     """The input less what it was so many rows ago; before its sequence it was as in the first row."""
-    found = np.empty((len(record), len(rows_back)))
+    found = np.empty((len(record), len(rows_back))) if out is None else out
     for _, rows in record.sequences():
         u = record.input[rows]
         for k, back in enumerate(rows_back):
-            found[rows, k] = u - u[np.maximum(np.arange(len(u)) - back, 0)]
+            found[rows, k] = u
+            found[rows, k][:back] -= u[0]
+            found[rows, k][back:] -= u[:-back]
     return found
 
 

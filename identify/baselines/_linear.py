@@ -1,6 +1,6 @@
 """Baselines that are linear in their unknowns: constant, straight line, cubic per branch, ridge."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -101,8 +101,12 @@ def cubic_per_branch(train: Record, branches: OncePerInput) -> LinearBaseline:
     def design(record: Record) -> np.ndarray:
         x = (record.input - middle) / half
         rises = branches(record) > 0
-        powers = x[:, None] ** np.arange(4)
-        return np.hstack([powers[:, 1:], powers * rises[:, None]])
+        found = np.empty((len(x), 7), order="F")
+        for k in range(7):
+            np.power(x, (k + 1) % 4, out=found[:, k])
+            if k > 2:
+                found[:, k] *= rises
+        return found
 
     return LinearBaseline("cubic per branch", design)
 
@@ -118,25 +122,23 @@ def ridges(train: Record, columns: tuple[str, ...]) -> tuple[LinearBaseline, ...
         step = float(np.median(np.concatenate(steps)))
         times = np.geomspace(5 * step, span / 3, STATES) if 0 < 15 * step < span else None
 
-    def own(record: Record) -> Iterator[np.ndarray]:
-        yield stops(record, radii)
-        yield record.input[:, None]
-        yield lags(record, LAGS)
-        if times is not None and record.time is not None:
-            yield slow_states(record, times)
-        for name in columns:
-            yield record.columns[name][:, None]
-
     def made(record: Record) -> np.ndarray:
         # A condition, such as a pressure, changes the size of an effect.
         factors = [record.columns[name] for name in columns] if len(columns) <= FEW else []
         slow = 0 if times is None or record.time is None else len(times)
-        width = 1 + len(LAGS) + len(radii) + slow + len(columns)
-        # The largest array of a fit. By columns, it takes no memory before each part is put there.
-        found, end = np.empty((len(record), width * (1 + len(factors))), order="F"), 0
-        for part in own(record):
-            begin, end = end, end + part.shape[1]
-            found[:, begin:end] = part
+        widths = len(radii), 1, len(LAGS), slow, len(columns)
+        width = sum(widths)
+        # The largest array of a fit. By columns, it takes no memory before each part is put there: first
+        # what takes most memory beside it.
+        found = np.empty((len(record), width * (1 + len(factors))), order="F")
+        parts = np.split(found[:, :width], np.cumsum(widths)[:-1], axis=1)
+        if slow and times is not None:
+            slow_states(record, times, parts[3])
+        stops(record, radii, parts[0])
+        parts[1][:, 0] = record.input
+        lags(record, LAGS, parts[2])
+        for k, name in enumerate(columns):
+            parts[4][:, k] = record.columns[name]
         for k, factor in enumerate(factors, 1):
             np.multiply(
                 found[:, :width], factor[:, None], out=found[:, k * width : (k + 1) * width]

@@ -200,9 +200,10 @@ def explained(fit: LeastSquares, noise: str | None = "auto") -> FitResult:
     noise_rows = Rows(
         *(longer(x) for x in rows_of(data.record, judged.used, optimum.predicted[:rows]))
     )
+    errors = _errors(fit, judged.noise, noise_rows, noise)
+    if errors.taken.misfit is None:  # nobody asks for the largest array any more
+        noise_rows = noise_rows._replace(shapes=np.zeros((len(noise_rows.place), 0)))
     arguments = (fit.template, fit.prepared, fit.measured, noise_rows)
-    at = linearised(bounds, optimum, fit.measured, noise_rows)
-    errors = _errors(fit, judged.noise, at, noise_rows, noise)
     found, free = errors.found, errors.free
     if found is not None and found.free is not optimum.free:
         counted = np.asarray(noise_rows.counted)
@@ -285,11 +286,10 @@ class _Errors(NamedTuple):
     evidence: dict[str, float]
 
 
-def _errors(
-    fit: LeastSquares, residual: Noise, at: Linearised, rows: Rows, noise: str | None
-) -> _Errors:
-    """The noise that explains the residuals of a least-squares fit, linearised `at` its optimum."""
+def _errors(fit: LeastSquares, residual: Noise, rows: Rows, noise: str | None) -> _Errors:
+    """The noise that explains the residuals of a least-squares fit."""
     bounds, free = fit.bounds, fit.optimum.free
+    at = linearised(bounds, fit.optimum, fit.measured, rows)
     about = (bounds, fit.template, fit.prepared, fit.measured, rows, free)
     found = None
     if noise is not None and not bounds.asked:

@@ -6,6 +6,8 @@ import numpy as np
 import scipy
 from jaxtyping import Array, Float
 
+from hysteresis.records._arrays import pieces
+
 from ._arithmetic import Rows
 
 LAGS = 20
@@ -84,14 +86,21 @@ def _shapeless(x: np.ndarray, W: np.ndarray, shapes: np.ndarray) -> float:
     if not shapes.shape[1]:
         return 1.0
     own, rank = _explained(x, W)
-    whole, ranks = _explained(x, np.hstack([W, shapes]))
+    whole, ranks = _explained(x, W, shapes)
     return float(scipy.special.chdtrc(max(ranks - rank, 1), max(whole - own, 0.0)))
 
 
-def _explained(x: np.ndarray, A: np.ndarray) -> tuple[float, int]:
-    """|Q'x|^2, Q an orthonormal basis of the columns of A, and how many these are."""
-    size = np.sqrt(np.sum(A**2, 0))
-    values, vectors = np.linalg.eigh((A.T @ A) / np.outer(size + (size == 0), size + (size == 0)))
+def _explained(x: np.ndarray, *columns: np.ndarray) -> tuple[float, int]:
+    """|Q'x|^2, Q an orthonormal basis of the columns, and how many these are."""
+    width = sum(A.shape[1] for A in columns)
+    square, along = np.zeros((width, width)), np.zeros(width)
+    for rows in pieces(len(x)):
+        A = np.hstack([part[rows] for part in columns])
+        square += A.T @ A
+        along += A.T @ x[rows]
+    size = np.sqrt(np.diagonal(square))
+    size = size + (size == 0)
+    values, vectors = np.linalg.eigh(square / np.outer(size, size))
     seen = values > 1e-9
-    along = vectors[:, seen].T @ ((A / (size + (size == 0))).T @ x)
+    along = vectors[:, seen].T @ (along / size)
     return float(np.sum(along**2 / values[seen])), int(seen.sum())

@@ -151,7 +151,7 @@ def shapes_of(
     record: Record, used: Bool[np.ndarray, " rows"], most: int = 4
 ) -> Float[np.ndarray, "rows shapes"]:
     """Chebyshev's polynomials T_k(x), k = 1 ... most, x from -1 to 1 over the used inputs; before each of
-    them T_(k - 1)(x) times the input's direction."""
+    them T_(k - 1)(x) times the input's direction. 0 in rows that are not used."""
     u = record.input
     low, high = u[used].min(initial=np.inf), u[used].max(initial=-np.inf)
     x = np.clip(2 * (u - low) / max(high - low, 1e-300) - 1, -1.0, 1.0)
@@ -163,4 +163,5 @@ def shapes_of(
         found[:, 2 * k] = direction * wave
         wave = np.cos((k + 1) * angle)
         found[:, 2 * k + 1] = wave
+    found[~used] = 0.0
     return found

@@ -230,7 +230,7 @@ def plainest(
     x, W = residuals / (sigma or 1.0), jacobian / (sigma or 1.0)
     scores = np.sum((x**2 - 1)[np.asarray(rows.counted)] ** 2)
     wider = np.full(len(free), np.sqrt(np.cosh(2 / np.sqrt(1 + scores))))
-    left = Left(x, W, np.asarray(rows.shapes) * np.asarray(rows.counted)[:, None], np.ones(()))
+    left = Left(x, W, np.asarray(rows.shapes), np.ones(()))
     kind, evidence = (("sigma",),), np.zeros(1)
     return Likeliest(free, W, wider, NoiseModel(sigma), kind, evidence, 1.0, counted), left
 
@@ -283,6 +283,7 @@ def skewness_at(
         # One after the other: of a million rows each takes 60 MB.
         at = linearised_at(bounds, *arguments, z)
         scores.append(weight * score(at, arguments[2], known) - at.pull)
+        del at
     return skewness(np.array(scores), covariance)
 
 
