@@ -183,5 +183,5 @@ class AbstractRecord:
         code = hashlib.sha256("\0".join(self.labels).encode())
         more = [self.columns[name] for name in (*sorted(self.channels), *sorted(self.conditions))]
         for x in (self.input, self.output, self.time, self.starts, self.mask, *more):
-            code.update(b"-" if x is None else np.ascontiguousarray(x))
+            code.update(b"-" if x is None else np.ascontiguousarray(x).data)
         return code.hexdigest()

@@ -56,7 +56,8 @@ _LAGS = np.array([3.0, 10.0, 30.0, 100.0])
 _FEWEST = 12
 
 Rows = Float[np.ndarray, " rows"]
-Steps, Far = Int[np.ndarray, " steps"], Float[np.ndarray, " steps"]
+Steps = Int[np.ndarray, " steps"]
+Far = Float[np.ndarray, " steps"]
 
 
 class ZeroJump(NamedTuple):

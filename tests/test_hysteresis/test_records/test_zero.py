@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hysteresis import InputError, Record, read_csv
+from hysteresis.records import _arrays
 from hysteresis.records._excitation import check_identifiable
 from hysteresis.records._turned import rezeroed
 from hysteresis.records._zero import lost_contact, zero_drift, zero_jumps
@@ -218,3 +219,23 @@ def test_an_output_that_follows_something_else_tells_nothing_of_the_zero(seed: i
     y = np.r_[loop(u, seed), 3.0 * (np.arange(600) % 97 > 90)]
     record = Record.from_arrays(np.r_[u, np.zeros(600)], y, groups=np.repeat([1, 2], 600))
     assert not ZEROS & {note.code for note in check_identifiable(record)}
+
+
+@given(SEEDS, st.sampled_from([7, 64, 257]))
+def test_what_is_found_does_not_depend_on_how_many_rows_are_looked_at_at_a_time(
+    seed: int, count: int
+):
+    u = motion(seed)
+    y = loop(u, seed)
+    if seed % 3 == 0:
+        y[len(y) // 2 + seed % CYCLE :] += 0.5
+    elif seed % 3 == 1:
+        y[seed % CYCLE :][: 3 * CYCLE // 2] = 0.0
+    whole, parts = (Record.from_arrays(u, y, np.arange(len(u)) / 10) for _ in range(2))
+    found = check_identifiable(whole), whole.branch, whole.cycle, whole.summary()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(_arrays, "PIECE", count)
+        again = check_identifiable(parts), parts.branch, parts.cycle, parts.summary()
+    assert again[0] == found[0]
+    np.testing.assert_array_equal(again[1:3], found[1:3])
+    assert again[3] == found[3]
