@@ -130,7 +130,7 @@ def register(
     Returns the class; without a class, a decorator.
 
     Raises `InputError` `name-taken` where another class has this name, `not-a-model` for something else
-    than a class with fields.
+    than a class with fields, `untranslatable-law` for a law of more than all its languages have.
 
     **Example:**
 
@@ -147,6 +147,10 @@ def register(
             f"{model!r} cannot be registered.",
             fix="register a class that is not abstract, of a model or of a part with fields.",
         )
+    if law is not None:
+        from .running._marks import Marked  # no model needs it until it runs
+
+        Marked().marked(announce(law), "move")
     key = class_key(model)
     if key.partition(":")[0] not in OURS:
         _load_ours()
@@ -164,8 +168,6 @@ def register(
             _BY_NAME.pop(known.name.casefold(), None)
         _BY_NAME[entry.name.casefold()] = entry
     _BY_CLASS[key] = entry
-    if law is not None:
-        announce(law)
     return model
 
 

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from types import SimpleNamespace
 from typing import Any
 
+from hysteresis.running._law import MATHS
+
 from ._python_to_c99 import Element
 
 LIBRARY = 250
@@ -51,7 +53,7 @@ class Count:
                 self.known[k] = max(last - 1, 0)
                 return 4 + last * (4 + sum(map(self.of, node.body)))
             case ast.While():
-                times = math.ceil(eval(self.home.bounds[node.lineno], {}, self.known))
+                times = math.ceil(eval(self.home.law.bounds[node.lineno], {}, self.known))
                 return (times + 1) * self.of(node.test) + times * (2 + sum(map(self.of, node.body)))
             case ast.If():
                 branches = [sum(map(self.of, block)) for block in (node.body, node.orelse)]
@@ -61,7 +63,7 @@ class Count:
                     2
                     if name == "int"
                     else LIBRARY
-                    if hasattr(math, name)
+                    if name in MATHS
                     else self.of_function(name, node.args)
                 )
                 return own + 2 * len(node.args) + sum(map(self.of, node.args))
@@ -83,7 +85,7 @@ def _of_expression(node: ast.AST) -> int:
     own = _own(node)
     if isinstance(node, ast.Call):
         name = node.func.id if isinstance(node.func, ast.Name) else ""
-        own = 2 * len(node.args) + (2 if name == "int" else LIBRARY if hasattr(math, name) else 0)
+        own = 2 * len(node.args) + (2 if name == "int" else LIBRARY if name in MATHS else 0)
     return own + sum(map(_of_expression, ast.iter_child_nodes(node)))
 
 

@@ -10,7 +10,7 @@ from typing import Any
 from hysteresis import InputError
 from hysteresis._escape import c_comment
 from hysteresis.laws import _codes
-from hysteresis.running._law import Law, law
+from hysteresis.running._law import MATHS, Law, law
 
 _INDENT = "    "
 _OPERATORS = {
@@ -49,14 +49,12 @@ class Element:
     """Functions that were translated once for all nodes of this kind, by their names in C."""
 
     def __post_init__(self) -> None:
-        # The C code keeps comments for its readers, and the ones with "at most:" bound the loops.
-        remarks = self.law.comments
+        # The C code keeps comments for its readers.
         self.comments = {
             line: t.string.lstrip("# ")
-            for line, t in remarks.items()
+            for line, t in self.law.comments.items()
             if t.line.lstrip().startswith("#")
         }
-        self.bounds = {line: t.string.partition("at most: ")[2] for line, t in remarks.items()}
         module = self.law.module
         self.functions = {
             name: node for name, node in self.law.functions.items()
@@ -257,7 +255,7 @@ class Function:
             case ast.Expr():
                 return [f"{indent}{self._expression(node.value).text};"]
             case ast.While():
-                bound = self.home.bounds[node.lineno]
+                bound = self.home.law.bounds[node.lineno]
                 head = (
                     f"{indent}while ({self._expression(node.test).text}) {{ /* at most: {bound} */"
                 )
@@ -276,7 +274,7 @@ class Function:
                 if node.orelse:
                     lines += [f"{indent}}} else {{", *self._block(node.orelse, deeper)]
                 return [*lines, f"{indent}}}"]
-        raise NotImplementedError(ast.unparse(node))
+        raise self.home.law.refused(node)
 
     def _if(self, node: ast.If, indent: str, deeper: str) -> list[str]:
         head = f"{indent}if ({self._expression(node.test).text}) {{"
@@ -316,6 +314,8 @@ class Function:
             # Status codes are enumerators of the header, so C and Python share one list of them.
             case ast.Name(id=name) if name.isupper() and hasattr(_codes, name):
                 return Expression(f"{home.stem}_{name}".upper(), "int")
+            case ast.Name(id=name) if name not in self.types:
+                return self._expression(ast.Constant(home.law.constant(name)))
             case ast.Name(id=name):
                 return Expression(name, self.types[name])
             case ast.Attribute(value=ast.Name(id=name)):
@@ -349,12 +349,12 @@ class Function:
                 return Expression(f"{test} ? {yes.within(4)} : {no.within(3)}", kind, 3)
             case ast.Call(func=ast.Name(id="int"), args=[inner]):
                 return Expression(f"(int){self._expression(inner, quiet).within(15)}", "int", 14)
-            case ast.Call(func=ast.Name(id=name)) if hasattr(math, name):
+            case ast.Call(func=ast.Name(id=name)) if name in MATHS:
                 given = ", ".join(self._as(a, "real") for a in node.args)
                 return Expression(f"{name}{'f' * home.single}({given})", "real")
             case ast.Call(func=ast.Name(id=name)):
                 return self._call(node, name, quiet)
-        raise NotImplementedError(ast.unparse(node))
+        raise self.home.law.refused(node)
 
     def _binary(self, op: Any, left: ast.expr, right: ast.expr, quiet: bool) -> Expression:
         sign, level = _OPERATORS[type(op)]

@@ -20,9 +20,9 @@ import numpy as np
 
 from .._cache_folder import forget_oldest, own_folder
 from ._in_python import in_python
+from ._law import MATHS
 from ._numbers import Structure
 from ._text import text_of
-from ._values import MATHS
 
 MOST = 200_000_000
 """Bytes of compiled laws that are kept; one takes some hundred thousand."""

@@ -11,11 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from ._law import PARSING
+from ._law import MATHS, PARSING
 from ._memory_sizes import MOST
 from ._numbers import Structure
 from ._text import text_of
-from ._values import MATHS
 
 OUTPUTS = 8
 """Arguments of a loop before what it writes; the first, m, is written too."""

@@ -16,8 +16,8 @@ not matter there: such a quotient has the comment "vanishes". A real that nothin
 import ast
 from collections.abc import Set
 
-from ._law import Law, law
-from ._values import MATHS, Function, Translation
+from ._law import MATHS, Law, law
+from ._values import Function, Translation
 
 PARTIALS = {  # of f at a, where v is f(a)
     "exp": "{v}", "log": "1.0 / {a}", "sqrt": "0.5 / {v}", "fabs": "(1.0 if {a} > 0.0 else -1.0)",
@@ -301,7 +301,7 @@ class _Recording(Function):
                 leaves = [(x, "1.0") for x in returned]
                 before += self.mark((self.title, name), number, leaves) if leaves else []
                 return name, [(number, "1.0")] if leaves else []
-        raise NotImplementedError(ast.unparse(e))
+        raise self.of.refused(e)
 
     def temporary(self, name: str) -> str:
         self.temporaries += 1
@@ -324,7 +324,8 @@ class _Recording(Function):
     ) -> tuple[str, list[str]]:
         """A call of the text with marks; the number of what it returns where that is active."""
         owner = self.called(g)
-        assert owner is not None, f"{g}: functions given to functions have no marks"
+        if owner is None:  # functions given to functions have no marks
+            raise self.of.refused(self.node)
         twin = type(self)(self.home, owner, g)
         passed: list[str] = []
         for parameter, a in zip(twin.arguments, args, strict=True):

@@ -9,11 +9,7 @@ plain numbers several times as fast as those of arrays. Only what the laws need 
 import ast
 from collections.abc import Sequence
 
-from ._law import Law, law
-
-MATHS = (
-    "asinh", "cosh", "exp", "expm1", "fabs", "log", "log1p", "pow", "sinh", "sqrt", "tanh",
-)  # fmt: skip
+from ._law import MATHS, Law, law
 
 
 class Translation:
@@ -65,8 +61,7 @@ class Function:
             case ast.Constant(value=v):
                 return "float" if isinstance(v, float) else "int"
             case ast.Name(id=x):
-                known = getattr(self.of.module, x, 0)
-                return self.kinds.get(x, "float" if isinstance(known, float) else "int")
+                return self.kinds.get(x, type(self.of.constant(x) or 0).__name__)
             case ast.Attribute(value=ast.Name(id=x), attr=f):
                 return self.of.fields[self.kinds[x]][f]
             case ast.Subscript():
@@ -130,7 +125,7 @@ class Function:
                 case ast.For(target=ast.Name(id=k), iter=it, body=a):
                     lines += [f"{i}for {k} in {self.value(it)}:", *self.block(a, depth + 1, leave)]
                 case _:
-                    raise NotImplementedError(ast.unparse(node))
+                    raise self.of.refused(node)
         return lines
 
     def put(self, target: ast.expr, value: str) -> str:
@@ -150,15 +145,15 @@ class Function:
             case ast.Subscript(value=array, slice=k):
                 begin = array.id if isinstance(array, ast.Name) else self.address(array)
                 return f"{begin} + {self.value(k)}"
-        raise NotImplementedError(ast.unparse(e))
+        raise self.of.refused(e)
 
     def value(self, e: ast.expr) -> str:
         match e:
             case ast.Constant():
                 return repr(e.value)
             case ast.Name(id=x):
-                known = getattr(self.of.module, x, None)
-                return repr(known) if x not in self.kinds and isinstance(known, int | float) else x
+                known = self.of.constant(x)
+                return x if x in self.kinds or known is None else repr(known)
             case ast.Attribute(value=ast.Name(id=x), attr=f):
                 kind = self.kind(e)
                 if kind == "Reals":
@@ -186,7 +181,7 @@ class Function:
                 if g in ("int", "range") or (g in MATHS and g not in self.of.functions):
                     return f"{g}({', '.join(map(self.value, args))})"
                 return f"{self.callee(g, args)}({', '.join(['_m', '_n', *self.passed(args)])})"
-        raise NotImplementedError(ast.unparse(e))
+        raise self.of.refused(e)
 
     def truth(self, e: ast.expr) -> str:
         """A condition. numba's `and` has no kind for a whole number beside a truth value."""

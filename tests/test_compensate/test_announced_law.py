@@ -2,6 +2,8 @@
 
 import subprocess
 import sys
+from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -11,11 +13,36 @@ import pytest
 
 from compensate import export_c, export_runtime, invert, runtime
 from compensate.export.targets._export_to import TARGETS, export_to
-from hysteresis import laws
+from hysteresis import InputError, laws, parameter, register
+from hysteresis.trees import AbstractSearchedModel, node
 from tests.c_harness import Compiled
 from tests.judges import JUDGES
 from tests.problems import random_histories
 
+LAW = """\
+from math import exp, fabs, pi
+from numpy import sin
+
+SHARE = 0.75
+
+class Parameters:
+    k: float
+
+class State:
+    status: int
+    u: float
+
+def gamma(p: Parameters, u: float) -> float:
+    return SHARE * p.k * u + u / pi
+
+def look(p: Parameters, s: State, u: float) -> float:
+    return gamma(p, u) + p.k * fabs(u - s.u) * 0.25
+
+def move(p: Parameters, s: State, u: float) -> float:
+    y = look(p, s, u)
+    s.u = u
+    return y
+"""
 TEMPLATE = Path(__file__).parents[2] / "docs" / "template"
 
 
@@ -25,6 +52,27 @@ def duhem(monkeypatch: pytest.MonkeyPatch) -> Any:
     monkeypatch.syspath_prepend(TEMPLATE)
     __import__("hysid_duhem")
     return sys.modules["hysid_duhem"].Duhem(0.5, 1.0, 0.7)
+
+
+@pytest.fixture
+def made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], Any]:
+    """A model of a law of this text."""
+    monkeypatch.setattr(laws, "_ANNOUNCED", {})
+    monkeypatch.syspath_prepend(tmp_path)
+
+    def make(text: str) -> Any:
+        name = f"law{abs(hash(text))}"
+        (tmp_path / f"{name}.py").write_text(text)
+
+        class Model(AbstractSearchedModel):
+            k: float = parameter(2.0)
+
+            def forwards(self) -> Any:
+                return node(name, {"k": self.k}, {"u": 0.0})
+
+        return register(Model, name=name, law=import_module(name))(2.0)
+
+    return make
 
 
 @pytest.fixture
@@ -43,6 +91,51 @@ def test_its_c_and_its_python_give_the_estimates_of_its_inverse(
     header = export_c(duhem, tmp_path / "duhem.h", y).path
     found, _ = Compiled(header, flags=("-O2", "-ffp-contract=off")).run(np.zeros(len(y)), y)
     np.testing.assert_array_equal(found, values)
+
+
+def test_numbers_of_its_file_and_names_like_those_of_math_mean_the_same_in_c(
+    made: Callable[[str], Any], inputs: np.ndarray, tmp_path: Path
+):
+    y = np.asarray(made(LAW).simulate(None, inputs))
+    before = np.append(0.0, inputs[:-1])
+    expected = 1.5 * inputs + inputs / np.pi + 0.5 * np.abs(inputs - before)
+    np.testing.assert_allclose(y, expected, rtol=1e-12, atol=1e-12)
+    header = export_c(made(LAW), tmp_path / "stranger.h", y).path
+    found, _ = Compiled(header).run(np.zeros(len(y)), y)
+    np.testing.assert_allclose(found, inputs, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("gamma(p, u) +", "sum([gamma(p, u)]) +"),
+        ("gamma(p, u) +", "gamma(p=p, u=u) +"),
+        ("gamma(p, u) +", "sin(u) +"),
+        ("gamma(p, u) +", "+u +"),
+        ("gamma(p, u) +", "u**2 +"),
+        ("gamma(p, u) +", "p.other +"),
+        ("gamma(p, u) +", "unknown +"),
+        ("    s.u = u", "    s.u += u"),
+        ("    s.u = u", "    p.k = u"),
+        ("    s.u = u", "    while s.u < u:\n        s.u = u"),
+        ("    s.u = u", "    for k in range(0, 9, 2):\n        s.u = u"),
+        ("    s.u = u", "    s.u = u if 0.0 < u < 1.0 else 0.0"),
+        ("    k: float", "    k: complex"),
+        ("p: Parameters, u: float", "p, u"),
+    ],
+)
+def test_what_no_language_knows_is_refused_when_the_law_is_registered(
+    made: Callable[[str], Any], old: str, new: str
+):
+    text = LAW.replace(old, new, 1)
+    with pytest.raises(InputError) as caught:
+        made(text)
+    error = caught.value
+    assert error.code == "untranslatable-law"
+    line = text.splitlines()[int(error.place.rpartition(".py:")[2]) - 1]
+    assert line not in LAW.splitlines() or "def gamma(p, u)" in text
+    assert error.cause
+    assert error.fix
 
 
 @pytest.mark.parametrize("target", TARGETS)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from hysteresis import InputError
-from hysteresis.laws import _codes
+from hysteresis.running._law import MATHS
 
 from .._python_to_c99 import Element, Function, element
 from ._onnx_graph import TYPES, Graph, Value
@@ -219,7 +219,7 @@ class Frame:
                 always = graph.constant(True, "bool")
                 graph.loop(lambda: self._going(always), turned, count)
             case _:
-                raise NotImplementedError(ast.unparse(node))
+                raise self.home.law.refused(node)
 
     def _unsettled(self, node: ast.stmt) -> None:
         """A flag for whether a branch or loop has returned, where it can."""
@@ -264,8 +264,8 @@ class Frame:
                 return graph.constant(known, "real")
             case ast.Name(id=name) if self._is_variable(name):
                 return self._get(name)
-            case ast.Name(id=name) if name.isupper() and hasattr(_codes, name):
-                return graph.constant(getattr(_codes, name), "int")
+            case ast.Name(id=name):
+                return self.value(ast.Constant(self.home.law.constant(name)))
             case ast.Attribute(value=ast.Name(id=name), attr=attribute):
                 if self.types.get(name) == "State":
                     return graph.variables["state", self.part.key, attribute]
@@ -299,13 +299,13 @@ class Frame:
                 return graph.cast(self.value(inner), "int")
             case ast.Call(func=ast.Name(id=name), args=arguments):
                 return self._called(name, [self.given(a) for a in arguments])
-        raise NotImplementedError(ast.unparse(node))
+        raise self.home.law.refused(node)
 
     def _called(self, name: str, given: "list[Given]") -> Value:
         graph = self.graph
         if name in self.bound:
             return self.bound[name](*given)
-        if name in self.home.functions or not hasattr(math, name):
+        if name not in MATHS:
             return self.translator.run(self.part, self.home, name, given)
         reals = [graph.cast(v, "real") for v in given if isinstance(v, Value)]
         if all(v.known is not None for v in reals):
