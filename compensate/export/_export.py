@@ -236,7 +236,7 @@ class Program:
         y, c = y[finite], c[finite]
         t = None if times is None else np.asarray(times, float)[finite]
         nodes = list(nodes_of(tree))
-        rates, kinds = any(map(_has_rates, nodes)), {node["kind"] for node in nodes}
+        rates, kinds = any(map(has_rates, nodes)), {node["kind"] for node in nodes}
         # The error may depend on the speed where the model does not.
         counts_time = rates or (t is not None and error is not None and error.knows_speeds)
         if rates and t is None:
@@ -416,16 +416,14 @@ def wider(y: np.ndarray) -> tuple[float, float]:
     return low - (high - low) / 2, high + (high - low) / 2
 
 
-def _has_rates(node: dict[str, Any]) -> bool:
-    p = node.get("parameters", {})
-    kind = node["kind"]
-    return (
-        kind in ("chain", "friction", "maxwell", "oscillator")
-        or (kind in announced() and law(kind).takes_time("move"))
-        or (node["kind"] == "adaptive" and p["spread"][1] > 0)  # the zero drifts
-        or bool(p.get("forgetting"))
-        or any(p.get("rates", ()))
-    )
+def has_rates(node: Tree) -> bool:
+    """Whether time changes anything: its law takes it, and the numbers beside it are not all 0."""
+    kind, p = node["kind"], node.get("parameters", {})
+    if kind in ("series", "adaptive"):
+        return bool(p) and p["spread"][1] > 0  # the zero drifts
+    beside = () if kind in announced() else {"rates", "drives", "forgetting"} & p.keys()
+    takes = any(law(kind).takes_time(x) for x in ("move", "find") if x in law(kind).functions)
+    return takes and (not beside or any(np.any(p[x]) for x in beside))
 
 
 def deepest(tree: Tree, way: str, dt: Sequence[float], y: Sequence[Any]) -> int:

@@ -11,7 +11,7 @@ from hysteresis import AbstractModel, InputError, Series
 from hysteresis.networks import StaircaseNetwork
 
 from ..export._document import write
-from ..export._export import DEEP, Quantity, _has_rates, deepest, longest_step
+from ..export._export import DEEP, Quantity, deepest, has_rates, longest_step
 from ..export._precision import require_double
 from ..export._trees import nodes_of, tree_of
 from ..runtime._file import SCHEMA, number
@@ -117,7 +117,7 @@ def _program(
     depth = deepest(tree_of(chain, depth=DEEP), way, dt.tolist(), y.tolist())
     # A quarter more than these readings needed, and never less than compensators have.
     tree = tree_of(chain, depth=max(64, depth + depth // 4))
-    return {"kind": "tree", "way": way, "tree": tree}, any(map(_has_rates, nodes_of(tree)))
+    return {"kind": "tree", "way": way, "tree": tree}, any(map(has_rates, nodes_of(tree)))
 
 
 def _unfolded(model: AbstractModel) -> AbstractModel:

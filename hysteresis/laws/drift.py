@@ -33,7 +33,7 @@ class State:
     path: float
 
 
-def look(p: Parameters, s: State, dt: float, u: float) -> float:
+def look(p: Parameters, s: State, u: float) -> float:
     if not s.begun:
         return p.offset
     level = among(p.levels, p.count, s.u)
@@ -46,8 +46,8 @@ def look(p: Parameters, s: State, dt: float, u: float) -> float:
     return p.offset + slope * log1p(further / p.length)
 
 
-def move(p: Parameters, s: State, dt: float, u: float) -> float:
-    y = look(p, s, dt, u)
+def move(p: Parameters, s: State, u: float) -> float:
+    y = look(p, s, u)
     if s.begun:
         s.path = s.path + fabs(u - s.u)
     s.begun = 1
