@@ -10,6 +10,7 @@ from jaxtyping import Array, Float
 
 from ._errors import InputError
 from ._model import AbstractModel, Series
+from ._once import once
 from .running import Numbers, numbers_of, outputs
 
 OWN = 0
@@ -46,7 +47,7 @@ class AbstractLawModel(AbstractModel[LawState, LawInput]):
 
     def init(self, t0: Any = None, u0: Any = None) -> LawState:
         t = jnp.asarray(jnp.nan if t0 is None else t0, float)
-        return LawState(jnp.asarray(self._numbers().state, float), t)
+        return LawState(jnp.asarray(self._numbers.state, float), t)
 
     def step(self, state: LawState, t: Any, u: Any) -> tuple[LawState, Float[Array, ""]]:
         if t is None:
@@ -94,13 +95,14 @@ class AbstractLawModel(AbstractModel[LawState, LawInput]):
         last = prepared.state.t if t is None or not len(y) else jnp.asarray(t, float)[-1]
         return LawState(after, last), y
 
+    @once
     def _numbers(self) -> Numbers:
         """Of the laws from input to output, without what only a search for the input needs."""
         forwards = getattr(self, "forwards", None)
         return numbers_of(self.tree(depth=OWN) if forwards is None else forwards())
 
     def _run(self, u: Array, dt: Array, state: Array) -> tuple[Array, Array]:
-        numbers = self._numbers().with_state(state)
+        numbers = self._numbers.with_state(state)
         y, after = outputs(numbers, u, dt)
         return jnp.asarray(y), jnp.asarray(numbers._replace(m=after).state)
 

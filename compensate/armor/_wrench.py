@@ -12,9 +12,10 @@ from jaxtyping import Array, Bool, Float, Int
 from numpy.typing import ArrayLike
 
 from hysteresis import AbstractModel, InputError, Scalar, is_concrete, parameter
+from hysteresis._once import once
 from hysteresis._parameter import as_float
 
-from .._contract import scan_steps
+from .._contract import AbstractCompensator, scan_steps
 from .._invert import invert
 from .._readings import latest_of
 from ..runtime._contact_status import ContactStatus
@@ -294,7 +295,7 @@ class WristSensor(eqx.Module):
 
     def init(self) -> WristState:
         """The state before the first reading."""
-        plays = tuple(invert(model).init() for model in self.hysteresis or ())
+        plays = tuple(inverse.init() for inverse in self._inverses)
         none = jnp.full((6,), jnp.nan, self.matrix.dtype)
         return WristState(none, none[0], plays, () if self.slip is None else self.slip.init())
 
@@ -332,8 +333,8 @@ class WristSensor(eqx.Module):
             # The time of the last reading, before the first one its own.
             at = latest_of(usable)
             clock = t[jnp.where(at < 0, jnp.argmax(usable), at)]
-            axes = zip(self.hysteresis, state.channels, seen.T, strict=True)
-            each = [scan_steps(invert(model), clock, y, own) for model, own, y in axes]
+            axes = zip(self._inverses, state.channels, seen.T, strict=True)
+            each = [scan_steps(inverse, clock, y, own) for inverse, own, y in axes]
             channels = [own for own, _ in each]
             sound = jnp.stack([found.value for _, found in each], 1)
         if self.slip is not None or self.hysteresis is not None:
@@ -393,6 +394,10 @@ class WristSensor(eqx.Module):
 
     def _calibrated(self, readings: Array) -> Array:
         return (readings - _along(self.bias, readings)) @ self.matrix.T
+
+    @once
+    def _inverses(self) -> tuple[AbstractCompensator, ...]:
+        return tuple(map(invert, self.hysteresis or ()))
 
     @eqx.filter_jit
     def _wrench(self, readings: Array, sound: Array, motion: Motion) -> Wrench:

@@ -9,8 +9,9 @@ from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
 from hysteresis import InputError, is_concrete, register
+from hysteresis._once import once
 from hysteresis.numerics._normal import NORMAL_95
-from hysteresis.running import each, numbers_of
+from hysteresis.running import Numbers, each, numbers_of
 from hysteresis.trees import Tree, node
 
 from .._contract import AbstractCompensator, AbstractStreamed, Found, Status, scan_steps
@@ -183,7 +184,7 @@ class GuardedCompensator(AbstractStreamed[GuardedState, Found]):
 
     def init(self) -> GuardedState:
         none, others = jnp.asarray(jnp.nan, float), tuple(start.state for start in self.starts)
-        own = jnp.asarray(numbers_of(self.law()).state, float)
+        own = jnp.asarray(self._numbers.state, float)
         return GuardedState(self.inner.init(), others, none, jnp.zeros_like(none), own, none)
 
     def stream(
@@ -205,7 +206,7 @@ class GuardedCompensator(AbstractStreamed[GuardedState, Found]):
             others.append(after)
             apart = jnp.maximum(apart, jnp.abs(of_other.value - found.value))
         told = each(
-            numbers_of(self.law()), "limited",
+            self._numbers, "limited",
             found.value, found.status, late | (seen != reading), apart, reading,
             where=jnp.where(found.status == Status.INVALID, jnp.nan, reading), state=state.limited,
             held=jnp.where(jnp.isnan(state.last), self._limited(found.value), state.value),
@@ -221,6 +222,10 @@ class GuardedCompensator(AbstractStreamed[GuardedState, Found]):
         if getattr(found, "draws", None) is not None:
             found = found._replace(draws=self._limited(found.draws))
         return GuardedState(*own), found
+
+    @once
+    def _numbers(self) -> Numbers:
+        return numbers_of(self.law())
 
     def law(self, rounding: float = 0.0) -> Tree:
         """See `hysteresis/laws/guard.py`. `rounding`: of estimates, beyond which slack is no less."""

@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike
 from scipy.special import stdtrit
 
 from hysteresis import InputError, Record, register
+from hysteresis._once import once
 from hysteresis.numerics._normal import NORMAL_95
-from hysteresis.running import each, numbers_of
+from hysteresis.running import Numbers, each, numbers_of
 from hysteresis.trees import Tree
 
 from .._contract import AbstractCompensator, AbstractStreamed, Status, scan_steps
@@ -123,7 +124,7 @@ class CalibratedCompensator(AbstractStreamed[CalibratedState, UncertainEstimate]
 
     def init(self) -> CalibratedState:
         never = jnp.asarray(jnp.nan, float)
-        first = jnp.asarray(numbers_of(self.law()).state, float)
+        first = jnp.asarray(self._numbers.state, float)
         return CalibratedState(self.inner.init(), first, never, never)
 
     def stream(
@@ -131,7 +132,7 @@ class CalibratedCompensator(AbstractStreamed[CalibratedState, UncertainEstimate]
     ) -> tuple[CalibratedState, UncertainEstimate]:
         inner, found = scan_steps(self.inner, t, y, state.inner)
         error, _, _, motion, last = each(
-            numbers_of(self.law()), "deviation", found.value, state=state.motion, t=state.t,
+            self._numbers, "deviation", found.value, state=state.motion, t=state.t,
             held=state.error, times=None if t is None else jnp.asarray(t, float),
             where=jnp.where(found.status == Status.INVALID, jnp.nan, found.value),
         )  # fmt: skip
@@ -142,6 +143,10 @@ class CalibratedCompensator(AbstractStreamed[CalibratedState, UncertainEstimate]
             return after, UncertainEstimate(found.value, found.status, deviation)
         draws = jnp.multiply.outer(self.scores, deviation) + jnp.expand_dims(found.value, 0)
         return after, UncertainEstimate(found.value, found.status, deviation, draws)
+
+    @once
+    def _numbers(self) -> Numbers:
+        return numbers_of(self.law())
 
     def law(self) -> Tree:
         """See `hysteresis/laws/error.py`."""

@@ -7,7 +7,8 @@ from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
 from hysteresis import InputError, Scalar, is_concrete
-from hysteresis.running import each, numbers_of
+from hysteresis._once import once
+from hysteresis.running import Numbers, each, numbers_of
 from hysteresis.trees import Tree, node
 
 from .._contract import AbstractCompensator, AbstractStreamed, Found, scan_steps
@@ -55,7 +56,7 @@ class DeadBandCompensator(AbstractStreamed[DeadBandState, Found]):
             )
 
     def init(self) -> DeadBandState:
-        first = jnp.asarray(numbers_of(self.law()).state, float)
+        first = jnp.asarray(self._numbers.state, float)
         return DeadBandState(self.inner.init(), first)
 
     def stream(
@@ -63,11 +64,15 @@ class DeadBandCompensator(AbstractStreamed[DeadBandState, Found]):
     ) -> tuple[DeadBandState, Found]:
         y = jnp.asarray(y, float)
         reading = reading_of(y, 1)
-        held = each(numbers_of(self.law()), "move", reading, state=state.play)
+        held = each(self._numbers, "move", reading, state=state.play)
         # No reading is passed on as none.
         seen = jnp.where(jnp.isfinite(reading), held.value, reading)
         inner, found = scan_steps(self.inner, t, with_reading(y, 1, seen), state.inner)
         return DeadBandState(inner, jnp.asarray(held.state)), found
+
+    @once
+    def _numbers(self) -> Numbers:
+        return numbers_of(self.law())
 
     def law(self) -> Tree:
         """See `hysteresis/laws/dead_band.py`."""

@@ -30,6 +30,7 @@ from hysteresis import (
     GeneralizedMaxwell,
     InputError,
     MonotoneCurve,
+    PrandtlIshlinskii,
     Preisach,
     Record,
     Sum,
@@ -300,3 +301,12 @@ def test_what_does_not_fit_is_refused():
         invert(RELAYS, trained=(0.0, 1.0), start="cold")
     with pytest.raises(InputError, match="zero-range"):
         invert(RELAYS, trained=(1.0, 1.0))
+
+
+def test_a_guard_that_ran_under_jit_or_has_another_limit_keeps_no_old_numbers():
+    guarded = invert(PrandtlIshlinskii(np.array([0.1]), np.array([0.4]), 0.5), trained=(0.0, 1.0))
+    y = jnp.array([1.0, 9.0])
+    traced = jax.jit(lambda y: guarded.simulate(None, y).value)(y)
+    np.testing.assert_array_equal(guarded.simulate(None, y).value, traced)
+    wider = eqx.tree_at(lambda c: c.high, guarded, jnp.asarray(3.0))
+    np.testing.assert_array_equal(wider.simulate(None, y).value[1], 3.0)
