@@ -12,14 +12,23 @@ def loop(made):
     return made
 
 
+njit = loop
+
+
+@njit
+def begun(m, n, first, size, h):
+    """The time before a row; m in the first state where a sequence begins."""
+    if h >= 0.0:
+        return h
+    for i in range(whole(n, STATE), size):
+        put(m, i, get(first, i))
+    return -h if h < 0.0 else 0.0
+
+
 @loop
 def run(m, n, first, size, u, dt, c, rows, y):
     for k in range(rows):
-        h = get(dt, k)
-        if not h >= 0.0:
-            h = -h if h < 0.0 else 0.0
-            for i in range(whole(n, STATE), size):
-                put(m, i, get(first, i))
+        h = begun(m, n, first, size, get(dt, k))
         take(m, n, get(c, k))
         put(y, k, move(m, n, h, get(u, k)))
 
@@ -28,11 +37,7 @@ def run(m, n, first, size, u, dt, c, rows, y):
 def looks(m, n, first, size, u, dt, c, rows, y, levels, count):
     """As `run`; in y the outputs at each row's `count` levels before it, where these are numbers."""
     for k in range(rows):
-        h = get(dt, k)
-        if not h >= 0.0:
-            h = -h if h < 0.0 else 0.0
-            for i in range(whole(n, STATE), size):
-                put(m, i, get(first, i))
+        h = begun(m, n, first, size, get(dt, k))
         take(m, n, get(c, k))
         for j in range(k * count, (k + 1) * count):
             x = get(levels, j)
@@ -43,11 +48,7 @@ def looks(m, n, first, size, u, dt, c, rows, y, levels, count):
 @loop
 def find(m, n, first, size, y, dt, c, rows, u, status):
     for k in range(rows):
-        h = get(dt, k)
-        if not h >= 0.0:
-            h = -h if h < 0.0 else 0.0
-            for i in range(whole(n, STATE), size):
-                put(m, i, get(first, i))
+        h = begun(m, n, first, size, get(dt, k))
         take(m, n, get(c, k))
         put(u, k, found(m, n, h, get(y, k)))
         put(status, k, 1.0 * status_of(m, n))
@@ -77,11 +78,8 @@ def tangents(
     for i in range(size * width):
         put(D, LOCALS * width + i, get(dfirst, i))
     for k in range(rows):
-        h = get(dt, k)
-        if not h >= 0.0:
-            h = -h if h < 0.0 else 0.0
-            for i in range(whole(n, STATE), size):
-                put(m, i, get(first, i))
+        h = begun(m, n, first, size, get(dt, k))
+        if not get(dt, k) >= 0.0:
             for i in range(whole(n, STATE) * width, size * width):
                 put(D, LOCALS * width + i, get(dfirst, i))
         if moved:
@@ -104,11 +102,8 @@ def find_tangents(
     for i in range(size * width):
         put(D, LOCALS * width + i, get(dfirst, i))
     for k in range(rows):
-        h = get(dt, k)
-        if not h >= 0.0:
-            h = -h if h < 0.0 else 0.0
-            for i in range(whole(n, STATE), size):
-                put(m, i, get(first, i))
+        h = begun(m, n, first, size, get(dt, k))
+        if not get(dt, k) >= 0.0:
             for i in range(whole(n, STATE) * width, size * width):
                 put(D, LOCALS * width + i, get(dfirst, i))
         for j in range(width):

@@ -20,13 +20,11 @@ class Estimated(NamedTuple):
 
 
 class _Valid(NamedTuple):
-    """Readings alone, the time since the one before, and for each row the latest reading: -1 before the
-    first one."""
+    """Which rows are readings, these alone, and the time since the one before."""
 
-    rows: np.ndarray
+    valid: np.ndarray
     y: np.ndarray
     dt: np.ndarray
-    latest: np.ndarray
 
 
 def estimated(numbers: Numbers, y: Any, dt: Any, held: Any) -> Estimated:
@@ -35,27 +33,30 @@ def estimated(numbers: Numbers, y: Any, dt: Any, held: Any) -> Estimated:
     A row that is not finite is no reading: the last estimate is held, and its time is added to the next
     one's. The first dt is NaN where nothing came before; then the first reading's is 0, whenever it comes.
     """
-    valid = _valid(y, dt)
-    found = over_time.find(numbers, valid.y, valid.dt)
-    value = np.where(valid.latest < 0, held, _at(found.value, valid.latest))
-    status = np.full(len(value), INVALID)
-    status[valid.rows] = found.status
-    return Estimated(value, status, found.m)
+    valid, y, dt = _valid(y, dt)
+    found = over_time.find(numbers, y, dt)
+    status = np.full(len(valid), INVALID)
+    status[valid] = found.status
+    return Estimated(spread(found.value, valid, held), status, found.m)
 
 
 def tangents_of(numbers: Numbers, dm: np.ndarray, y: Any, dt: Any, dy: Any) -> np.ndarray:
     """Derivatives of the estimates, (rows, columns): in directions dm of numbers, dy of readings."""
-    valid = _valid(y, dt)
-    dy = None if dy is None else np.asarray(dy)[valid.rows]
-    found = over_time.tangents(numbers, dm, valid.y, valid.dt, dy, inverse=True).columns
-    return np.where(valid.latest[:, None] < 0, 0.0, _at(found, valid.latest))
+    valid, y, dt = _valid(y, dt)
+    dy = None if dy is None else np.asarray(dy)[valid]
+    return spread(over_time.tangents(numbers, dm, y, dt, dy, inverse=True).columns, valid, 0.0)
+
+
+def spread(values: np.ndarray, valid: np.ndarray, first: Any) -> np.ndarray:
+    """Values of the valid rows for all: between them the one before, at first `first`."""
+    before = np.full((1, *values.shape[1:]), first)
+    return np.concatenate([before, values])[np.cumsum(valid)]
 
 
 def _valid(y: Any, dt: Any) -> _Valid:
     y, dt = np.asarray(y, float), np.asarray(dt, float)
     finite = np.isfinite(y) if y.ndim == 1 else np.isfinite(y).all(axis=1)
     rows = np.flatnonzero(finite)
-    latest = np.maximum.accumulate(np.where(finite, np.arange(len(y)), -1)) if len(y) else rows
     passed = np.nan_to_num(dt, nan=0.0)
     if len(rows) < len(y):
         until = np.append(0.0, np.cumsum(passed))
@@ -63,10 +64,4 @@ def _valid(y: Any, dt: Any) -> _Valid:
     passed = np.maximum(passed, 0.0)  # a clock that steps back: no time has passed
     if len(rows) and np.isnan(dt[0]):
         passed[0] = np.nan
-    order = np.cumsum(finite) - 1
-    return _Valid(rows, y[rows], passed, np.where(latest < 0, -1, order[latest]))
-
-
-def _at(values: np.ndarray, index: np.ndarray) -> np.ndarray:
-    """Values at indices; anything at those before the first."""
-    return values[index] if len(values) else np.zeros((len(index), *values.shape[1:]))
+    return _Valid(finite, y[rows], passed)

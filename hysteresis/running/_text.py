@@ -66,7 +66,8 @@ class Text:
         if "find" in wanted:
             entries.append(f"found = {self.function(self.root, 'find')}")
             entries.append(f"status_of = {self.status(self.root)}")
-        made = [*self.home.texts.values(), *self.nodes.values(), *entries, _loop(wanted)]
+        entries += [_loop("begun"), _loop(wanted)]
+        made = [*self.home.texts.values(), *self.nodes.values(), *entries]
         return "\n\n\n".join(made)
 
     def _take(self) -> str:
@@ -259,6 +260,6 @@ def _constants(structure: Structure) -> set[tuple[str, str]]:
 
 @cache
 def _loop(wanted: str) -> str:
-    """The text of one loop over time."""
+    """The text of one loop over time, or of what it calls."""
     text = (Path(__file__).parent / "_kernels.py").read_text("utf-8")
     return next(part for part in text.split("\n\n\n") if f"\ndef {wanted}(" in part)

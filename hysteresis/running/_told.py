@@ -9,7 +9,7 @@ import numpy as np
 
 from . import _over_time as over_time
 from ._numbers import Known, Numbers
-from ._readings import INVALID
+from ._readings import INVALID, spread
 from ._text import EACH
 from ._traced import on_host
 
@@ -84,9 +84,6 @@ def _told(
     value, status, said = np.empty(count), np.full(count, float(INVALID)), np.empty((count, width))
     outputs = value, status, said, *(np.ascontiguousarray(x, float) for x in columns)
     m = over_time.through(wanted, numbers, y, dt, outputs)
-    latest = np.full(count, -1)
-    latest[rows] = rows
-    latest = np.maximum.accumulate(latest)
-    value = np.where(latest < 0, held, value[latest]) if count else value
+    value = spread(value[rows], valid, held)
     last = times[rows[-1]] if len(rows) else t
     return value, status.astype(int), said, Numbers(known, m).state, np.asarray(last)
