@@ -48,9 +48,11 @@ def tangents_of(numbers: Numbers, dm: np.ndarray, y: Any, dt: Any, dy: Any) -> n
 
 
 def spread(values: np.ndarray, valid: np.ndarray, first: Any) -> np.ndarray:
-    """Values of the valid rows for all: between them the one before, at first `first`."""
-    before = np.full((1, *values.shape[1:]), first)
-    return np.concatenate([before, values])[np.cumsum(valid)]
+    """Values of the valid rows for all: between them the one before, at first `first`, of each row or of all."""
+    index = np.cumsum(valid)
+    found = np.concatenate([np.zeros((1, *values.shape[1:])), values])[index]
+    found[index == 0] = np.broadcast_to(first, found.shape)[index == 0]
+    return found
 
 
 def _valid(y: Any, dt: Any) -> _Valid:
