@@ -1,87 +1,8 @@
-"""In C: the node of a compensator that recalibrates itself, and the functions by which it learns."""
-
-from collections.abc import Sequence
+"""In C: the functions by which a compensator that recalibrates itself learns."""
 
 from hysteresis.laws._tree import Tree
 
-from ._operation_count import operations
 from ._python_to_c99 import Element
-
-
-def cost(home: Element, p: Tree, inner: Sequence[dict[str, int]]) -> dict[str, int]:
-    """Operations of the functions of the node, at most; `inner`: those of its parts, which it has twice,
-    and of the model as it was fitted."""
-    *parts, fitted = inner
-    look = sum(one["look"] + 12 for one in parts) // 2 + 30 * p["parts"] + 30
-    moved = sum(one["move"] + 12 for one in parts) + 30 * p["parts"] + 30
-    looked = operations(home, "nearest", p, {"look": look})
-    learnt = operations(home, "learn", p)
-    return {
-        "look": look,
-        "move": moved,
-        "find": fitted["find"] + looked + look + moved + learnt,
-    }
-
-
-def bodies(home: Element, stem: str, k: int, parts: Sequence[str]) -> dict[str, list[str]]:
-    """`look` and `move` of a reading with its sign; `inner`, which the search looks at, and `followed`, by
-    which the memories move, without it; `kept` and `taught` keep what the parts give.
-
-    `parts`: their calls, with "look" for the name of the function; the second half of them teaches.
-    """
-    p, s = f"&{stem}_{k}", f"&s->n{k}"
-    estimating, teaching = parts[: len(parts) // 2], parts[len(parts) // 2 :]
-
-    def total(name: str) -> str:
-        terms = [
-            f"{home.prefix}_one({p}, {s}, {i}, {call.replace('_look(', f'_{name}(')})"
-            for i, call in enumerate(estimating)
-        ]
-        return f"{home.prefix}_zero_now({s}) + {home.prefix}_raised({p}, {' + '.join(terms)})"
-
-    def stored(name: str, calls: Sequence[str]) -> list[str]:
-        lines = [
-            f"    {home.prefix}_{name}({p}, {s}, {i}, {call});" for i, call in enumerate(calls)
-        ]
-        return [*lines, "    return value;"]
-
-    moving = [call.replace("_look(", "_move(") for call in teaching]
-    return {
-        "inner": [f"    return {total('look')};"],
-        "look": [f"    return {stem}_{k}.sign * {stem}_{k}_inner(s, dt, value);"],
-        "followed": [f"    return {total('move')};"],
-        "kept": stored("kept", estimating),
-        "taught": stored("taught", moving),
-        "move": [
-            f"    (void){stem}_{k}_taught(s, dt, value);",
-            f"    return {stem}_{k}.sign * {stem}_{k}_followed(s, dt, value);",
-        ],
-    }
-
-
-def find(home: Element, stem: str, k: int, fitted: int, done: dict[str, str]) -> list[str]:
-    """The body of `find`; the search that it calls is added to `done`. `fitted`: the node of the model."""
-    p, s = f"&{stem}_{k}", f"&s->n{k}"
-    given = {"look": f"{stem}_{k}_inner", "whole": f"{stem}_state"}
-    search = home.specialised("nearest", given, done)
-    return [
-        f"    {home.prefix}_began({s}, dt);",
-        f"    {home.real} found = {stem}_{fitted}_find(s, dt, value);",
-        f"    s->n{k}.status = s->n{fitted}.status;",
-        f"    if (s->n{k}.share > 0) {{",
-        f"        found = {search}({p}, {s}, s, dt, {stem}_{k}.sign * value);",
-        "    }",
-        f"    s->n{k}.value = found;",
-        f"    if (s->n{k}.known) {{",
-        f"        (void){stem}_{k}_kept(s, dt, s->n{k}.reference);",
-        "    }",
-        f"    (void){stem}_{k}_followed(s, dt, found);",
-        f"    (void){stem}_{k}_taught(s, dt, {home.prefix}_driving({s}, found));",
-        f"    if (s->n{k}.known) {{",
-        f"        {home.prefix}_learn({p}, {s}, value);",
-        "    }",
-        "    return found;",
-    ]
 
 
 def called(home: Element, k: int, document: Tree) -> str:

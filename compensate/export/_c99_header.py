@@ -1,8 +1,9 @@
 """A compensator as one C99 header: no allocation, no recursion, nothing of libc but math.h."""
 
-from typing import Any, NamedTuple
+from typing import Any
 
 from hysteresis._escape import visible
+from hysteresis.laws._nodes import WITHOUT, Node
 from hysteresis.laws._tree import begun, parts_of
 
 from ..inverses._law import goes_back_only
@@ -10,8 +11,8 @@ from ..runtime._file import LONGEST
 from ..runtime._status import Status
 from . import _c99_adaptive
 from ._band import band_in_c
+from ._c99_nodes import CALLED, NodeCount, NodeFunction, Nodes
 from ._c99_state import size_of, state_in_c
-from ._cost import cost
 from ._header_facts import (
     HEAD,
     STATUSES,
@@ -25,21 +26,13 @@ from ._header_facts import (
     tables,
     trained,
 )
+from ._operation_count import operations
 from ._python_to_c99 import Element, comment, element, number
 
 Tree = dict[str, Any]
 
 AROUND = 60
 """Operations of a step around its nodes."""
-
-
-class _Part(NamedTuple):
-    """A node of the tree: its number, its inner nodes, and what its functions cost."""
-
-    tree: Tree
-    number: int
-    inner: "tuple[_Part, ...]"
-    cost: dict[str, int]
 
 
 def header(document: dict[str, Any], stem: str, *, single: bool) -> str:
@@ -52,7 +45,7 @@ class _Header:
         self.document, self.stem, self.single = document, stem, single
         self.real = f"{stem}_real"
         self.elements: dict[str, Element] = {}
-        self.parts: list[_Part] = []
+        self.parts: list[Node] = []
         self.root = self._part(document["tree"])
         self.error = document["error"] and self._part(document["error"])
         self.guard = document["guard"] and self._part(document["guard"])
@@ -60,8 +53,7 @@ class _Header:
             self._part(begun(document["tree"], iter(states))) for states in document["starts"]
         ]
         self.condition: dict[str, Any] | None = document.get("condition")
-        learns = self.root.tree["kind"] == "adaptive"
-        self._learns = self.elements["adaptive"] if learns else None
+        self._learns = self.elements["adaptive"] if self.root.kind == "adaptive" else None
         self.predicts = not goes_back_only(document["tree"])
 
     def text(self) -> str:
@@ -74,7 +66,7 @@ class _Header:
             f"enum {stem}_status {{\n{enum}\n}};",
             facts(self.document, stem, lambda value: self._number(value, "real")),
             *(self._element(kind) for kind in self.elements),
-            *(self._constants(part) for part in self.parts if "parameters" in part.tree),
+            *(self._constants(part) for part in self.parts if "parameters" in part.of),
             state_in_c(
                 self.parts,
                 self.elements,
@@ -83,7 +75,7 @@ class _Header:
                 self._list,
                 self._number,
             ),
-            *(self._functions(part) for part in self.parts),
+            self._functions(),
             self._step(),
             band_in_c(self.document, stem, self.real, self.single),
             self._learns and _c99_adaptive.called(self._learns, self.root.number, self.document),
@@ -113,25 +105,25 @@ class _Header:
 
     def _bound(self) -> int:
         """Operations of a step, at most."""
-        whole = self.root, self.error, self.guard, *self.others
-        return sum(p.cost["find"] for p in whole if p) + AROUND
+        count = NodeCount(Nodes(self.parts, self.elements))
+        found = sum(count.of_function(f"find_{p.number}") for p in (self.root, *self.others))
+        beside = [(p, CALLED[p.kind]) for p in (self.error, self.guard) if p]
+        called = (operations(self.elements[p.kind], name, p.of["parameters"]) for p, name in beside)
+        return found + sum(called) + AROUND
 
     # Elements and their constants
 
-    def _part(self, tree: Tree) -> _Part:
+    def _part(self, tree: Tree) -> Node:
         inner = tuple(self._part(part) for part in parts_of(tree))
         kind = tree["kind"]
-        if kind != "series" and kind not in self.elements:
+        if kind != WITHOUT and kind not in self.elements:
             self.elements[kind] = element(kind, self.stem, self.single)
-        part = _Part(
-            tree, len(self.parts), inner, cost(tree, [i.cost for i in inner], self.elements)
-        )
-        self.parts.append(part)
-        return part
+        self.parts.append(Node(kind, len(self.parts), inner, tree))
+        return self.parts[-1]
 
     def _element(self, kind: str) -> str:
         home = self.elements[kind]
-        states = [part.tree["state"] for part in self.parts if part.tree["kind"] == kind]
+        states = [part.of["state"] for part in self.parts if part.kind == kind]
         lengths = {
             k: max(len(s[k]) for s in states) for k, v in states[0].items() if isinstance(v, list)
         }
@@ -145,15 +137,15 @@ class _Header:
             ]
         ).rstrip()
 
-    def _constants(self, part: _Part) -> str:
-        home, place = self.elements[part.tree["kind"]], f"{self.stem}_{part.number}"
-        own = part.tree["parameters"]
-        first = next(p.number for p in self.parts if p.tree.get("parameters") is own)
+    def _constants(self, part: Node) -> str:
+        home, place = self.elements[part.kind], f"{self.stem}_{part.number}"
+        own = part.of["parameters"]
+        first = next(p.number for p in self.parts if p.of.get("parameters") is own)
         if first != part.number:  # the same parameters with another memory
             return f"#define {place} {self.stem}_{first}"
         lines, fields = [], []
         for key, kind in home.structures["Parameters"].items():
-            value = part.tree["parameters"][key]
+            value = part.of["parameters"][key]
             if kind == "Reals":
                 lines.append(
                     f"static const {self.real} {place}_{key}[{max(len(value), 1)}]"
@@ -180,99 +172,18 @@ class _Header:
         return "{\n    " + ",\n    ".join(rows) + "\n}"
 
     def _tables(self) -> int:
-        own = {id(p): p for part in self.parts if (p := part.tree.get("parameters")) is not None}
+        own = {id(p): p for part in self.parts if (p := part.of.get("parameters")) is not None}
         return sum(len(v) if isinstance(v, list) else 1 for p in own.values() for v in p.values())
 
-    # Functions of the nodes
-
-    def _functions(self, part: _Part) -> str:
-        kind, k = part.tree["kind"], part.number
-        if kind == "sum":
-            return self._sum(part)
-        if kind == "adaptive":
-            return self._adaptive(part)
-        bodies: dict[str, list[str]] = {}
-        if kind == "series":
-            walk = [f"    value = {self._call(i, 'look')};" for i in part.inner]
-            bodies["look"] = [*walk, "    return value;"]
-            bodies["move"] = [line.replace("_look", "_move") for line in bodies["look"]]
-            if "find" in part.cost:
-                bodies["find"] = [f"    s->n{k}.status = {self.stem.upper()}_OK;"]
-                for i in reversed(part.inner):
-                    bodies["find"] += [
-                        f"    value = {self._call(i, 'find')};",
-                        f"    if (s->n{k}.status == {self.stem.upper()}_OK) {{",
-                        f"        s->n{k}.status = s->n{i.number}.status;", "    }",
-                    ]  # fmt: skip
-                bodies["find"].append("    return value;")
-        elif part.inner:
-            bodies = self._wrapped(part)
-        else:
-            home = self.elements[kind]
-            for name in ("look", "move", "follow", "find"):
-                if name in home.functions:
-                    dt = "dt, " if home.law.takes_time(name) else ""
-                    call = f"{home.prefix}_{name}(&{self.stem}_{k}, &s->n{k}, {dt}value);"
-                    bodies[name] = [f"    {call}" if name == "follow" else f"    return {call}"]
-        return "\n\n".join(self._function(k, name, body) for name, body in bodies.items())
-
-    def _wrapped(self, part: _Part) -> dict[str, list[str]]:
-        (i,), k = part.inner, part.number
-        place, prefix = f"&{self.stem}_{k}", f"{self.stem}_{part.tree['kind']}"
-        if part.tree["kind"] == "share":
-            return {
-                name: [f"    return {prefix}_weighted(&s->n{k}, {self._call(i, name)});"]
-                for name in ("look", "move")
-            }
-        found = self._call(i, "find", f"{prefix}_back({place}, value)")
-        kept = f"    s->n{k}.status = s->n{i.number}.status;"
-        bodies = {
-            name: [f"    return {prefix}_onward({place}, {self._call(i, name)});"]
-            for name in ("look", "move")
-        }
-        return bodies | {"find": [f"    value = {found};", kept, "    return value;"]}
-
-    def _sum(self, part: _Part) -> str:
-        k, home, done = part.number, self.elements["sum"], {}
-        both = {
-            name: ["    return " + " + ".join(self._call(i, name) for i in part.inner) + ";"]
-            for name in ("look", "move")
-        }
-        given = {"look": f"{self.stem}_{k}_look", "whole": f"{self.stem}_state"}
-        search = home.specialised("search", given, done)
-        found = [
-            f"    value = {search}(&{self.stem}_{k}, &s->n{k}, s, dt, value);",
-            *(
-                f"    {self._call(i, 'follow')};" if "follow" in i.cost
-                else f"    (void){self._call(i, 'move')};" for i in part.inner
-            ),
-            "    return value;",
-        ]  # fmt: skip
-        looks = [self._function(k, name, body) for name, body in both.items()]
-        return "\n\n".join([*looks, *done.values(), self._function(k, "find", found)])
-
-    def _adaptive(self, part: _Part) -> str:
-        k, home, done = part.number, self.elements["adaptive"], {}
-        calls = [self._call(i, "look") for i in part.inner[:-1]]
-        bodies = _c99_adaptive.bodies(home, self.stem, k, calls)
-        found = _c99_adaptive.find(home, self.stem, k, part.inner[-1].number, done)
-        looks = [self._function(k, name, body) for name, body in bodies.items()]
-        return "\n\n".join([*looks, *done.values(), self._function(k, "find", found)])
-
-    def _call(self, part: _Part, name: str, value: str = "value") -> str:
-        return f"{self.stem}_{part.number}_{name}(s, dt, {value})"
-
-    def _function(self, k: int, name: str, body: list[str]) -> str:
-        stem, real = self.stem, self.real
-        given = "void" if name == "follow" else real
-        head = f"static inline {given} {stem}_{k}_{name}({stem}_state *s, {real} dt, {real} value)"
-        uses = "\n".join(body)
-        spare = [
-            f"    (void){v};"
-            for v in ("s", "dt")
-            if f"{v}," not in uses and f"{v}->" not in uses and f"({v}" not in uses
-        ]
-        return "\n".join([head, "{", *spare, *body, "}"])
+    def _functions(self) -> str:
+        """Of the nodes: what a step and a prediction call, and what those call."""
+        done: dict[str, str] = {}
+        home = Nodes(self.parts, self.elements)
+        for part in (self.root, *self.others):
+            names = ["find", *["status"] * (part is self.root), *["move"] * self.predicts]
+            for name in names:
+                NodeFunction(home, f"{name}_{part.number}", done).translate()
+        return "\n\n".join(done.values())
 
     # What is called from outside
 
@@ -293,7 +204,7 @@ class _Header:
         held = f"{real} condition, " if self.condition else ""
         takes = "".join(
             f"\n        (void){stem}_share_take(&{stem}_{p.number}, &s->n{p.number}, condition);"
-            for p in self.parts if p.tree["kind"] == "share"
+            for p in self.parts if p.kind == "share"
         )  # fmt: skip
         usable = "isfinite(reading)" + (" && isfinite(condition)" if held else "")
         beyond = "seen != reading" + (f" || passed >= {longest}" if rates else "")
@@ -364,7 +275,7 @@ static inline {real} {stem}_predict(
         stem, upper, k = self.stem, self.stem.upper(), self.root.number
         if not self.guard:
             return f"""\
-        status = s->n{k}.status;
+        status = {stem}_{k}_status(s);
         if (beyond && (status == {upper}_OK || status == {upper}_FLAT)) {{
             status = {upper}_EXTRAPOLATED;
         }}"""
@@ -381,9 +292,9 @@ static inline {real} {stem}_predict(
         text = f"""\
         {real} apart = {self._number(0, "real")}; /* of the estimates that began elsewhere */
 {away}        s->estimate = {stem}_guard_limited(
-            &{stem}_{g}, &s->n{g}, s->estimate, s->n{k}.status, beyond, apart, reading);
+            &{stem}_{g}, &s->n{g}, s->estimate, {stem}_{k}_status(s), beyond, apart, reading);
         status = s->n{g}.status;"""
-        if self.guard.tree["beyond"] != "nan":
+        if self.guard.of["beyond"] != "nan":
             return text
         return f"""{text}
         if (s->n{g}.beyond) {{

@@ -4,6 +4,8 @@ import ctypes
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from hysteresis.laws._nodes import Node
+
 from ._python_to_c99 import Element, comment
 
 OWN = ("estimate", "deviation", "waited")
@@ -11,7 +13,7 @@ OWN = ("estimate", "deviation", "waited")
 
 
 def state_in_c(
-    parts: Sequence[Any],
+    parts: Sequence[Node],
     elements: Mapping[str, Element],
     stem: str,
     start: str,
@@ -24,17 +26,14 @@ def state_in_c(
     """
     fields, values = [], []
     for part in parts:
-        kind = part.tree["kind"]
-        if kind == "series":
-            fields.append(f"    struct {{ int status; }} n{part.number};")
-            values.append("        {0}")
+        if "state" not in part.of:
             continue
-        home = elements[kind]
+        home = elements[part.kind]
         fields.append(f"    {home.prefix}_state n{part.number};")
         given = [
             listed(value) if t == "Reals" else number(value, t)
             for k, t in home.structures["State"].items()
-            for value in [part.tree["state"][k]]
+            for value in [part.of["state"][k]]
         ]  # fmt: skip
         values.append("        {" + ", ".join(given) + "}")
     real = f"{stem}_real"
@@ -53,20 +52,19 @@ def state_in_c(
     )  # fmt: skip
 
 
-def size_of(parts: Sequence[Any], elements: Mapping[str, Element], single: bool) -> int:
+def size_of(parts: Sequence[Node], elements: Mapping[str, Element], single: bool) -> int:
     """sizeof of that structure, by the rules that C compilers share."""
     real = ctypes.c_float if single else ctypes.c_double
     members: list[tuple[str, Any]] = []
     for part in parts:
-        kind = part.tree["kind"]
-        fields: list[tuple[str, Any]] = [("status", ctypes.c_int)]
-        if kind != "series":
-            same = [p.tree["state"] for p in parts if p.tree["kind"] == kind]
-            fields = [
-                (k, ctypes.c_int if t == "int" else real if t != "Reals"
-                 else real * max(1, *(len(state[k]) for state in same)))
-                for k, t in elements[kind].structures["State"].items()
-            ]  # fmt: skip
+        if "state" not in part.of:
+            continue
+        same = [p.of["state"] for p in parts if p.kind == part.kind]
+        fields: list[tuple[str, Any]] = [
+            (k, ctypes.c_int if t == "int" else real if t != "Reals"
+             else real * max(1, *(len(state[k]) for state in same)))
+            for k, t in elements[part.kind].structures["State"].items()
+        ]  # fmt: skip
         members.append(
             (f"n{part.number}", type("_Part", (ctypes.Structure,), {"_fields_": fields}))
         )

@@ -134,10 +134,11 @@ def _has_functions(node: ast.FunctionDef) -> bool:
 
 
 class Function:
-    """One function on its way to C. `given`: C names of the functions it takes, C types of what is Any."""
+    """One function on its way to C. `home`: its `Element`, or what stands for it. `given`: C names of the
+    functions it takes, C types of what is Any."""
 
     def __init__(
-        self, home: Element, node: ast.FunctionDef, given: dict[str, str], done: dict[str, str]
+        self, home: Any, node: ast.FunctionDef, given: dict[str, str], done: dict[str, str]
     ):
         self.home, self.node, self.given, self.done = home, node, given, done
         # C has no closures. A function that takes another one is written once for each it is called with,
@@ -147,8 +148,8 @@ class Function:
         self.body = node.body[bool(ast.get_docstring(node)) :]
         self.kinds = {a.arg: _kind(a.annotation) for a in node.args.args}
         self.types = dict(self.kinds)
-        returns = _kind(node.returns)
-        self.returns = home.real if returns == "real" else returns
+        self.kind = _kind(node.returns)
+        self.returns = home.real if self.kind == "real" else self.kind
         self.locals = self._infer()
         self.declared: dict[int, list[str]] = {}
         for name in self.locals:
@@ -171,7 +172,7 @@ class Function:
         # Translating the body translates what it calls, and C wants a function before its first call:
         # `done` keeps the order in which functions are finished, so the body comes first.
         body = self._block(self.body, _INDENT)
-        used = set().union(*map(_names, self.body))
+        used = self._used()
         taken = [name for name, kind in self.kinds.items() if kind != "Callable"]
         # All functions of one kind share their arguments; compilers warn about those a body does not use.
         unused = [f"{_INDENT}(void){name};" for name in taken if name not in used]
@@ -181,6 +182,9 @@ class Function:
         lines.append(f"static inline {self.returns} {self.name}({arguments})")
         self.done[self.name] = "\n".join([*lines, "{", *unused, *body, "}"])
         return self.name
+
+    def _used(self) -> set[str]:
+        return set().union(*map(_names, self.body))
 
     # Statements
 
@@ -374,10 +378,12 @@ class Function:
             return Expression(
                 f"{self.given[name]}({', '.join(self._as(e, '') for e in node.args)})", "real"
             )
-        owner = self.home
-        if name not in owner.functions:
-            owner = owner.borrowed(name)
-        target = owner.functions[name]
+        owner = self.home if name in self.home.functions else self.home.borrowed(name)
+        return self._called(owner, owner.functions[name], node, quiet)
+
+    def _called(
+        self, owner: Element, target: ast.FunctionDef, node: ast.Call, quiet: bool
+    ) -> Expression:
         kinds = {a.arg: _kind(a.annotation) for a in target.args.args}
         # Inference asks for types before all are known; translating here would put wrong ones in `done`.
         if quiet:

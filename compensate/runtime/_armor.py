@@ -5,7 +5,7 @@ from math import exp, inf, isfinite, isnan, nan, sqrt
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from hysteresis.laws._tree import Node, node_of
+from hysteresis.laws._tree import Running, node_of
 
 from ._armor_geometry import Vector, cross, crossing, dot, field, moved, outside, square
 from ._contact_status import ContactStatus
@@ -218,7 +218,7 @@ class _Cover:
     def reset(self) -> None:
         """As before the first touch."""
         self._states: list[Any] = []
-        self._node: Node | None = node_of(self._tree, self._states) if self._tree else None
+        self._node: Running | None = node_of(self._tree, self._states) if self._tree else None
         self._virgin = self._kept = _copied(self._states)
         self._since, self._is_used, self.beyond = nan, False, False
 

@@ -1,13 +1,13 @@
 """A tree of laws, run in plain Python."""
 
-import inspect
 from collections.abc import Callable, Iterator
-from functools import partial
+from functools import lru_cache, partial
 from math import nan
+from types import CodeType
 from typing import Any, NamedTuple, get_type_hints
 
 from . import KINDS, announced, module_of
-from ._codes import OK
+from ._nodes import WITHOUT, Node, functions_of
 from ._types import check_fields
 
 Function = Callable[[float, float], float]
@@ -45,18 +45,15 @@ def guard_of(tree: Tree) -> Guard:
     return Guard(partial(element.limited, p, s), s, tree["beyond"] == "nan")
 
 
-class Node(NamedTuple):
-    """`look`, `move`, `find` of (dt, value), as of an element; the last one's `status()`.
-
-    `learner`: element, parameters and state of a node that learns. `follow`: of an element that has it.
-    """
+class Running(NamedTuple):
+    """`look`, `move`, `find` of (dt, value), as of a law; the last one's `status()`; `learner`: law,
+    parameters and state of a node that learns."""
 
     look: Function
     move: Function
     find: Function
     status: Callable[[], int]
-    learner: tuple[Any, Any, Any] | None = None
-    follow: Function | None = None
+    learner: tuple[Any, Any, Any] | None
 
 
 FOR_EVER = 1e30
@@ -64,31 +61,47 @@ FOR_EVER = 1e30
 
 def node_of(
     tree: Tree, states: list[Any] | None = None, takes: list[Callable[[float], float]] | None = None
-) -> Node:
+) -> Running:
     """The functions of a tree, with states of its own, which are appended to `states`.
 
     `takes`: to which is appended whatever takes the condition before a reading.
     """
+    trees: list[Tree] = []
+    root = _numbered(tree, trees)
+    space: dict[str, Any] = {"Any": Any}
+    for k, own in enumerate(trees):
+        if (kind := own["kind"]) == WITHOUT:
+            continue
+        law = module_of(kind)
+        p, s = _made(law.Parameters, own["parameters"]), _made(law.State, own["state"])
+        space |= {f"p{k}": p, f"s{k}": s}
+        space |= {f"{kind}__{name}": function for name, function in vars(law).items()}
+        if states is not None:
+            states.append(s)
+        if kind == "share" and takes is not None:
+            takes.append(partial(law.take, p, s))
+    exec(_code(root), space)
+    k = root.number
+
+    made: list[Any] = [space.get(f"{x}_{k}") for x in ("look", "move", "find", "status")]
+    look, move, find, status = (function and partial(function, None) for function in made)
+    learns = root.kind == "adaptive"
+    learner = (module_of("adaptive"), space[f"p{k}"], space[f"s{k}"]) if learns else None
+    return Running(look, move, find, status, learner)
+
+
+def _numbered(tree: Tree, trees: list[Tree]) -> Node:
     kind = tree["kind"]
-    inner = [node_of(part, states, takes) for part in parts_of(tree)]
     if kind not in (*KINDS, *announced()):
         raise ValueError(f"no element {kind!r}")
-    if kind == "series":
-        return _series(inner)
-    element: Any = module_of(kind)
-    p, s = _made(element.Parameters, tree["parameters"]), _made(element.State, tree["state"])
-    if states is not None:
-        states.append(s)
-    if kind == "share":
-        if takes is not None:
-            takes.append(partial(element.take, p, s))
-        return _share(element, s, inner)
-    made = {"scaled": _scaled, "sum": _sum, "adaptive": _adaptive}
-    if kind in made:
-        return made[kind](element, p, s, inner)
-    look, move, find = (_bound(getattr(element, name, None), p, s) for name in Node._fields[:3])
-    follow = _bound(getattr(element, "follow", None), p, s)
-    return Node(look, move, find, lambda: s.status, None, follow)
+    parts = tuple(_numbered(part, trees) for part in parts_of(tree))
+    trees.append(tree)
+    return Node(kind, len(trees) - 1, parts)
+
+
+@lru_cache(100)
+def _code(root: Node) -> CodeType:
+    return compile(functions_of(root), "<tree>", "exec")
 
 
 def begun(tree: Tree, states: Iterator[Tree]) -> Tree:
@@ -113,129 +126,3 @@ def _made(kind: type, values: dict[str, Any]) -> Any:
     made = kind()
     vars(made).update({k: list(v) if isinstance(v, list) else v for k, v in values.items()})
     return made
-
-
-def _bound(function: Callable[..., float] | None, p: Any, s: Any) -> Any:
-    if function is None or "dt" in inspect.signature(function).parameters:
-        return function and partial(function, p, s)
-    return lambda dt, value: function(p, s, value)
-
-
-def _series(parts: list[Node]) -> Node:
-    last_first = parts[::-1]
-    said = [OK]
-
-    def look(dt: float, u: float) -> float:
-        for part in parts:
-            u = part.look(dt, u)
-        return u
-
-    def move(dt: float, u: float) -> float:
-        for part in parts:
-            u = part.move(dt, u)
-        return u
-
-    def find(dt: float, y: float) -> float:
-        said[0] = OK
-        for part in last_first:
-            y = part.find(dt, y)
-            if said[0] == OK:
-                said[0] = part.status()
-        return y
-
-    return Node(look, move, find, lambda: said[0])
-
-
-def _scaled(element: Any, p: Any, s: Any, inner: list[Node]) -> Node:
-    (part,) = inner
-    return Node(
-        lambda dt, u: element.onward(p, part.look(dt, u)),
-        lambda dt, u: element.onward(p, part.move(dt, u)),
-        lambda dt, y: part.find(dt, element.back(p, y)),
-        part.status,
-    )
-
-
-def _share(element: Any, s: Any, inner: list[Node]) -> Node:
-    (part,) = inner
-
-    def look(dt: float, u: float) -> float:
-        return element.weighted(s, part.look(dt, u)) if s.share else 0.0
-
-    # It is found as a part of a sum, never by itself.
-    return Node(look, lambda dt, u: element.weighted(s, part.move(dt, u)), part.find, lambda: OK)
-
-
-def _sum(element: Any, p: Any, s: Any, parts: list[Node]) -> Node:
-    # One after the other, as C adds: `sum` compensates its rounding from Python 3.12 on.
-    first, rest = parts[0], parts[1:]
-    first_look, looks = first.look, [part.look for part in rest]
-    follows = [part.follow or part.move for part in parts]
-
-    def look(whole: Any, dt: float, u: float) -> float:
-        total = first_look(dt, u)
-        for one in looks:
-            total += one(dt, u)
-        return total
-
-    def move(dt: float, u: float) -> float:
-        total = first.move(dt, u)
-        for part in rest:
-            total += part.move(dt, u)
-        return total
-
-    def find(dt: float, y: float) -> float:
-        u = element.search(look, p, s, None, dt, y)
-        for follow in follows:
-            follow(dt, u)
-        return u
-
-    return Node(partial(look, None), move, find, lambda: s.status)
-
-
-def _adaptive(element: Any, p: Any, s: Any, parts: list[Node]) -> Node:
-    """The parts that remember estimates; the same, which teach; the model as it was fitted."""
-    numbered, teaching = list(enumerate(parts[: p.parts])), list(enumerate(parts[p.parts : -1]))
-    fitted = parts[-1]
-
-    def look(whole: Any, dt: float, u: float) -> float:
-        total = 0.0
-        for k, part in numbered:
-            total += element.one(p, s, k, part.look(dt, u))
-        return element.zero_now(s) + element.raised(p, total)
-
-    def followed(dt: float, u: float) -> float:
-        total = 0.0
-        for k, part in numbered:
-            total += element.one(p, s, k, part.move(dt, u))
-        return element.zero_now(s) + element.raised(p, total)
-
-    def taught(dt: float, u: float) -> None:
-        for k, part in teaching:
-            element.taught(p, s, k, part.move(dt, u))
-
-    def move(dt: float, u: float) -> float:
-        taught(dt, u)
-        return followed(dt, u)
-
-    def find(dt: float, y: float) -> float:
-        element.began(s, dt)
-        u = fitted.find(dt, y)
-        s.status = fitted.status()
-        if s.share > 0.0:
-            u = element.nearest(look, p, s, None, dt, p.sign * y)
-        s.value = u
-        if s.known:
-            for k, part in numbered:
-                element.kept(p, s, k, part.look(dt, s.reference))
-        followed(dt, u)
-        taught(dt, element.driving(s, u))
-        if s.known:
-            element.learn(p, s, y)
-        return u
-
-    def signed(of: Callable[[float, float], float]) -> Function:
-        return lambda dt, u: p.sign * of(dt, u)
-
-    outward = signed(partial(look, None)), signed(move)
-    return Node(*outward, find, lambda: s.status, (element, p, s))

@@ -13,11 +13,9 @@ import numpy as np
 from jax.core import Tracer
 
 from .._parameter import is_concrete
+from ..laws._nodes import WITHOUT
 from ..laws._tree import Tree, parts_of
 from ._law import law
-
-WITHOUT = "series"
-"""The kind of node that has no law of its own."""
 
 
 class Structure(NamedTuple):

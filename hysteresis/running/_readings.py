@@ -48,7 +48,7 @@ def tangents_of(numbers: Numbers, dm: np.ndarray, y: Any, dt: Any, dy: Any) -> n
 
 
 def spread(values: np.ndarray, valid: np.ndarray, first: Any) -> np.ndarray:
-    """Values of the valid rows for all: between them the one before, at first `first`, of each row or of all."""
+    """Values of the valid rows for all: between them the one before, at first `first`, one or many."""
     index = np.cumsum(valid)
     found = np.concatenate([np.zeros((1, *values.shape[1:])), values])[index]
     found[index == 0] = np.broadcast_to(first, found.shape)[index == 0]

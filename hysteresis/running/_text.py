@@ -3,14 +3,15 @@
 What is wanted ("run", "find", "tangents", "find_tangents") names the loop, see `_kernels.py`.
 """
 
+import ast
 from functools import cache
 from pathlib import Path
-from typing import NamedTuple
 
+from ..laws._nodes import WITHOUT, Node, function_of
 from . import _around
-from ._law import law
+from ._law import PARSING, law
 from ._marks import Leaf, Marked
-from ._numbers import WITHOUT, Structure
+from ._numbers import Structure
 
 FORWARD = {"oscillator": "find"}
 """Kinds that go from what is given to what is measured by another function than `move`."""
@@ -19,21 +20,8 @@ WRAPPED = {"scaled": "onward", "share": "weighted"}
 """Kinds around one part, and their function of its output."""
 
 
-AROUND = {"adaptive": _around.adaptive, "filtered": _around.filtered}
-"""Kinds around a whole tree, and what writes their functions."""
-
-
 EACH = "each_"
 """Before the name of a law's function and what of its state is kept: a loop over columns of numbers."""
-
-
-class Node(NamedTuple):
-    """A node, its number, where its row in n begins, and its parts."""
-
-    kind: str
-    number: int
-    row: int
-    parts: tuple["Node", ...]
 
 
 @cache
@@ -45,7 +33,8 @@ def text_of(structure: Structure, wanted: str) -> str:
 class Text:
     def __init__(self, structure: Structure):
         self.home = Marked(_constants(structure))
-        self.numbered, self.rows = 0, 0
+        self.numbered: list[Node] = []
+        self.rows = 0  # of n: each node's begins at `of`
         self.root = self._node(structure)
         self.nodes: dict[str, str] = {}
 
@@ -65,16 +54,14 @@ class Text:
             entries.append(f"look = {self.function(self.root, 'look')}")
         if "find" in wanted:
             entries.append(f"found = {self.function(self.root, 'find')}")
-            entries.append(f"status_of = {self.status(self.root)}")
+            entries.append(f"status_of = {self.function(self.root, 'status')}")
         entries += [_loop("begun"), _loop(wanted)]
         made = [*self.home.texts.values(), *self.nodes.values(), *entries]
         return "\n\n\n".join(made)
 
     def _take(self) -> str:
         """What takes the condition before a row."""
-        lines = [
-            self.law(node, "take", "c") for node in self._all(self.root) if node.kind == "share"
-        ]
+        lines = [self.law(node, "take", "c") for node in self.numbered if node.kind == "share"]
         if self.root.kind == "adaptive":  # its condition is the input, where that is known
             lines += [
                 "known = 1.0 if c - c == 0.0 else 0.0", self.set(self.root, "known", "known"),
@@ -112,13 +99,10 @@ class Text:
             *said,
         ])  # fmt: skip
 
-    def _all(self, node: Node) -> list[Node]:
-        return [*(one for part in node.parts for one in self._all(part)), node]
-
     def _node(self, structure: Structure) -> Node:
         parts = tuple(self._node(part) for part in structure.parts)
-        node = Node(structure.kind, self.numbered, self.rows, parts)
-        self.numbered += 1
+        node = Node(structure.kind, len(self.numbered), parts, self.rows)
+        self.numbered.append(node)
         self.rows += 0 if structure.kind == WITHOUT else law(structure.kind).row
         return node
 
@@ -127,7 +111,7 @@ class Text:
     def law(self, node: Node, name: str, *values: str, given: dict[str, str] | None = None) -> str:
         """A call of a function of a node's law."""
         title = self.home.values(node.kind, name, given)
-        return f"{title}({', '.join(['m', 'n', str(node.row), *values])})"
+        return f"{title}({', '.join(['m', 'n', str(node.of), *values])})"
 
     def number(self, node: Node, field: str, of: str = "State") -> str:
         """A number of a node."""
@@ -139,61 +123,24 @@ class Text:
     def place(self, node: Node, field: str, of: str = "State") -> str:
         place = law(node.kind).place(of, field)
         if law(node.kind).fields[of][field] == "Reals":
-            return f"whole(n, {node.row + place})"
-        return f"whole(n, {node.row + int(of == 'State')}) + {place}"
+            return f"whole(n, {node.of + place})"
+        return f"whole(n, {node.of + int(of == 'State')}) + {place}"
 
     def function(self, node: Node, name: str) -> str:
-        """The name of a node's `look`, `move`, `follow` or `find`: (m, n, dt, x) to a real."""
-        title = f"n{node.number}_{name}"
+        """The name of a node's `look`, `move`, `follow` or `find`, (m, n, dt, x), or `status`, (m, n)."""
+        title = f"{name}_{node.number}"
         if title not in self.nodes:
-            lines = self._body(node, name)
-            self.nodes[title] = _function(f"{title}(m, n, dt, x)", lines)
+            if node.kind == "filtered" and name != "status":
+                made = _function(f"{title}(m, n, dt, x)", _around.filtered(self, node, name))
+            else:
+                with PARSING:
+                    function = _Addresses(self).visit(ast.parse(function_of(node, name)))
+                    made = f"@njit\n{ast.unparse(function)}"
+            self.nodes[title] = made
         return title
-
-    def _body(self, node: Node, name: str) -> list[str]:
-        kind, inner = node.kind, node.parts
-        if kind == WITHOUT:
-            order = inner[::-1] if name == "find" else inner
-            return [*(f"x = {self.call(part, name)}" for part in order), "return x"]
-        if kind in AROUND:
-            return AROUND[kind](self, node, name)
-        if kind == "sum" and name == "find":
-            look = {"look": self.function(node, "look")}
-            moves = [self.call(part, self._follows(part)) for part in inner]
-            return [f"x = {self.law(node, 'search', 'dt', 'x', given=look)}", *moves, "return x"]
-        if kind == "sum":
-            return [f"return {' + '.join(self.call(part, name) for part in inner)}"]
-        if kind in WRAPPED:
-            (part,) = inner
-            if name == "find":
-                return [f"return {self.call(part, name, self.law(node, 'back', 'x'))}"]
-            return [f"return {self.law(node, WRAPPED[kind], self.call(part, name))}"]
-        time = ["dt"] if law(kind).takes_time(name) else []
-        return [f"return {self.law(node, name, *time, 'x')}"]
-
-    def _follows(self, node: Node) -> str:
-        own = law(node.kind).functions if not node.parts else {}
-        return "follow" if "follow" in own else "move"
 
     def call(self, node: Node, name: str, x: str = "x", dt: str = "dt") -> str:
         return f"{self.function(node, name)}(m, n, {dt}, {x})"
-
-    def status(self, node: Node) -> str:
-        """The name of a function (m, n) of the last estimate's status."""
-        title = f"n{node.number}_status"
-        if title not in self.nodes:
-            kind, inner = node.kind, node.parts
-            if kind == WITHOUT:
-                lines = ["s = 0"]
-                for part in inner[::-1]:
-                    lines += ["if s == 0:", f"    s = {self.status(part)}(m, n)"]
-                lines.append("return s")
-            elif inner and kind not in ("sum", *AROUND):
-                lines = [f"return {self.status(inner[0])}(m, n)"]
-            else:
-                lines = [f"return int({self.number(node, 'status')})"]
-            self.nodes[title] = _function(f"{title}(m, n)", lines)
-        return title
 
     # Marks
 
@@ -232,12 +179,62 @@ class Text:
             if (key, name) in self.home.active:
                 lines.append(f"mark1(t, {self.home.number(key, name)}, {number}, 1.0)")
         values = ", ".join(value for value, _ in given)
-        lines.append(f"{out[0]} = {title}(m, n, t, {node.row}, {values})")
+        lines.append(f"{out[0]} = {title}(m, n, t, {node.of}, {values})")
         back = ""
         if (key, "return") in self.home.active:
             back = f", {self.home.number(key, 'return')}, 1.0"
         lines.append(f"mark{1 if back else 0}(t, {out[1]}{back})")
         return out
+
+
+class _Addresses(ast.NodeTransformer):
+    """A function of a node, of addresses."""
+
+    def __init__(self, text: Text):
+        self.text = text
+
+    def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.FunctionDef:
+        given = ["m", "n", *(a.arg for a in node.args.args[1:])]
+        node.args.args, node.returns = [ast.arg(x) for x in given], None
+        self.generic_visit(node)
+        return node
+
+    def visit_Assign(self, node: ast.Assign) -> ast.stmt:
+        value = self.visit(node.value)
+        match node.targets:
+            case [ast.Attribute(value=ast.Name(id=x), attr=field)]:
+                put = self.text.set(self.text.numbered[int(x[1:])], field, ast.unparse(value))
+                return ast.Expr(ast.Name(put))
+        return ast.Assign(node.targets, value, lineno=0)
+
+    def visit_Attribute(self, node: ast.Attribute) -> ast.expr:
+        assert isinstance(node.value, ast.Name)
+        own = self.text.numbered[int(node.value.id[1:])]
+        structure = {"p": "Parameters", "s": "State"}[node.value.id[0]]
+        number = self.text.number(own, node.attr, structure)
+        whole = law(own.kind).fields[structure][node.attr] == "int"
+        return ast.Name(f"int({number})" if whole else number)
+
+    def visit_Call(self, node: ast.Call) -> ast.expr:
+        assert isinstance(node.func, ast.Name)
+        kind, of_law, function = node.func.id.rpartition("__")
+        if not of_law:
+            given = [ast.unparse(self.visit(a)) for a in node.args[1:]]
+            return ast.Name(f"{self._of_node(node.func.id)}({', '.join(['m', 'n', *given])})")
+        own, functions, values = self.text.root, {}, []
+        for argument, a in zip(law(kind).functions[function].args.args, node.args, strict=True):
+            match a, argument.arg:
+                case ast.Name(id=x), "p" | "s":
+                    own = self.text.numbered[int(x[1:])]
+                case ast.Name(id=x), "look":
+                    functions["look"] = self._of_node(x)
+                case _, other if other != "whole":
+                    values.append(ast.unparse(self.visit(a)))
+        return ast.Name(self.text.law(own, function, *values, given=functions))
+
+    def _of_node(self, title: str) -> str:
+        name, _, number = title.rpartition("_")
+        return self.text.function(self.text.numbered[int(number)], name)
 
 
 def _function(head: str, lines: list[str]) -> str:

@@ -1,7 +1,7 @@
 """One step of a compensator as an ONNX model: reading and state in, estimate and state out."""
 
+import ast
 import json
-from collections.abc import Callable
 from functools import partial, reduce
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,6 +11,7 @@ import numpy as np
 from hysteresis import InputError
 from hysteresis._atomic_file import write_whole
 from hysteresis.laws._codes import EXTRAPOLATED, FLAT, OK
+from hysteresis.laws._nodes import WITHOUT, Node, function_of
 from hysteresis.laws._tree import begun
 
 from ...runtime._file import LONGEST
@@ -18,7 +19,7 @@ from ...runtime._status import Status
 from .._export import Exported, Program
 from ._artefact import Artefact, name_in_c
 from ._onnx_graph import Graph, Value
-from ._python_to_onnx import Part, Translator, part_of
+from ._python_to_onnx import Frame, Part, Translator, part_of
 
 if TYPE_CHECKING:
     from onnx import ModelProto
@@ -27,7 +28,6 @@ OPSET, IR = 17, 8
 """Versions that runtimes have read since 2022."""
 
 Tree = dict[str, Any]
-Way = Callable[[Value, Value], Value]
 OWN = -1
 """Key of what the step itself remembers."""
 
@@ -57,20 +57,13 @@ def onnx(program: Program, out: Path, real: str) -> Exported:
     return Exported(out, (*program.notes, *made.notes))
 
 
-class _Node:
-    """`look`, `move` and `find` of a node of the tree, and where its status is."""
-
-    def __init__(self, look: Way, move: Way, find: Way, status: Callable[[], Value]):
-        self.look, self.move, self.find, self.status = look, move, find, status
-
-
 class _Step:
     def __init__(self, document: Tree, graph: Graph):
         self.document, self.graph, self.write = document, graph, Translator(graph)
         self.initial: list[float] = []
         self._places: list[tuple[tuple[Any, ...], str, int, int]] = []
         self.parts: list[Part] = []
-        self.shares: list[Part] = []
+        self.nodes: list[Node] = []
         start = document["start"]
         self._remember(OWN, "estimate", "real", float("nan") if start is None else start)
         self._remember(OWN, "deviation", "real", float("nan"))
@@ -147,7 +140,7 @@ class _Step:
         ]
         return graph.node("Concat", flat, "reals", axis=0)
 
-    # The nodes of the tree, as in hysteresis/laws/_tree.py
+    # The nodes of the tree
 
     def _part(self, tree: Tree) -> Part:
         part = part_of(tree["kind"], tree["parameters"], len(self.parts))
@@ -160,93 +153,34 @@ class _Step:
             )
         return part
 
-    def _status_of(self, part: Part) -> Value:
-        return self.graph.variables["state", part.key, "status"]
+    def _node(self, tree: Tree) -> Node:
+        kind, inner = tree["kind"], tuple(self._node(one) for one in tree.get("parts", ()))
+        if kind == "adaptive":
+            raise InputError(
+                "not-exportable", f"The target onnx has no element {kind!r}.",
+                fix="Export a compensator that does not recalibrate itself.",
+            )  # fmt: skip
+        part = None if kind == WITHOUT else self._part(tree)
+        self.nodes.append(Node(kind, len(self.nodes), inner, part))
+        return self.nodes[-1]
 
-    def _node(self, tree: Tree) -> _Node:
-        inner = [self._node(one) for one in tree.get("parts", ())]
-        if tree["kind"] == "series":
-            return self._series(inner)
-        part = self._part(tree)
-        status = partial(self._status_of, part)
-        kind, plain = tree["kind"], partial(self._plain, part)
-        if kind == "sum":
-            return self._sum(part, inner, status)
-        if not inner:
-            look, move, find = (partial(self._bound, part, n) for n in ("look", "move", "find"))
-            return _Node(look, move, find, status)
-        (one,) = inner
-        if kind == "share":
-            self.shares.append(part)
-            return _Node(
-                lambda dt, u: plain("weighted", one.look(dt, u)),
-                lambda dt, u: plain("weighted", one.move(dt, u)),
-                one.find,
-                lambda: self.graph.constant(OK, "int"),
-            )
-        if kind == "scaled":
-            return _Node(
-                lambda dt, u: plain("onward", one.look(dt, u)),
-                lambda dt, u: plain("onward", one.move(dt, u)),
-                lambda dt, y: one.find(dt, plain("back", y)),
-                one.status,
-            )
-        raise InputError(
-            "not-exportable", f"The target onnx has no element {kind!r}.",
-            fix="Export a compensator that does not recalibrate itself.",
-        )  # fmt: skip
-
-    def _plain(self, part: Part, name: str, *given: Value) -> Value:
-        """A function that takes either the parameters or the state, not both."""
-        return self.write.run(part, part.home, name, [part, *given])
-
-    def _bound(self, part: Part, name: str, dt: Value, value: Value) -> Value:
-        given = [dt, value] if part.home.law.takes_time(name) else [value]
-        return self.write.call(part, name, *given)
-
-    def _series(self, parts: list[_Node]) -> _Node:
-        said = ("state", "series", len(self.parts), "status")
-
-        def way(name: str, dt: Value, u: Value) -> Value:
-            for part in parts:
-                u = getattr(part, name)(dt, u)
-            return u
-
-        def find(dt: Value, y: Value) -> Value:
-            status = self.graph.constant(OK, "int")
-            for part in reversed(parts):
-                y = part.find(dt, y)
-                status = self._first_bad(status, part.status())
-            self.graph.variables[said] = status
-            return y
-
-        return _Node(
-            partial(way, "look"), partial(way, "move"), find, lambda: self.graph.variables[said]
-        )
-
-    def _first_bad(self, status: Value, other: Value) -> Value:
-        if status.known is not None:
-            return other if status.known == OK else status
-        graph = self.graph
-        fine = graph.node("Equal", [status, graph.constant(OK, "int")], "bool")
-        return graph.node("Where", [fine, other, status], "int")
-
-    def _sum(self, part: Part, parts: list[_Node], status: Callable[[], Value]) -> _Node:
-        def way(name: str, dt: Value, u: Value) -> Value:
-            total = getattr(parts[0], name)(dt, u)
-            for other in parts[1:]:
-                total = self.graph.node("Add", [total, getattr(other, name)(dt, u)], "real")
-            return total
-
-        def look(whole: None, dt: Value, u: Value) -> Value:
-            return way("look", dt, u)
-
-        def find(dt: Value, y: Value) -> Value:
-            u = self.write.run(part, part.home, "search", [look, part, part, None, dt, y])
-            way("move", dt, u)
-            return u
-
-        return _Node(partial(way, "look"), partial(way, "move"), find, status)
+    def _called(self, title: str, *given: Any) -> Value:
+        """A function of a node, or of a law with its structures, by its name in the text of the nodes."""
+        _, of_law, function = title.rpartition("__")
+        if of_law:
+            part = next(x for x in given if isinstance(x, Part))
+            return self.write.run(part, part.home, function, list(given))
+        name, _, number = title.rpartition("_")
+        (node,) = ast.parse(function_of(self.nodes[int(number)], name)).body
+        assert isinstance(node, ast.FunctionDef)
+        frame = Frame(self.write, None, None, {"s": "Any", "dt": "real", "x": "real"}, 0)
+        for name in {n.id for n in ast.walk(node) if isinstance(n, ast.Name)}:
+            if name[1:].isdecimal():
+                frame.types[name] = "Parameters" if name[0] == "p" else "State"
+                frame.bound[name] = self.nodes[int(name[1:])].of
+            elif "_" in name:
+                frame.bound[name] = partial(self._called, name)
+        return self.write.written(node, frame, list(given))
 
     # The step, as in runtime/_compensator.py
 
@@ -282,10 +216,11 @@ class _Step:
             if document["rates"]:
                 begun = graph.cast(self._own("begun"), "bool")
                 passed = graph.node("Where", [begun, self._own("waited"), passed], "real")
-            for share in self.shares:
-                self.write.call(share, "take", condition)
-            value = self.root.find(passed, seen)
-            status, beyond = self.root.status(), [clipped]
+            for node in self.nodes:
+                if node.kind == "share":
+                    self.write.call(node.of, "take", condition)
+            value = self._called(f"find_{self.root.number}", None, passed, seen)
+            status, beyond = self._called(f"status_{self.root.number}", None), [clipped]
             if document["rates"]:
                 beyond.append(graph.node("GreaterOrEqual", [passed, longest], "bool"))
             if known := document["condition"]:
@@ -299,12 +234,13 @@ class _Step:
             if self.guard:
                 apart = real(0.0)
                 for other in self.others:
-                    away = graph.node("Sub", [other.find(passed, seen), value], "real")
+                    found = self._called(f"find_{other.number}", None, passed, seen)
+                    away = graph.node("Sub", [found, value], "real")
                     apart = graph.node("Max", [apart, graph.node("Abs", [away], "real")], "real")
                 value = self.write.call(
                     self.guard, "limited", value, status, graph.cast(outside, "int"), apart, reading
                 )
-                status = self._status_of(self.guard)
+                status = graph.variables["state", self.guard.key, "status"]
                 if document["guard"]["beyond"] == "nan":
                     beyond = graph.cast(graph.variables["state", self.guard.key, "beyond"], "bool")
                     value = graph.node("Where", [beyond, real(float("nan")), value], "real")

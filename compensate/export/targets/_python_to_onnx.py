@@ -95,8 +95,12 @@ class Translator:
             a.arg: a.arg for a in node.args.args if a.annotation and "Callable" in ast.unparse(a.annotation)
         }  # fmt: skip
         types = Function(owner, node, functions, {}).types
+        return self.written(node, Frame(self, part, owner, types, 0), given)
+
+    def written(self, node: ast.FunctionDef, frame: "Frame", given: "list[Given]") -> Value:
+        """The value that a function returns, in a frame of its own."""
         self.frames += 1
-        frame = Frame(self, part, owner, types, self.frames)
+        frame.number, types = self.frames, frame.types
         for argument, value in zip(node.args.args, given, strict=True):
             if isinstance(value, Value) and types[argument.arg] in ("real", "int"):
                 value = self.graph.cast(value, types[argument.arg])
@@ -119,8 +123,8 @@ class Frame:
     names of the state's arrays are `arrays`."""
 
     translator: Translator
-    part: Part
-    home: Element
+    part: Any
+    home: Any
     types: dict[str, str]
     number: int
     bound: dict[str, Any] = field(default_factory=dict)
@@ -172,8 +176,8 @@ class Frame:
                 made = self.value(value)
                 kind = self.types.get(name, made.type)
                 self._set(name, graph.cast(made, kind) if kind in TYPES else made)
-            case ast.Assign(targets=[ast.Attribute(value=ast.Name(), attr=name)], value=value):
-                made, key = self.value(value), ("state", self.part.key, name)
+            case ast.Assign(targets=[ast.Attribute(value=ast.Name(id=of), attr=name)], value=value):
+                made, key = self.value(value), ("state", self.bound[of].key, name)
                 graph.variables[key] = graph.cast(made, graph.variables[key].type)
             case ast.Assign(
                 targets=[
@@ -239,7 +243,7 @@ class Frame:
         match node:
             case ast.Name(id=name) if name in self.bound:
                 return self.bound[name]
-            case ast.Name(id=name) if name in self.home.functions and not self._is_variable(name):
+            case ast.Name(id=name) if not self._is_variable(name) and name in self.home.functions:
                 return lambda *given: self.translator.run(self.part, self.home, name, list(given))
         return self.value(node)
 
@@ -267,12 +271,13 @@ class Frame:
             case ast.Name(id=name):
                 return self.value(ast.Constant(self.home.law.constant(name)))
             case ast.Attribute(value=ast.Name(id=name), attr=attribute):
+                part = self.bound[name]
                 if self.types.get(name) == "State":
-                    return graph.variables["state", self.part.key, attribute]
-                known = self.part.parameters[attribute]
+                    return graph.variables["state", part.key, attribute]
+                known = part.parameters[attribute]
                 if isinstance(known, list):
                     return graph.constant(np.array(known or [0.0], float), "reals")
-                kind = self.part.home.structures["Parameters"][attribute]
+                kind = part.home.structures["Parameters"][attribute]
                 return graph.constant(known, "int" if kind == "int" else "real")
             case ast.Subscript(value=array, slice=index):
                 table, at = self.value(array), graph.cast(self.value(index), "int")
