@@ -1,24 +1,17 @@
 """The linear sponge: a line above a contact threshold."""
 
-from typing import Any, NamedTuple
-
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._model import AbstractModel, Series, Tree
+from .._model import Tree
 from .._parameter import Scalar, parameter
 from .._registry import register
 from ..trees import node
-
-
-class SpongeInput(NamedTuple):
-    """The prepared input of a memoryless model: the input itself."""
-
-    u: Array
+from ._curves import AbstractCurve
 
 
 @register
-class LinearSponge(AbstractModel[tuple[()], SpongeInput]):
+class LinearSponge(AbstractCurve):
     """Displacement of a soft cover under a normal force, as a line:
 
         d = K F + b   where F >= threshold,   else d = 0
@@ -41,29 +34,10 @@ class LinearSponge(AbstractModel[tuple[()], SpongeInput]):
         -float("inf"), unit="input", fixed=True, meaning="input of first contact"
     )
 
-    def init(self, t0: Any = None, u0: Any = None) -> tuple[()]:
-        return ()
-
-    def step(self, state: tuple[()], t: Any, u: Any) -> tuple[tuple[()], Float[Array, ""]]:
-        return (), self._line(jnp.asarray(u))
-
-    def prepare(
-        self,
-        t: Series | None,
-        u: Series,
-        state: tuple[()] | None = None,
-        *,
-        starts: tuple[int, ...] = (0,),
-    ) -> SpongeInput:
-        return SpongeInput(jnp.asarray(u))
-
-    def evaluate(self, prepared: SpongeInput) -> Float[Array, " samples"]:
-        return self._line(prepared.u)
+    def curve(self, u: Float[Array, "*samples"]) -> Float[Array, "*samples"]:
+        return jnp.where(u >= self.threshold, self.K * u + self.b, 0.0)
 
     def laws(self, eps: float, depth: int) -> Tree:
         threshold = jnp.maximum(self.threshold, -1e30)
         least = threshold - max(1e-12, 8 * eps) * jnp.abs(threshold)
         return node("line", {"K": self.K, "b": self.b, "threshold": threshold, "least": least})
-
-    def _line(self, u: Array) -> Array:
-        return jnp.where(u >= self.threshold, self.K * u + self.b, 0.0)
