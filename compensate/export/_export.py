@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike
 from hysteresis import AbstractModel, InputError, Oscillator, condition_of, conversion
 from hysteresis._atomic_file import write_whole
 from hysteresis.laws import announced
-from hysteresis.laws._tree import node_of
 from hysteresis.records._common_part import STILL
 from hysteresis.running._law import law
 from hysteresis.trees import Tree, plain
@@ -38,7 +37,7 @@ from ._measured_operations import Operations, measured
 from ._motion import LONGEST as LONGEST_MOTION
 from ._motion import Motion
 from ._precision import require_double
-from ._starts import starts_in
+from ._starts import starts_in, states_over
 from ._trees import guard_tree, nodes_of, tree_of
 
 FAR = 1000.0
@@ -427,20 +426,6 @@ def has_rates(node: Tree) -> bool:
 
 
 def deepest(tree: Tree, way: str, dt: Sequence[float], y: Sequence[Any]) -> int:
-    """Reversals that are open at once, at most, where a tree is run one way over some readings.
-
-    Each is a number, or a pair with the condition.
-    """
-    states: list[Any] = []
-    takes: list[Any] = []
-    node = node_of(tree, states, takes)
-    stacks = [s for s in states if hasattr(s, "forgotten")]
-    most = 0
-    for step, reading in zip(dt, y, strict=True):
-        if takes:
-            reading, condition = reading
-            for take in takes:
-                take(condition)
-        getattr(node, way)(step, reading)
-        most = max([most, *(s.depth for s in stacks)])
-    return most
+    """Reversals that are open at once, at most, where a tree is run one way over some readings."""
+    every = (s for states in states_over(tree, way, dt, y) for s in states)
+    return max((s.depth for s in every if hasattr(s, "forgotten")), default=0)

@@ -99,10 +99,6 @@ class Element:
         self.common = done
         return "\n\n".join(done.values())
 
-    def specialised(self, name: str, given: dict[str, str], done: dict[str, str]) -> str:
-        """A function that takes functions, with `given` for them; its name in C."""
-        return Function(self, self.functions[name], given, done).translate()
-
 
 def element(kind: str, stem: str, single: bool) -> Element:
     """By the name of its module."""

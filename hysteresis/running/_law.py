@@ -118,7 +118,7 @@ class Law:
                 case ast.While(orelse=[]):
                     known = bool(self.bounds.get(node.lineno))
                 case ast.Name(id=x):
-                    known = x in names or not (self.owner(x) is self.constant(x) is None)
+                    known = x in names or self.constant(x) is not None or self.owner(x) is not None
                 case _:
                     known = False
             if not known:
