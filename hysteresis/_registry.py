@@ -148,8 +148,10 @@ def register(
             fix="register a class that is not abstract, of a model or of a part with fields.",
         )
     if law is not None:
-        from .running._marks import Marked  # no model needs it until it runs
+        from .running._law import forget  # no model needs these until it runs
+        from .running._marks import Marked
 
+        forget()
         Marked().marked(announce(law), "move")
     key = class_key(model)
     if key.partition(":")[0] not in OURS:

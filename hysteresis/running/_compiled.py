@@ -20,7 +20,7 @@ import numpy as np
 
 from .._cache_folder import forget_oldest, own_folder
 from ._in_python import in_python
-from ._law import MATHS
+from ._law import MATHS, kept
 from ._numbers import Structure
 from ._text import text_of
 
@@ -65,7 +65,7 @@ def is_kept(structure: Structure, wanted: str) -> bool:
     return name in sys.modules or bool(folder and (folder / f"{name}.py").exists())
 
 
-@cache
+@kept
 def loop_of(structure: Structure, wanted: str) -> Callable[..., None]:
     """The loop `wanted` of a tree, as `_kernels.py` says; of arrays in place of addresses."""
     if not available():
@@ -79,7 +79,7 @@ def loop_of(structure: Structure, wanted: str) -> Callable[..., None]:
     return call
 
 
-@cache
+@kept
 def reals_of(structure: Structure) -> int:
     """Reals of a move that are not in m."""
     line = next(x for x in text_of(structure, "tangents").splitlines() if x.startswith("LOCALS = "))
@@ -100,7 +100,7 @@ def _folder() -> Path | None:
     return folder
 
 
-@cache
+@kept
 def _name(structure: Structure, wanted: str) -> str:
     """Of the module: other texts, and those that another numba compiles, have other names."""
     memory = (Path(__file__).parent / "_memory.py").read_text("utf-8")

@@ -6,12 +6,11 @@ put(m, i, get(m, j))    becomes    m[i] = m[j]
 import ast
 import math
 from collections.abc import Callable
-from functools import cache
 from typing import Any
 
 import numpy as np
 
-from ._law import MATHS, PARSING
+from ._law import MATHS, PARSING, kept
 from ._memory_sizes import MOST
 from ._numbers import Structure
 from ._text import text_of
@@ -20,7 +19,7 @@ OUTPUTS = 8
 """Arguments of a loop before what it writes; the first, m, is written too."""
 
 
-@cache
+@kept
 def in_python(structure: Structure, wanted: str) -> Callable[..., None]:
     """The loop `wanted` of a tree, as `_kernels.py` says; of arrays in place of addresses."""
     text = text_of(structure, wanted)

@@ -14,10 +14,12 @@ import ast
 import inspect
 import io
 import tokenize
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cache
 from threading import RLock
 from types import ModuleType
+from typing import Any, TypeVar
 
 from .. import laws
 from .._errors import InputError
@@ -36,6 +38,9 @@ SIGNS = (
 
 PARSING = RLock()
 """Held while a syntax tree is made or compiled: CPython 3.11 fails where two threads do so at once."""
+
+
+Made = TypeVar("Made", bound=Callable[..., Any])
 
 
 @dataclass
@@ -166,7 +171,23 @@ class Law:
         return law(kind) if is_law else None
 
 
-@cache
+KEPT: list[Any] = []
+
+
+def kept(function: Made) -> Made:
+    """A function whose results are kept, until a law is registered again: its file may have changed."""
+    made: Any = cache(function)
+    KEPT.append(made)
+    return made
+
+
+def forget() -> None:
+    """What was made of the laws so far."""
+    for made in KEPT:
+        made.cache_clear()
+
+
+@kept
 def law(kind: str) -> Law:
     """By the name of its file."""
     with PARSING:

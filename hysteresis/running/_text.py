@@ -9,7 +9,7 @@ from pathlib import Path
 
 from ..laws._nodes import WITHOUT, Node, function_of
 from . import _around
-from ._law import PARSING, law
+from ._law import PARSING, kept, law
 from ._marks import Leaf, Marked
 from ._numbers import Structure
 
@@ -24,7 +24,7 @@ EACH = "each_"
 """Before the name of a law's function and what of its state is kept: a loop over columns of numbers."""
 
 
-@cache
+@kept
 def text_of(structure: Structure, wanted: str) -> str:
     """The whole text: laws, nodes, the loop."""
     return Text(structure).of(wanted)

@@ -3,7 +3,7 @@
 import subprocess
 import sys
 from collections.abc import Callable
-from importlib import import_module
+from importlib import import_module, reload
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -60,8 +60,8 @@ def made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], Any
     monkeypatch.setattr(laws, "_ANNOUNCED", {})
     monkeypatch.syspath_prepend(tmp_path)
 
-    def make(text: str) -> Any:
-        name = f"law{abs(hash(text))}"
+    def make(text: str, name: str = "") -> Any:
+        name = name or f"law{abs(hash(text))}"
         (tmp_path / f"{name}.py").write_text(text)
 
         class Model(AbstractSearchedModel):
@@ -70,7 +70,7 @@ def made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], Any
             def forwards(self) -> Any:
                 return node(name, {"k": self.k}, {"u": 0.0})
 
-        return register(Model, name=name, law=import_module(name))(2.0)
+        return register(Model, name=name, law=reload(import_module(name)))(2.0)
 
     return make
 
@@ -103,6 +103,13 @@ def test_numbers_of_its_file_and_names_like_those_of_math_mean_the_same_in_c(
     header = export_c(made(LAW), tmp_path / "stranger.h", y).path
     found, _ = Compiled(header).run(np.zeros(len(y)), y)
     np.testing.assert_allclose(found, inputs, atol=1e-6)
+
+
+def test_a_law_that_was_edited_and_registered_again_is_the_new_one(made: Callable[..., Any]):
+    model = made(LAW, "edited")
+    assert model.simulate(None, np.ones(1)).tolist() == [1.5 + 1 / np.pi + 0.5]
+    model = made(LAW.replace("0.75", "-10.5"), "edited")
+    assert model.simulate(None, np.ones(1)).tolist() == [-21 + 1 / np.pi + 0.5]
 
 
 @pytest.mark.parametrize(
