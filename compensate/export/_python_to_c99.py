@@ -5,6 +5,7 @@ import inspect
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from types import SimpleNamespace
 from typing import Any
 
 from hysteresis import InputError
@@ -134,9 +135,14 @@ class Function:
     functions it takes, C types of what is Any."""
 
     def __init__(
-        self, home: Any, node: ast.FunctionDef, given: dict[str, str], done: dict[str, str]
+        self,
+        home: Element | SimpleNamespace,
+        node: ast.FunctionDef,
+        given: dict[str, str],
+        done: dict[str, str],
     ):
-        self.home, self.node, self.given, self.done = home, node, given, done
+        self.home: Any = home
+        self.node, self.given, self.done = node, given, done
         # C has no closures. A function that takes another one is written once for each it is called with,
         # under that one's name, so that the copies differ and the compiler can inline the call.
         base = given["look"].removesuffix("_look") if "look" in given else home.prefix
