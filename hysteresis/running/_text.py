@@ -223,12 +223,14 @@ class _Addresses(ast.NodeTransformer):
             return ast.Name(f"{self._of_node(node.func.id)}({', '.join(['m', 'n', *given])})")
         own, functions, values = self.text.root, {}, []
         for argument, a in zip(law(kind).functions[function].args.args, node.args, strict=True):
-            match a, argument.arg:
-                case ast.Name(id=x), "p" | "s":
+            match a:
+                case ast.Name(id=x) if x[1:].isdecimal():
                     own = self.text.numbered[int(x[1:])]
-                case ast.Name(id=x), "look":
-                    functions["look"] = self._of_node(x)
-                case _, other if other != "whole":
+                case ast.Name(id=x) if "_" in x:
+                    functions[argument.arg] = self._of_node(x)
+                case ast.Name(id="s"):
+                    pass
+                case _:
                     values.append(ast.unparse(self.visit(a)))
         return ast.Name(self.text.law(own, function, *values, given=functions))
 

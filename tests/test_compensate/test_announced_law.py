@@ -35,8 +35,8 @@ class State:
 def gamma(p: Parameters, u: float) -> float:
     return SHARE * p.k * u + u / pi
 
-def look(p: Parameters, s: State, u: float) -> float:
-    return gamma(p, u) + p.k * fabs(u - s.u) * 0.25
+def look(q: Parameters, memory: State, u: float) -> float:
+    return gamma(q, u) + q.k * fabs(u - memory.u) * 0.25
 
 def move(p: Parameters, s: State, u: float) -> float:
     y = look(p, s, u)
@@ -115,13 +115,13 @@ def test_a_law_that_was_edited_and_registered_again_is_the_new_one(made: Callabl
 @pytest.mark.parametrize(
     ("old", "new"),
     [
-        ("gamma(p, u) +", "sum([gamma(p, u)]) +"),
-        ("gamma(p, u) +", "gamma(p=p, u=u) +"),
-        ("gamma(p, u) +", "sin(u) +"),
-        ("gamma(p, u) +", "+u +"),
-        ("gamma(p, u) +", "u**2 +"),
-        ("gamma(p, u) +", "p.other +"),
-        ("gamma(p, u) +", "unknown +"),
+        ("gamma(q, u) +", "sum([gamma(q, u)]) +"),
+        ("gamma(q, u) +", "gamma(p=q, u=u) +"),
+        ("gamma(q, u) +", "sin(u) +"),
+        ("gamma(q, u) +", "+u +"),
+        ("gamma(q, u) +", "u**2 +"),
+        ("gamma(q, u) +", "q.other +"),
+        ("gamma(q, u) +", "unknown +"),
         ("    s.u = u", "    s.u += u"),
         ("    s.u = u", "    p.k = u"),
         ("    s.u = u", "    while s.u < u:\n        s.u = u"),
