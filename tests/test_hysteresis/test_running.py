@@ -12,8 +12,19 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from hysteresis import AbstractModel, InputError, PrandtlIshlinskii
+from hysteresis import (
+    AbstractModel,
+    InputError,
+    LinearSponge,
+    PrandtlIshlinskii,
+    Scaled,
+    Series,
+    StandardLinearSolid,
+    Sum,
+)
 from hysteresis.laws import error
 from hysteresis.laws._tree import error_of, node_of
 from hysteresis.running import Numbers, _compiled, each, estimates, numbers_of, outputs
@@ -100,6 +111,42 @@ def test_compiled_estimates_are_those_of_the_text(problem: Problem):
     wanted = [(node.find(*now), node.status()) for now in zip(dt.tolist(), y.tolist(), strict=True)]
     found = over_time.find(numbers(model), y, dt)
     np.testing.assert_array_equal(np.stack([found.value, found.status], 1), wanted)
+
+
+LEAVES: list[AbstractModel] = [
+    LinearSponge(2.0, 1.0),
+    PrandtlIshlinskii(np.array([0.1, 0.5]), np.array([0.3, 0.2]), 0.5),
+    StandardLinearSolid(1.0, 2.0, 5.0),
+]
+
+
+SHAPES = st.recursive(
+    st.integers(0, len(LEAVES) - 1), lambda parts: st.lists(parts, min_size=1, max_size=3), max_leaves=6
+)  # fmt: skip
+
+
+def nested(shape: Any, deep: int = 0) -> AbstractModel:
+    """Sums of chains of sums ...; one alone is scaled."""
+    if isinstance(shape, int):
+        return LEAVES[shape]
+    parts = [nested(part, deep + 1) for part in shape]
+    return Scaled(parts[0], -2.0) if len(parts) == 1 else (Series, Sum)[deep % 2](parts)
+
+
+@given(SHAPES)
+@settings(max_examples=20)
+def test_nodes_within_nodes_are_put_together_alike(shape: Any):
+    """Of addresses as in plain Python."""
+    model = nested(shape)
+    tree, dt = plain(model.tree()), np.full(12, 0.1)
+    u = random_histories(np.random.default_rng(1), 0.0, 1.0, (1, 12))[0]
+    own = numbers(model)
+    for way, run in (("move", over_time.run), ("find", over_time.find)):
+        node = node_of(tree)
+        wanted = [getattr(node, way)(*now) for now in zip(dt.tolist(), u.tolist(), strict=True)]
+        np.testing.assert_array_equal(run(own, u, dt).value, wanted)
+        if way == "find":
+            assert over_time.find(own, u, dt).status[-1] == node.status()
 
 
 @each_forwards
