@@ -12,7 +12,7 @@ from hysteresis.laws import KINDS, _search, announced, module_of
 from hysteresis.laws._tree import Tree
 
 from ..runtime._compensator import Compensator
-from ._operation_count import CALL, OF_A_NODE, own_operations
+from ._operation_count import CALL, OF_A_NODE, OwnCount
 
 Tracer = Callable[[FrameType, str, object], object]
 
@@ -76,5 +76,5 @@ def _costs(further: tuple[str, ...]) -> dict[str, dict[int, int]]:
         for function in (node for node in code.body if isinstance(node, ast.FunctionDef)):
             for node in ast.walk(function):
                 if isinstance(node, ast.stmt) and node is not function:
-                    lines[node.lineno] = lines.get(node.lineno, 0) + own_operations(node)
+                    lines[node.lineno] = lines.get(node.lineno, 0) + OwnCount().of(node)
     return found

@@ -70,23 +70,22 @@ class Count:
         return _own(node) + sum(map(self.of, ast.iter_child_nodes(node)))
 
 
-def own_operations(node: ast.stmt) -> int:
+class OwnCount(Count):
     """Operations of a statement, without those of the statements and functions in it."""
-    parts = [part for part in ast.iter_child_nodes(node) if not isinstance(part, ast.stmt)]
-    match node:
-        case ast.For():
-            return 4
-        case ast.If() | ast.While():
-            return 2 + sum(map(_of_expression, parts))
-    return _own(node) + sum(map(_of_expression, parts))
 
+    def __init__(self) -> None:
+        pass
 
-def _of_expression(node: ast.AST) -> int:
-    own = _own(node)
-    if isinstance(node, ast.Call):
-        name = node.func.id if isinstance(node.func, ast.Name) else ""
-        own = 2 * len(node.args) + (2 if name == "int" else LIBRARY if name in MATHS else 0)
-    return own + sum(map(_of_expression, ast.iter_child_nodes(node)))
+    def of_function(self, name: str, arguments: Sequence[ast.expr] = ()) -> int:
+        return 0
+
+    def of(self, node: ast.AST) -> int:
+        match node:
+            case ast.For():
+                return 4
+            case ast.If() | ast.While():
+                return 2 + self.of(node.test)
+        return super().of(node)
 
 
 def _own(node: ast.AST) -> int:
