@@ -13,7 +13,7 @@ from hysteresis._model import DOUBLE
 from hysteresis.running import Known, Numbers, numbers_of, place_of, told
 from hysteresis.trees import FLAT_WIDTH, ROUNDING, Tree, node, part_tree, plain, precisions
 
-from .._contract import AbstractStreamed
+from .._contract import AbstractCompensator
 from ..inverses._law import OWN, LawState
 
 SAID = 6
@@ -40,7 +40,7 @@ class Recalibrated(NamedTuple):
 
 
 @register
-class AdaptiveCompensator(AbstractStreamed[LawState, Recalibrated]):
+class AdaptiveCompensator(AbstractCompensator[LawState, Recalibrated]):
     """A compensator that recalibrates itself, from occasional inputs that are known.
 
     The model is a sum of parts, each of which rises with the input,
@@ -140,7 +140,10 @@ class AdaptiveCompensator(AbstractStreamed[LawState, Recalibrated]):
         self, state: LawState, t: ArrayLike | None, y: ArrayLike, reference: ArrayLike = jnp.nan
     ) -> tuple[LawState, Recalibrated]:
         """One reading, with the true input where it is known."""
-        return super().step(state, t, jnp.stack([jnp.asarray(x, float) for x in (y, reference)]))
+        times = None if t is None else jnp.asarray(t, float)[None]
+        row = jnp.stack([jnp.asarray(x, float) for x in (y, reference)])
+        after, found = self.stream(times, row[None], state)
+        return after, Recalibrated(*(x[0] for x in found))
 
     def simulate(
         self,
