@@ -22,8 +22,8 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
+from hysid.commands._asked import Fit
 from hysid.intake._selection import Selection
-from hysid.operations._fit import fit
 from hysteresis import InputError
 
 from . import _measured_data as data
@@ -242,8 +242,15 @@ def fitted(task: Task, folder: Path) -> Fitted:
             file = task.file(folder, Path(out))
         begin = time.process_time()
         try:
-            document: dict[str, Any] = fit(
-                file, task.selection, Path(out) / "fit", initial=task.initial, model="auto"
+            document: dict[str, Any] = (
+                Fit(
+                    file=file,
+                    selection=task.selection.as_json(),
+                    out=Path(out) / "fit",
+                    initial=task.initial,
+                )
+                .run()
+                .document
             )
         except InputError as error:
             refused = judged(f"{task.what} ({error.code})", float("nan"), task.bar)

@@ -10,8 +10,8 @@ from hysteresis import InputError, Record
 from hysteresis._precision import in_double
 from hysteresis.records._turned import turned
 
+from ._compensator import fitted_to_compensate
 from ._compile_cache import keep_compiled_by_python
-from .operations._compensated import fitted_to_compensate
 
 _OF_RECORDS = (
     "dt", "groups", "mask", "nan", "segments", "input_unit", "output_unit", "time_unit", "input_name",

@@ -16,7 +16,7 @@ import pytest
 import typer
 
 from hysid.cli._app import app
-from hysid.cli._fit import MODELS
+from hysid.intake._fit_options import MODELS
 from hysteresis._registry import OURS, find_model
 from identify.fitting._candidates import names
 from tests.test_hysid.command import ENVIRONMENT
@@ -130,7 +130,7 @@ def test_a_start_is_light(code: str):
 def test_statistics_are_loaded_when_they_are_used():
     """SciPy's take 0.4 s, which neither a check of a file nor a prediction needs."""
     assert "scipy.stats" not in loaded(
-        "import hysid.operations._predict, hysid.operations._check, compensate"
+        "import hysid.commands._predict, hysid.commands._check, compensate"
     )
 
 

@@ -27,8 +27,8 @@ SERVER = """
 import os, sys, json, time
 import jax, identify, compensate, h5netcdf, matplotlib.figure
 from hysid.cli._app import main
-import hysid.operations._fit, hysid.operations._predict, hysid.operations._export
-import hysid.operations._sample, hysid.operations._batch, hysid.operations._init
+import hysid.commands._fit, hysid.commands._predict, hysid.commands._export
+import hysid.commands._sample, hysid.commands._batch, hysid.intake._init
 import hysid.reporting._fit_page, hysid.reporting._specimens_page
 print("ready", flush=True)
 for line in sys.stdin:

@@ -13,12 +13,9 @@ import numpy as np
 import identify
 from compensate import CalibratedCompensator, estimate
 from hysid import invert
+from hysid.commands._asked import Export, Fit, Predict, Qualify
+from hysid.commands._demo import demo_data
 from hysid.intake._selection import Selection
-from hysid.operations._demo import demo_data
-from hysid.operations._export import export
-from hysid.operations._fit import fit as fit_file
-from hysid.operations._predict import predict
-from hysid.operations._qualify import qualify
 from hysteresis import Record
 from hysteresis.numerics._normal import NORMAL_95
 from hysteresis.rigs import FoamBlock, SpongeRig
@@ -197,16 +194,18 @@ def _agreement(quick: bool) -> Row:
         chosen = Selection(
             "force (N)", "displacement (mm)", "time (s)", test_where=("cycle=11,12,13",)
         )
-        document = fit_file(file, chosen, folder, model=model)
+        document = (
+            Fit(file=file, selection=chosen.as_json(), out=folder, model=model).run().document
+        )
         band = invert(identify.load(folder))
         assert isinstance(band, CalibratedCompensator)
         told = [
             document["compensator"]["band"]["coverage"],
             band.coverage,
-            predict(folder, file, inverse=True)["band"]["held_out"],
-            qualify(folder, file)["band"],
+            Predict(folder=folder, file=file, inverse=True).run().document["band"]["held_out"],
+            Qualify(folder=folder, file=file).run().document["band"],
         ]
-        export(folder, {"runtime": Path(out) / "it.json"})
+        Export(folder=folder, runtime=Path(out) / "it.json").run()
         told.append(json.loads((Path(out) / "it.json").read_text())["coverage"])
     apart = max(told) - min(told)
     return judged("the consumers' coverages of the same rows: apart by", apart, 0.0)

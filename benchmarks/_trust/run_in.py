@@ -10,8 +10,8 @@ import hysid
 import identify
 from compensate import Past, Status, calibrated, invert, runtime
 from compensate.guards._guarded import UNSTATED
-from hysid.operations._demo import demo_data
-from hysid.operations._export import export
+from hysid.commands._asked import Export
+from hysid.commands._demo import demo_data
 from hysteresis import Preisach, Record
 from hysteresis.preisach import GaussianDensity
 from hysteresis.rigs import FoamBlock
@@ -81,7 +81,7 @@ def _ok_share(fit: identify.FitResult) -> float:
     """Of the exported file over the record it was made of, after the first full cycle of each sequence."""
     with tempfile.TemporaryDirectory() as folder:
         identify.save(fit, Path(folder) / "fit")
-        export(Path(folder) / "fit", {"runtime": Path(folder) / "it.json"})
+        Export(folder=Path(folder) / "fit", runtime=Path(folder) / "it.json").run()
         it = runtime.load(Path(folder) / "it.json")
     record, ok = fit.train, []
     for _, rows_ in record.sequences():

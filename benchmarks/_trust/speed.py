@@ -8,8 +8,7 @@ import numpy as np
 
 import identify
 from compensate.runtime import Compensator, load
-from hysid.operations._demo import demo
-from hysid.operations._export import export
+from hysid.commands._asked import Demo, Export
 
 from .._measure import Row, judged
 
@@ -20,8 +19,8 @@ def rows(quick: bool) -> list[Row]:
     """Processor time, so that what else the computer does counts little: the least of a few rounds."""
     with tempfile.TemporaryDirectory() as place:
         out, file = Path(place) / "demo", Path(place) / "demo.json"
-        demo(out, lambda text: None)
-        export(out, {"runtime": file})
+        Demo(out=out, as_json=True).run()
+        Export(folder=out, runtime=file).run()
         record, sensor = identify.load(out).train, load(file)
     assert isinstance(sensor, Compensator)
     assert record.time is not None

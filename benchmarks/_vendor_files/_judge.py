@@ -10,7 +10,7 @@ import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
-from hysid.operations._init import init
+from hysid.intake._init import init
 from hysteresis import InputError
 
 from .._measure import Row, judged, noted

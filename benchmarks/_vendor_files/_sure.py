@@ -15,7 +15,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from hysid.operations._init import init
+from hysid.intake._init import init
 from hysteresis import InputError
 
 from .._measure import Row, judged, noted

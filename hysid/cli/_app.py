@@ -12,25 +12,14 @@ from typing import Annotated, Any
 import typer
 
 from .._packages import fault_of_packages
-from ._armor import armor
-from ._batch import batch
+from ..commands import _asked, _asked_of_sensors
+from ..commands._console import INTERRUPTED, USER, Fault, example, explain, stop
 from ._bench import bench
-from ._compare import compare
 from ._config_file import FindsConfig
-from ._console import INTERRUPTED, USER, Fault, example, explain, stop
 from ._datasets import datasets
-from ._demo import demo
-from ._export import export
-from ._fit import fit
-from ._inspect import check, init
-from ._microchannel import microchannel
-from ._new_data import monitor, predict, qualify
+from ._options import command_of
 from ._remedies import options_here
-from ._report import report
-from ._reproduce import reproduce
-from ._sample import design, sample
 from ._studio import studio
-from ._warm import warm
 
 SPONGE = "--input 'force (N)' --output 'displacement (mm)' --time 'time (s)'"
 
@@ -45,28 +34,56 @@ app = typer.Typer(
 )
 
 for _command, _example in {
-    demo: "hysid demo --out demo",
-    init: "hysid init run.csv",
-    check: f"hysid check run.csv {SPONGE}",
-    fit: f"hysid fit run.csv {SPONGE} --test-cycles 1 --out sponge",
-    predict: "hysid predict sponge new.csv --inverse",
-    qualify: "hysid qualify sponge new.csv --max-error 2 --rate 1000",
-    monitor: "hysid monitor sponge log.csv",
-    export: "hysid export sponge --c sponge.h --runtime sponge.json",
-    sample: "hysid sample sponge --ensembles 4",
-    design: "hysid design damper --max-displacement 2e-3",
-    compare: "hysid compare sponge foam",
-    report: "hysid report sponge",
-    batch: "hysid batch 'data/*.csv' --config sponge.toml --out all",
+    _asked.Demo: "hysid demo --out demo",
+    _asked.Init: "hysid init run.csv",
+    _asked.Check: f"hysid check run.csv {SPONGE}",
+    _asked.Fit: f"hysid fit run.csv {SPONGE} --test-cycles 1 --out sponge",
+    _asked.Predict: "hysid predict sponge new.csv --inverse",
+    _asked.Qualify: "hysid qualify sponge new.csv --max-error 2 --rate 1000",
+    _asked.Monitor: "hysid monitor sponge log.csv",
+    _asked.Export: "hysid export sponge --c sponge.h --runtime sponge.json",
+    _asked.Sample: "hysid sample sponge --ensembles 4",
+    _asked.Design: "hysid design damper --max-displacement 2e-3",
+    _asked.Compare: "hysid compare sponge foam",
+    _asked.Report: "hysid report sponge",
+    _asked.Batch: "hysid batch 'data/*.csv' --config sponge.toml --out all",
     studio: "hysid studio run.csv",
-    reproduce: "hysid reproduce tsuji2014 --out tsuji2014",
-    warm: "hysid warm sponge",
+    _asked.Reproduce: "hysid reproduce tsuji2014 --out tsuji2014",
+    _asked.Warm: "hysid warm sponge",
     bench: "hysid bench preisach --quick",
 }.items():
-    _class = FindsConfig if _command in (check, fit) else None
-    app.command(epilog=example(_example), cls=_class)(_command)
-app.add_typer(armor, name="armor")
-app.add_typer(microchannel, name="microchannel")
+    _class = FindsConfig if _command in (_asked.Check, _asked.Fit) else None
+    _function = command_of(_command) if isinstance(_command, type) else _command
+    app.command(epilog=example(_example), cls=_class)(_function)
+for _name, _about, _commands_of in (
+    (
+        "armor",
+        "Contacts on a robot's armor: calibrate, solve, look at them.",
+        {
+            _asked_of_sensors.Calibrate: "hysid armor calibrate presses.csv --sponge sponge"
+            " --shape box.toml --out armor",
+            _asked_of_sensors.Solve: "hysid armor solve wrenches.csv --sponge sponge --shape box.toml"
+            " --out touches",
+            _asked_of_sensors.View: "hysid armor view tsuji2014",
+        },
+    ),
+    (
+        "microchannel",
+        "Soft sensors: train one, estimate force and place.",
+        {
+            _asked_of_sensors.Train: "hysid microchannel train run.csv --input 'layer 1 (V)'"
+            " --force 'force (N)' --time 'time (s)' --test-tail 0.2 --out sensor",
+            _asked_of_sensors.TrainPairs: "hysid microchannel train-pairs run.csv --input 'layer 1 (V)'"
+            " --input 'layer 2 (V)' --force 'force B (N)' --force 'force D (N)' --time 'time (s)'"
+            " --group session --out pair",
+            _asked_of_sensors.Estimate: "hysid microchannel estimate sensor new.csv",
+        },
+    ),
+):
+    _group = typer.Typer(help=_about, no_args_is_help=True)
+    for _command, _example in _commands_of.items():
+        _group.command(epilog=example(_example))(command_of(_command))
+    app.add_typer(_group, name=_name)
 app.add_typer(datasets, name="datasets")
 
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from ._console import BUG, AsJson, log, print_result
+from ..commands._console import BUG, AsJson, log, print_result
 
 ROOT = Path(__file__).resolve().parents[2]
 NAMES = (

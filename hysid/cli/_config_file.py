@@ -1,24 +1,23 @@
 """Options from a TOML file: the names are those of the command line, whose values override the file."""
 
 import inspect
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from difflib import get_close_matches
 from pathlib import Path
 from types import NoneType
-from typing import TYPE_CHECKING, Annotated, Any, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Any, get_args, get_origin, get_type_hints
 
 import typer
 from typer.core import TyperCommand
 
+from ..commands._asked import as_fields
+from ..commands._console import log, start_jax
 from ..intake._selection_options import FIELDS, HELD_OUT
-from ._console import log, start_jax
-from ._selection import as_fields, values_of
 
 if TYPE_CHECKING:
     from typer import Context
 
-    from hysteresis import InputError  # loads JAX, and a command line has to answer --help at once
+    from hysteresis import InputError
 else:
     Context = typer.Context.__bases__[0]  # what typer hands to a callback is not of its own type
 
@@ -61,10 +60,10 @@ def read_config(file: Path, command: Any) -> dict[str, Any]:
     Raises `InputError` for a file that does not exist or is not TOML, and for a table, a key or a kind of
     value that the command does not know.
     """
-    document = _read(file)
-    # Down to the function with the command's own parameters, which `takes_selection` has made.
-    function = inspect.unwrap(command.callback, stop=lambda f: hasattr(f, "__signature__"))
-    hints = get_type_hints(function)
+    from ..intake._parameters import read_toml  # late: it loads NumPy
+
+    document = read_toml(file)
+    hints = get_type_hints(inspect.unwrap(command.callback))
     known = {name: hint for name, hint in hints.items() if name not in NOT_HERE}
     tables = {
         "selection": [name for name in known if name in SELECTION],
@@ -87,56 +86,6 @@ def read_config(file: Path, command: Any) -> dict[str, Any]:
                 raise _unknown(file, f"{key} in [{table}]", key, tables[table], tables)
             found[key] = _of_kind(file, key, value, known[key])
     return found
-
-
-def parameters_said(file: Path | None, said: Sequence[str] | None = None) -> dict[str, Any]:
-    """The settings of parameters for `identify.fit`: the table [parameters], overridden by words such as
-    "E1 start=2 bounds=1,4 prior=log-normal(2, 1.5)".
-
-    Raises `InputError` for words without a name and a key.
-    """
-    found = {} if file is None else dict(_read(file).get("parameters", {}))
-    for words in said or ():
-        name, *parts = re.split(r"\s+(?=[a-z]+=)", words.strip())
-        if not name or " " in name or not parts:
-            raise _error(
-                "bad-option",
-                f"--parameter {words!r} is not a name with settings.",
-                fix='Write the name of the parameter, then its settings: "E1 start=2 bounds=1,4".',
-            )
-        pairs = (part.partition("=") for part in parts)
-        found[name] = found.get(name, {}) | {key: _value(key, value) for key, _, value in pairs}
-    return found
-
-
-def _value(key: str, value: str) -> Any:
-    """A word as TOML would have it."""
-    if key == "bounds":
-        return value.split(",")
-    if key == "fixed" and value in ("true", "false"):
-        return value == "true"
-    return value
-
-
-def _read(file: Path) -> dict[str, Any]:
-    try:
-        from hysteresis._limits import parse_toml  # late: it loads JAX
-
-        return parse_toml(file.read_text("utf-8"))
-    except OSError as error:
-        raise _error(
-            "unreadable-file",
-            f"The configuration cannot be read: {error.strerror or error}.",
-            place=str(file),
-            fix="Name a TOML file (--config FILE).",
-        ) from None
-    except ValueError as error:  # TOML's and UTF-8's errors are both
-        raise _error(
-            "bad-config",
-            f"This file is not TOML: {error}.",
-            place=str(file),
-            cause="Text without quotation marks, or a table that is not closed.",
-        ) from None
 
 
 def _unknown(
@@ -168,12 +117,12 @@ def _of_kind(file: Path, key: str, value: Any, hint: Any) -> Any:
 
 
 def _error(code: str, problem: str, **words: str) -> "InputError":
-    from hysteresis import InputError
+    from hysteresis import InputError  # late: a foreign package of that name is said before
 
     return InputError(code, problem, **words)
 
 
-def _configure(context: Context, file: Any) -> Path | None:
+def configure(context: Context, file: Any) -> Path | None:
     """The options in the file become the defaults of the command; read before its other options."""
     if file is None:
         return None
@@ -183,17 +132,6 @@ def _configure(context: Context, file: Any) -> Path | None:
         found.pop(name, None)
     context.default_map = {**(context.default_map or {}), **found}
     return file
-
-
-Config = Annotated[
-    Path | None,
-    typer.Option(
-        "--config",
-        is_eager=True,
-        callback=_configure,
-        help="TOML file of options: [selection], [fit], [parameters]. Options given here override it.",
-    ),
-]
 
 
 class FindsConfig(TyperCommand):
@@ -251,7 +189,7 @@ class FindsConfig(TyperCommand):
     def _begun(self, ctx: Any, file: Path, given: Mapping[str, Any]) -> Path | None:
         from hysteresis._escape import shell_word  # after JAX is set up
 
-        from ..operations._init import begun
+        from ..intake._init import begun
 
         if self.name != "fit":
             raise _error(
@@ -262,8 +200,7 @@ class FindsConfig(TyperCommand):
             )
         by_name = {one.name: one for one in self.params}
         said = {n: by_name[n].process_value(ctx, given[n]) for n in SELECTION if n in given}
-        fields = as_fields(said)
-        return begun(file, fields | {"input": list(values_of(fields.get("input")))}, log)
+        return begun(file, as_fields(said), log)
 
 
 def options_of(file: Path, command: Any) -> dict[str, Any]:
@@ -280,6 +217,4 @@ def options_of(file: Path, command: Any) -> dict[str, Any]:
         )
     context = command.context_class(command, info_name=command.name)
     TyperCommand.parse_args(command, context, ["FILE", "--out", "DIR", "--config", str(file)])
-    options = {name: value for name, value in context.params.items() if name not in NOT_HERE}
-    said = parameters_said(file, options.pop("parameter"))
-    return options | ({"parameters": said} if said else {})
+    return context.params

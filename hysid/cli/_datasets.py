@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from ..catalogue._catalogue import NOT_STATED, SHIPPED, catalogue, find, listing
-from ._console import AsJson, example, log, print_result, warnings
+from ..commands._console import AsJson, example, log, print_result, warnings
 
 datasets = typer.Typer(
     help="Data sets by third parties: list and download them.", no_args_is_help=True

@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from ._console import AsJson, start_jax
-from ._fit import MODELS
+from ..commands._console import AsJson, start_jax
+from ..intake._fit_options import MODELS
 
 EXTRA = ("starlette", "uvicorn", "tomlkit")
 

@@ -7,20 +7,19 @@ import numpy as np
 import identify
 from hysteresis import InputError, Record
 
-MEANINGLESS = {
-    "model": "auto", "initial": "auto", "conditioning": "auto", "clocks": "auto", "drift": "auto",
-    "starts": 32,
-    "noise": "auto", "parameters": {}, "period": None, "oversampling": 20,
-}  # fmt: skip
-"""Options of `fit` that a step knows nothing of, and what they are where they are not given."""
+from ._fit_options import FIT_FIELDS
+
 BEYOND = "beyond the trained times"
 RANGE = ("since the step", "low", "high")
 """Columns that a step's prediction has besides."""
+_NOT_OF_STEP: dict[str, Any] = {"parameters": {}} | {
+    name: one.default for name, one in FIT_FIELDS.items() if not one.metadata.get("of_step")
+}
 
 
 def step_options(options: dict[str, Any]) -> dict[str, Any]:
     """Those options of `fit` that `fit_step` takes. Raises `InputError` where others were set."""
-    for name, usual in MEANINGLESS.items():
+    for name, usual in _NOT_OF_STEP.items():
         if options.get(name, usual) != usual:
             raise InputError(
                 "bad-option",
@@ -29,7 +28,7 @@ def step_options(options: dict[str, Any]) -> dict[str, Any]:
                 " chooses its order.",
                 fix="Leave it out.",
             )
-    return {name: value for name, value in options.items() if name not in MEANINGLESS}
+    return {name: value for name, value in options.items() if name not in _NOT_OF_STEP}
 
 
 def check_step(record: Record) -> dict[str, Any]:

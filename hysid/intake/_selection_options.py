@@ -4,147 +4,136 @@ A new option is one field here. No import of this module loads JAX: `hysid --hel
 """
 
 import re
-from dataclasses import MISSING, Field, dataclass, field, fields
+from dataclasses import Field, dataclass, fields
 from typing import Any
+
+from ._option import option
 
 ASIDE = re.compile(r"\s*\((?=[^()]*--[a-z])[^()]*\)")
 """Brackets of a message that name options, with the blanks before them."""
-
-
-def _option(help: str, default: Any = MISSING, **said: Any) -> Any:
-    """A field with its help text.
-
-    **Arguments:**
-
-    - `metavar`: what help shows for the value. `choices`: the words that it may be. `least`: the smallest
-      whole number.
-    - `repeated`: the command line repeats the option. `joined`: the command line and a configuration file
-      put commas between its words.
-    """
-    return field(default=default, metadata={"help": help} | said)
 
 
 @dataclass(frozen=True)
 class SelectionOptions:
     """Which rows and columns of a file are used, and which rows are held out for testing."""
 
-    input: str | tuple[str, ...] | None = _option(
+    input: str | tuple[str, ...] | None = option(
         "Input column: its exact header. Repeat it for a sensor with several channels.",
         repeated=True,
         metavar="COL",
     )
-    output: str = _option("Output column: its exact header.", metavar="COL")
-    time: str | None = _option("Time column.", None, metavar="COL")
-    dt: float | None = _option(
+    output: str = option("Output column: its exact header.", metavar="COL")
+    time: str | None = option("Time column.", None, metavar="COL")
+    dt: float | None = option(
         "Time between samples in seconds, where there is no time column.", None, metavar="SECONDS"
     )
-    input_time: str | None = _option(
+    input_time: str | None = option(
         "Time column of the input, where it has a clock of its own; --time is the output's.",
         None,
         metavar="COL",
     )
-    step: float | None = _option(
+    step: float | None = option(
         "Fit creep or relaxation under this constant input, instead of --input.",
         None,
         metavar="VALUE",
     )
-    hold: bool = _option(
+    hold: bool = option(
         "Fit creep or relaxation over the longest stretch in which --input is constant.", False
     )
-    group: tuple[str, ...] = _option(
+    group: tuple[str, ...] = option(
         "Rows with different values are independent sequences of one model.",
         (),
         joined=True,
         metavar="COL[,COL]",
     )
-    condition: tuple[str, ...] = _option(
+    condition: tuple[str, ...] = option(
         "The output depends on this column too: a temperature, a pressure, ...",
         (),
         joined=True,
         metavar="COL[,COL]",
     )
-    turn: tuple[str, ...] = _option(
+    turn: tuple[str, ...] = option(
         "Turn the sign of these columns: a push that the rig counts as a pull.",
         (),
         joined=True,
         metavar="COL[,COL]",
     )
-    rezero: tuple[str, ...] = _option(
+    rezero: tuple[str, ...] = option(
         "Take jumps of the output's zero out: subtract SIZE from the output, from this line of the file to"
         " the end of its sequence. check finds line and size.",
         (),
         joined=True,
         metavar="LINE:SIZE[,LINE:SIZE]",
     )
-    each: str | None = _option("Fit one model for each value of this column.", None, metavar="COL")
-    where: tuple[str, ...] = _option(
+    each: str | None = option("Fit one model for each value of this column.", None, metavar="COL")
+    where: tuple[str, ...] = option(
         "Use only these rows; repeatable.", (), repeated=True, metavar="COL=VALUE[,VALUE]"
     )
-    branch: str | None = _option(
+    branch: str | None = option(
         "Count only rows in which the input rises (loading) or falls (unloading), or each branch for itself"
         " (both). A sample where it turns belongs to both. All other rows are history.",
         None,
         choices=("loading", "unloading", "both"),
     )
-    range: tuple[float, ...] = _option(
+    range: tuple[float, ...] = option(
         "Count only rows with the input in this range; the others are history.",
         (),
         joined=True,
         metavar="LOW,HIGH",
     )
-    test_where: tuple[str, ...] = _option(
+    test_where: tuple[str, ...] = option(
         "Hold out these rows for testing; COL%2=0 holds out even values; repeatable.",
         (),
         repeated=True,
         metavar="COL=VALUE[,VALUE]",
     )
-    test_cycles: int | None = _option(
+    test_cycles: int | None = option(
         "Hold out the last N cycles of each sequence for testing.", None, least=1, metavar="N"
     )
-    test_tail: float | None = _option(
+    test_tail: float | None = option(
         "Hold out this last fraction of each sequence for testing.", None, metavar="FRACTION"
     )
-    test_lines: tuple[str, ...] = _option(
+    test_lines: tuple[str, ...] = option(
         "Hold out the rows on these lines of the file for testing.",
         (),
         joined=True,
         metavar="FIRST-LAST[,FIRST-LAST]",
     )
-    exclude_lines: tuple[str, ...] = _option(
+    exclude_lines: tuple[str, ...] = option(
         "Leave the rows on these lines of the file out of the fit; they still drive the model.",
         (),
         joined=True,
         metavar="FIRST-LAST[,FIRST-LAST]",
     )
-    nan: str = _option(
+    nan: str = option(
         "Missing values: raise an error, omit (rows without output do not count, rows without both are left"
         " out), or interpolate.",
         "raise",
         choices=("raise", "omit", "interpolate"),
     )
-    segments: str | None = _option(
+    segments: str | None = option(
         "auto: a new sequence begins where the time goes back.", None, choices=("auto",)
     )
-    decimal: str = _option("Decimal sign of the file: . or ,", ".", choices=(".", ","))
-    units_row: int | None = _option(
+    decimal: str = option("Decimal sign of the file: . or ,", ".", choices=(".", ","))
+    units_row: int | None = option(
         "Number of the line that holds the units; 0 for none.", None, least=0, metavar="N"
     )
-    na_values: tuple[str, ...] = _option(
+    na_values: tuple[str, ...] = option(
         "Words that mean a missing value.", (), joined=True, metavar="WORD[,WORD]"
     )
-    table: int | None = _option(
+    table: int | None = option(
         "Which of the file's tables with different headers; the longest if not given.",
         None,
         least=1,
         metavar="N",
     )
-    dialects: str | None = _option(
+    dialects: str | None = option(
         "TOML file of further layouts of rig files.", None, metavar="FILE"
     )
-    input_unit: str | None = _option(
+    input_unit: str | None = option(
         "Unit of the input or of --step, where the header does not give it.", None, metavar="UNIT"
     )
-    output_unit: str | None = _option(
+    output_unit: str | None = option(
         "Unit of the output, where the header does not give it.", None, metavar="UNIT"
     )
 

@@ -14,8 +14,8 @@ from hysteresis._escape import shell_word, visible
 
 from ..catalogue._synthetic import is_synthetic
 from ..figures._format import measured, pretty, quantity
-from ..intake._command_words import as_words
-from ..intake._selection_options import HELD_OUT
+from ..intake._option import option_words
+from ..intake._selection_options import FIELDS, HELD_OUT
 from . import _section_creep as _report_step
 from . import _section_motion as _motion
 from ._case import TARGET, Case, Section
@@ -217,7 +217,8 @@ def next_command(case: Case) -> tuple[str, str]:
     inputs = [fit.train.input_name] if fit.channels is None else fit.channels.names
     by_name = {"input": tuple(inputs), "output": fit.train.output_name}
     chosen = dict(case.document.get("selection", by_name))
-    looked_at = as_words({k: v for k, v in chosen.items() if k not in HELD_OUT})
+    words = option_words([one for name, one in FIELDS.items() if name not in HELD_OUT], chosen)
+    looked_at = " ".join(map(shell_word, words))
     source = shell_word(fit.train.source or "FILE")
     if not fit.trusted:
         return "Check the data, then fit again", f"hysid check {source} {looked_at}"

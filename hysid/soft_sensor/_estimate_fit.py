@@ -16,8 +16,8 @@ from hysteresis._atomic_file import atomic_file, open_csv
 
 from .._invert import error_of, longest_sequence
 from .._invert import invert as invert_fit
+from ..intake._columns import for_new_file, selection_of_fit
 from ..intake._folders import folders_of
-from ..operations._columns import for_new_file, selection_of_fit
 
 NEWTON = "N"
 

@@ -24,9 +24,10 @@ from hysteresis import InputError
 from hysteresis._format import plain
 from hysteresis._limits import damage_told
 
+from ..commands._asked import Command, Export, Fit, Report
 from . import _configuration
 from ._controls import ROLES, settings
-from ._equivalents import equivalents, header_name, target_name
+from ._equivalents import asked_for, equivalents
 from ._folder import Folder, upload_to, zipped
 from ._guard import DOCUMENT_RULES, Sessions
 from ._measurement import Measurement, as_document
@@ -131,51 +132,35 @@ class Studio:
 
     def start(self, kind: str, name: str, options: Mapping[str, str]) -> dict[str, Any]:
         """Start a command about a measurement: fit, sample, qualify, predict, export or report."""
-        one = self.measurement(name)
-        file, place, out = one.file, self.place(name, options.get("value", "")), self.place(name)
-        if kind != "fit" and not (place / "fit.json").is_file():
-            raise InputError("file-not-found", "There is no fit yet.", place=name, fix="Press Fit.")
-        at, source = (path.relative_to(self.folder.root).as_posix() for path in (place, file))
+        one, place = self.measurement(name), self.place(name, options.get("value", ""))
         if kind == "fit":
             _configuration.read(one.config)  # the command follows every name in it
-            config = one.config.relative_to(self.folder.root).as_posix()
-            words = ["fit", _path(source), "--config", _path(config), "--overwrite"]
-            words += ["--out", _path(out.relative_to(self.folder.root).as_posix())]
-        elif kind == "sample":
-            words = ["sample", _path(at)]
-        elif kind == "export":
-            header = f"{at}/{header_name(place)}"
-            words = [
-                "export",
-                _path(at),
-                "--c",
-                _path(header),
-                "--runtime",
-                _path(f"{at}/compensator.json"),
-            ]
-            if target := options.get("target", ""):
-                if target not in TARGETS:
-                    raise InputError("bad-option", f"There is no target {target!r}.")
-                written = f"{at}/{target_name(place, target)}"
-                self.folder.inside(written)
-                words = ["export", _path(at), "--to", target, _path(written)]
-        elif kind == "report":
-            words = ["report", _path(at)]
-        elif kind in ("qualify", "predict"):
-            other = (
-                self.folder.file(options.get("file", "")).relative_to(self.folder.root).as_posix()
-            )
-            words = [kind, _path(at), _path(other), *(["--inverse"] if kind == "predict" else [])]
+            file, config, out = map(self._here, (one.file, one.config, self.place(name)))
+            asked: Command = Fit(file=file, config=config, out=out, overwrite=True)
         else:
-            raise InputError("bad-option", f"There is no command {kind!r}.")
+            if not (place / "fit.json").is_file():
+                raise InputError(
+                    "file-not-found", "There is no fit yet.", place=name, fix="Press Fit."
+                )
+            tried = kind in ("qualify", "predict")
+            file = self._here(self.folder.file(options.get("file", ""))) if tried else Path()
+            asked = asked_for(kind, self._here(place), file, options.get("target", ""))
+            if isinstance(asked, Export) and asked.to is not None:
+                self.folder.inside(asked.to[1].as_posix())
         about = {key: options[key] for key in ABOUT if key in options}
-        return self.jobs.start(kind, name, words, about).document
+        return self.jobs.start(kind, name, asked.words, about).document
 
     def compare(self, names: Sequence[str]) -> dict[str, Any]:
         """Start the page that compares the fits of several measurements."""
-        places = [self.place(name).relative_to(self.folder.root).as_posix() for name in names]
-        words = ["report", *map(_path, places), "--out", COMPARISON]
-        return self.jobs.start("compare", COMPARISON, words, {"value": "\n".join(names)}).document
+        asked = Report(
+            folders=[self._here(self.place(name)) for name in names], out=Path(COMPARISON)
+        )
+        about = {"value": "\n".join(names)}
+        return self.jobs.start("compare", COMPARISON, asked.words, about).document
+
+    def _here(self, path: Path) -> Path:
+        """A path as the commands have it, which run in the folder."""
+        return path.relative_to(self.folder.root)
 
 
 def app_of(studio: Studio, sessions: Sessions) -> Starlette:
@@ -402,8 +387,3 @@ async def _upload(studio: Studio, request: Request) -> Response:
         return refusal(error)
     studio.jobs.touched()
     return Json({"name": path.relative_to(studio.folder.root).as_posix()})
-
-
-def _path(name: str) -> str:
-    """A name of a file that no option parser takes for an option."""
-    return f"./{name}" if name.startswith("-") else name

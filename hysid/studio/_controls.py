@@ -7,6 +7,7 @@ control in place of each, so that every message can be followed where it is read
 import re
 from typing import Any
 
+from ..intake._fit_options import FIT_FIELDS
 from ..intake._selection_options import ASIDE, FIELDS
 
 ROLES = {
@@ -30,27 +31,13 @@ _SELECTION = {
     "na_values": "Words for missing values", "table": "Table of the file",
 }  # fmt: skip
 
-_FIT: dict[str, tuple[str, str, tuple[str, ...]]] = {
-    "initial": (
-        "Memory at the start", "Memory before the first sample.",
-        ("auto", "negative", "positive", "demagnetised", "fit"),
-    ),
-    "conditioning": (
-        "First cycle", "auto: exclude the first cycle where that predicts better.", ("auto", "keep")
-    ),
-    "clocks": ("Lag", "auto: correct a lag between input and output.", ("auto", "keep")),
-    "drift": ("Drift", "auto: a drift is not in the model; keep: it is.", ("auto", "keep")),
-    "noise": (
-        "Noise", "auto, or gaussian, student-t, ar1, arma11, growing, input, misfit, joined with +.",
-        (),
-    ),
-    "starts": ("Random starts", "Of parameters that are searched for; 32 if nothing is given.", ()),
-    "period": ("Period", "Of an oscillator: rows in a period of the force.", ()),
-    "oversampling": ("Oversampling", "Of an oscillator: steps of integration to a sample.", ()),
+_FIT = {
+    "initial": "Memory at the start", "conditioning": "First cycle", "clocks": "Lag", "drift": "Drift",
+    "noise": "Noise", "starts": "Random starts", "period": "Period", "oversampling": "Oversampling",
 }  # fmt: skip
-"""Label, help and choices of further settings of a fit."""
+"""Further settings of a fit."""
 
-_LABELS = ROLES | _ELSEWHERE | _SELECTION | {name: said[0] for name, said in _FIT.items()}
+_LABELS = ROLES | _ELSEWHERE | _SELECTION | _FIT
 _BUTTONS = {
     "init": "Guess again", "fit": "Fit", "sample": "Sample the posterior", "check": "Measurement",
     "qualify": "Try the compensator", "predict": "Try the compensator", "report": "Write the report",
@@ -72,24 +59,16 @@ _COMMAND = re.compile(rf"\bhysid ({'|'.join(_BUTTONS)})\b{_PLACE}{_PLACE}")
 
 def settings() -> list[dict[str, Any]]:
     """The settings that the page offers besides roles, units and held-out rows: one for each option."""
-    of_selection = [
+    return [
         {
-            "of": "selection", "name": name, "label": label, "help": said.metadata["help"],
+            "of": table, "name": name, "label": label, "help": said.metadata["help"],
             "choices": said.metadata.get("choices", ()), "default": said.default,
             "kind": _kind(said.type, said.metadata),
         }
-        for name, label in _SELECTION.items()
-        for said in (FIELDS[name],)
+        for table, labels, known in (("selection", _SELECTION, FIELDS), ("fit", _FIT, FIT_FIELDS))
+        for name, label in labels.items()
+        for said in (known[name],)
     ]  # fmt: skip
-    of_fit = [
-        {
-            "of": "fit", "name": name, "label": label, "help": help, "choices": choices,
-            "default": choices[0] if choices else None,
-            "kind": "number" if name in ("starts", "period", "oversampling") else "text",
-        }
-        for name, (label, help, choices) in _FIT.items()
-    ]  # fmt: skip
-    return of_selection + of_fit
 
 
 def on_page(text: str) -> str:
@@ -139,4 +118,4 @@ def _kind(hint: Any, said: Any) -> str:
         return "check"
     if said.get("repeated") or said.get("joined"):
         return "list"
-    return "number" if hint in (float | None, int | None) else "text"
+    return "number" if hint in (float | None, int | None, int) else "text"

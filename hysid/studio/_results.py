@@ -17,9 +17,9 @@ from hysteresis import InputError, Record
 
 from ..figures._plot import axes_of
 from ..figures._sliders import Slider, moved, sliders_of
+from ..intake._columns import selection_of_fit
 from ..intake._folders import folders_of
 from ..intake._selection import Selection
-from ..operations._columns import selection_of_fit
 from ..reporting._fit_page import HEADLINES
 from ._equivalents import target_name
 from ._shapes import handles_of, judged, reshaped

@@ -145,11 +145,11 @@ class FitResult:
     compensator: dict[str, Any] | None = None
     purpose: str = "predict"
     starts: Starts | None = None
-    detail: Detail = Parametric()  # noqa: RUF009 (frozen)
-    verdict: Verdict = Verdict("CAUTION", ())  # noqa: RUF009 (a tuple)
+    detail: Detail = Parametric()
+    verdict: Verdict = Verdict("CAUTION", ())
     candidates: tuple["FitResult | Candidate", ...] = ()
     skipped: dict[str, str] = field(default_factory=dict)
-    clocks: Clocks = Clocks()  # noqa: RUF009 (a tuple)
+    clocks: Clocks = Clocks()
     channels: ChannelMap | None = None
     noise_model: NoiseModel | None = None
     noise_evidence: dict[str, float] = field(default_factory=dict)

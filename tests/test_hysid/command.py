@@ -48,7 +48,7 @@ def run(*arguments: object) -> Result:
     """`hysid ARGUMENTS`, without the progress that a loaded machine would show."""
     out, err, code = io.StringIO(), io.StringIO(), 0
     argv = patch.object(sys, "argv", ["hysid", *map(str, arguments)])
-    quick = patch("hysid.cli._console.SOON", math.inf)
+    quick = patch("hysid.commands._console.SOON", math.inf)
     with argv, quick, redirect_stdout(out), redirect_stderr(err):
         try:
             main()

@@ -13,8 +13,8 @@ import identify
 from compensate import invert
 from compensate.armor import Armor, Box, ContactSolver, Cover, WristSensor, planned_presses
 from compensate.runtime import load_armor
-from hysid.armor._commands import calibrate, solve
 from hysid.armor._view import view
+from hysid.commands._asked_of_sensors import Calibrate, Solve
 from hysteresis import InputError, LinearSponge, Units, conversion, with_units
 from tests.test_hysid.command import example, run
 
@@ -74,7 +74,8 @@ def test_one_table_in_any_units_gives_the_same_contacts(
     truth = np.asarray(wanted.solve(F, M).point)
     out = folder / f"solved-{force}-{length}"
     sponge = fit_of(force, length, folder, turned)
-    found = solve(folder / "wrenches.csv", out, sponge=sponge, shape=folder / "box.toml")
+    asked = Solve(file=folder / "wrenches.csv", out=out, sponge=sponge, shape=folder / "box.toml")
+    found = asked.run().document
     assert found["statuses"] == {"OK": 5, "EXTRAPOLATED": 1}  # 30 N, and the fit knows 20
     point = np.array([[float(row[f"{k} (m)"]) for k in "xyz"] for row in contacts(out)])
     np.testing.assert_allclose(point, truth, atol=1e-9)
@@ -105,7 +106,7 @@ def test_the_weight_of_the_shell_is_taken_off_where_it_moves(folder: Path):
     for stream in (False, True):
         for table, shape in zip(tables, shapes, strict=True):
             out = folder / f"{table.stem}-{stream}"
-            solve(table, out, sponge=sponge, shape=shape, stream=stream)
+            Solve(file=table, out=out, sponge=sponge, shape=shape, stream=stream).run()
             found.append([[float(row[f"{k} (m)"]) for k in "xyz"] for row in contacts(out)])
     for heavy, light in (found[:2], found[2:]):
         np.testing.assert_allclose(heavy, light, atol=1e-9)
@@ -142,7 +143,7 @@ def test_a_calibration_is_kept_and_used(folder: Path, monkeypatch: pytest.Monkey
     assert "solver.cover.factor.value" in found["table"]
     reading = np.asarray(made.readings)[:, 1]
     wrenches = write(folder / "read.csv", ["Fx", "Fy", "Fz", "Mx", "My", "Mz"], reading)
-    done = solve(wrenches, folder / "solved", calibrated=out)
+    done = Solve(file=wrenches, out=folder / "solved", calibrated=out).run().document
     point = np.array(
         [[float(row[f"{k} (m)"]) for k in "xyz"] for row in contacts(folder / "solved")]
     )
@@ -154,7 +155,7 @@ def test_a_calibration_is_kept_and_used(folder: Path, monkeypatch: pytest.Monkey
     (folder / "touches").rename(folder / "tsuji2014")
     assert run(*example("armor view")).code == 0
     with pytest.raises(InputError, match="would-overwrite"):
-        calibrate(presses, sponge, folder / "box.toml", out)
+        Calibrate(file=presses, sponge=sponge, shape=folder / "box.toml", out=out).run()
 
 
 def test_what_cannot_be_used_is_answered(folder: Path):
@@ -171,4 +172,4 @@ def test_what_cannot_be_used_is_answered(folder: Path):
         (bad, None, shape, "conflicting-options"),
     ):
         with pytest.raises(InputError, match=code):
-            solve(file, folder / "none", sponge=fit, shape=told)
+            Solve(file=file, out=folder / "none", sponge=fit, shape=told).run()

@@ -13,12 +13,8 @@ import hysid
 import identify
 from compensate.runtime import load as load_runtime
 from hysid import _invert
+from hysid.commands._asked import Export, Fit, Predict, Qualify
 from hysid.figures._format import number
-from hysid.intake._selection import Selection
-from hysid.operations._export import export
-from hysid.operations._fit import fit as fit_file
-from hysid.operations._predict import predict
-from hysid.operations._qualify import qualify
 from hysid.reporting._fit_page import write_report
 from hysid.soft_sensor._estimate_fit import estimate_by_fit
 from hysteresis import BoucWen, LinearSponge, Record
@@ -27,7 +23,9 @@ RANDOM = np.random.default_rng(8)
 TIME = np.arange(600) / 100
 FORCE = 10 - 9 * np.cos(2 * np.pi * TIME)
 READING = 0.5 * FORCE + 1 + 0.1 * RANDOM.normal(size=600)
-COLUMNS = Selection("force (N)", "reading (mm)", "time (s)", test_cycles=2)
+COLUMNS: dict[str, Any] = {
+    "input": "force (N)", "output": "reading (mm)", "time": "time (s)", "test_cycles": 2
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +35,8 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     lines = [f"{t:.2f},{u},{y}" for t, u, y in zip(TIME, FORCE, READING, strict=True)]
     file = folder / "run.csv"
     file.write_text("\n".join(["time (s),force (N),reading (mm)", *lines]) + "\n")
-    fit_file(file, COLUMNS, folder / "fit", model="LinearSponge", noise="gaussian")
+    chosen = {"model": "LinearSponge", "noise": "gaussian"}
+    Fit(file=file, selection=COLUMNS, out=folder / "fit", **chosen).run()
     return file, folder / "fit"
 
 
@@ -53,10 +52,10 @@ def test_every_consumer_tells_the_same_coverage(
 
     monkeypatch.setattr(_invert, "calibrated", refused)
     assert hysid.invert(hysid.load(folder)).coverage == known
-    found = predict(folder, file, inverse=True)
+    found = Predict(folder=folder, file=file, inverse=True).run().document
     assert found["band"]["held_out"] == known
-    assert qualify(folder, file)["band"] == known
-    export(folder, {"runtime": tmp_path / "it.json"})
+    assert Qualify(folder=folder, file=file).run().document["band"] == known
+    Export(folder=folder, runtime=tmp_path / "it.json").run()
     assert load_runtime(tmp_path / "it.json").coverage == known
     assert f"deviations hold {number(100 * known)} %" in write_report(folder).read_text("utf-8")
     estimated = estimate_by_fit(folder, file, tmp_path / "estimated.csv")
@@ -89,7 +88,7 @@ def test_a_model_that_a_line_beats_backwards_is_exported_with_a_verdict_that_say
     fit = hysid.fit(record, "LinearSponge", noise="gaussian", test_cycles=2)
     worse = replace(fit, model=LinearSponge(K=0.4, b=2.0))
     hysid.save(worse, tmp_path / "fit")
-    written = export(tmp_path / "fit", {"runtime": tmp_path / "it.json"})
+    written = Export(folder=tmp_path / "fit", runtime=tmp_path / "it.json").run().document
     assert any("straight line" in note and "better" in note for note in written["notes"])
     origin = load_runtime(tmp_path / "it.json").origin
     assert origin is not None

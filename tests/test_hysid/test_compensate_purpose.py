@@ -9,7 +9,7 @@ import pytest
 
 import hysid
 from compensate import estimate, invert
-from hysid.operations._compensated import judged_to_compensate
+from hysid._compensator import judged_to_compensate
 from hysteresis import InputError, LinearSponge, Record
 from identify import FitResult
 from identify.baselines._input_memory import stops

@@ -8,7 +8,7 @@ import pytest
 import hysid
 from compensate import Status
 from hysid._invert import longest_of
-from hysid.operations._export import export
+from hysid.commands._asked import Export
 from hysteresis import Record, Units
 from identify import FitResult
 
@@ -59,5 +59,5 @@ def test_the_longest_sequence_may_be_held_out_as_a_whole(tmp_path: Path):
     assert longest_of(found.train) == pytest.approx(1000 * np.ptp(t[:200]))
     hysid.invert(found).simulate(t[:200], Y[:200])
     hysid.save(found, tmp_path / "fit")
-    written = export(tmp_path / "fit", {"runtime": tmp_path / "inverse.json"})
+    written = Export(folder=tmp_path / "fit", runtime=tmp_path / "inverse.json").run().document
     assert Path(written["files"]["runtime"]).is_file()

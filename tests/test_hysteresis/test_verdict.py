@@ -72,7 +72,7 @@ def test_plain_data_can_be_written_as_json():
 
 
 SAYING = (
-    "identify/fitting", "identify/diagnostics", "compensate/qualification", "hysid/operations",
+    "identify/fitting", "identify/diagnostics", "compensate/qualification", "hysid/commands",
 )  # fmt: skip
 """Folders whose files write the sentences of verdicts."""
 

@@ -89,6 +89,8 @@ def guess(file: Path, given: Mapping[str, Any] | None = None) -> Guess:
     not show which columns are input and output; the message names the options to give.
     """
     given = {key: value for key, value in (given or {}).items() if value}
+    if isinstance(inputs := given.get("input"), str | tuple):
+        given["input"] = [inputs] if isinstance(inputs, str) else [*inputs]
     found = _guess(file, given)
     number = 0
     while found.no_roles and number < MOST_TABLES and "table" not in given:

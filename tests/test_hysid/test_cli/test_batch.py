@@ -168,7 +168,7 @@ def test_nothing_that_can_be_fitted():
 
 
 def test_a_scheduler_that_does_not_answer(monkeypatch):
-    from hysid.operations import _batch
+    from hysid.commands import _batch
 
     monkeypatch.setattr(_batch, "PATIENCE", 1)
     refused(batch("--scheduler", "tcp://127.0.0.1:9"), "no-scheduler", "127.0.0.1:9")
@@ -189,7 +189,7 @@ def test_several_processes():
 STARTS_A_WORKER = """
 import os, signal
 from hysid.cli._app import _terminated
-from hysid.operations._batch import _pool
+from hysid.commands._batch import _pool
 signal.signal(signal.SIGTERM, _terminated)
 with _pool(1) as pool:
     pool.submit(os.getpid).result()

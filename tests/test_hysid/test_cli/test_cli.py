@@ -13,7 +13,7 @@ import pytest
 
 import hysid
 from hysid.cli._app import app
-from hysid.operations import _demo
+from hysid.commands import _demo
 from tests.test_hysid.command import COLUMNS, ENVIRONMENT, HEADER, F, T, X, run, sponge, text
 
 METRICS = dict.fromkeys(("rmse", "nrmse_percent", "max_abs", "r2"), float)
@@ -234,14 +234,14 @@ def stop(error: BaseException) -> Any:
 
 
 def test_an_interruption_exits_with_130(folder, monkeypatch):
-    monkeypatch.setattr("hysid.operations._check.check", stop(KeyboardInterrupt()))
+    monkeypatch.setattr("hysid.commands._check.run", stop(KeyboardInterrupt()))
     said = run("check", folder / "run.csv", *COLUMNS)
     assert said == (130, "", "hysid: Interrupted. What was written so far is complete.\n")
 
 
 @pytest.mark.parametrize("error", [RuntimeError("the sponge bit\nback"), AssertionError()])
 def test_a_bug_of_ours_says_so_and_where_the_details_are(folder, monkeypatch, tmp_path, error):
-    monkeypatch.setattr("hysid.operations._check.check", stop(error))
+    monkeypatch.setattr("hysid.commands._check.run", stop(error))
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     said = run("check", folder / "run.csv", *COLUMNS)
     assert (said.code, said.out) == (1, "")
@@ -255,7 +255,7 @@ def test_a_bug_of_ours_says_so_and_where_the_details_are(folder, monkeypatch, tm
 
 def test_a_full_disk_is_no_bug_of_ours(folder, monkeypatch):
     monkeypatch.setattr(
-        "hysid.operations._check.check",
+        "hysid.commands._check.run",
         stop(OSError(28, "No space left on device", "fit.npz")),
     )
     said = run("check", folder / "run.csv", *COLUMNS)

@@ -13,8 +13,8 @@ import typer
 
 from hysid.cli._app import app
 from hysid.cli._config_file import SELECTION
-from hysid.cli._console import Left
-from hysid.cli._selection import as_fields
+from hysid.commands._asked import as_fields
+from hysid.commands._console import Left
 from hysid.intake._selection import Selection
 from hysid.intake._selection_options import FIELDS, HELD_OUT
 from tests.test_hysid.command import COLUMNS, ENVIRONMENT, F, run, sponge, text
@@ -88,7 +88,7 @@ def test_a_usage_error_is_an_object_too(arguments, where):
     ],
 )
 def test_every_other_end_is_an_object_too(file, monkeypatch, tmp_path, error, code, status):
-    monkeypatch.setattr("hysid.operations._check.check", stop(error))
+    monkeypatch.setattr("hysid.commands._check.run", stop(error))
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     assert error_of("check", file, *COLUMNS, code=status)["code"] == code
 
@@ -126,7 +126,7 @@ def test_a_command_that_is_not_asked_for_it_does_not_load_the_papers(file):
     """They are 2,000 lines, which no ordinary command needs."""
     code = (
         "import sys; from hysid.cli._app import main; main()\n"
-        "import hysid.operations._demo, hysid.soft_sensor._train\n"
+        "import hysid.commands._demo, hysid.commands._train\n"
         "print([m for m in sys.modules if m.startswith('hysid.reproduction')])"
     )
     done = subprocess.run(

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from compensate.qualification._qualify import latency
-from hysid.operations import _qualify as _qualify_job
-from hysid.operations._demo import DATASETS
+from hysid.commands import _qualify as _qualify_job
+from hysid.commands._demo import DATASETS
 from tests.test_hysid.command import COLUMNS, HEADER, F, T, X, refused, run, sponge, text, tree
 
 PREISACH = ("--model", "Preisach", "--test-cycles", 1)

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from hysid.cli import _console
+from hysid.commands import _console
 from identify.internal import read_json, write_json
 from tests.test_hysid.command import ENVIRONMENT
 

@@ -28,7 +28,7 @@ def test_what_a_fit_runs_is_compiled(tmp_path: Path):
 
 
 def test_without_numba_it_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    for module in ("hysid.operations._warm", "hysteresis.running._compiled"):
+    for module in ("hysid.commands._warm", "hysteresis.running._compiled"):
         monkeypatch.setattr(f"{module}.available", lambda: False)
     said = run("warm")
     assert said.code == 2

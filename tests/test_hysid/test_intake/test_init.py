@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 
 from hysid.cli._app import app
 from hysid.cli._config_file import options_of
+from hysid.intake._init import init
 from hysid.intake.guess._column_pairs import leftover, rank_correlation
 from hysid.intake.guess._hold_out import hold_out
 from hysid.intake.guess._quantities import kind_of, words_of
-from hysid.operations._init import init
 from hysteresis import InputError, read_table
 from hysteresis.records._compiled_rows import CompiledRows
 from tests.test_hysid.command import F, Result, T, X, put, refused, run, sponge, text

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from hysid.operations._init import init
+from hysid.intake._init import init
 from hysteresis import InputError, read_table
 from tests.test_hysid.command import refused, run
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hysid.operations._init import init
+from hysid.intake._init import init
 from hysteresis import read_table
 
 N = 200

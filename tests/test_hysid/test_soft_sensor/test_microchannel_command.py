@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from compensate.runtime import load
-from hysid.soft_sensor import _train as _microchannel_train
+from hysid.commands import _train as _microchannel_train
 from hysid.soft_sensor._sensor_file import load_sensor
 from tests.test_hysid.command import Result, example, refused, run
 

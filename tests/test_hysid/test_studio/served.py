@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from urllib.parse import urlsplit
 
-from hysid.cli._fit import MODELS
+from hysid.intake._fit_options import MODELS
 from hysid.studio._server import Prepared, prepared
 
 

@@ -25,7 +25,7 @@ def said() -> list[str]:
     """Every text of the package that names an option."""
     return [
         node.value
-        for package in ("hysteresis", "identify", "compensate", "hysid/intake", "hysid/operations")
+        for package in ("hysteresis", "identify", "compensate", "hysid/intake", "hysid/commands")
         for file in sorted((ROOT / package).rglob("*.py"))
         for node in ast.walk(ast.parse(file.read_text("utf-8")))
         if isinstance(node, ast.Constant) and isinstance(node.value, str)

@@ -15,9 +15,10 @@ import typer
 
 import identify
 from hysid.cli._app import app
-from hysid.cli._fit import MODELS
+from hysid.commands._asked import Check, Fit
+from hysid.intake._fit_options import MODELS
+from hysid.intake._init import init
 from hysid.intake._selection import Selection
-from hysid.operations import _check, _fit, _init
 from hysid.studio import _configuration, _processes
 from hysid.studio._app import Studio
 from hysid.studio._equivalents import equivalents
@@ -77,7 +78,7 @@ def test_a_configuration_is_the_one_of_init_and_changes_leave_the_rest_alone(stu
     look = studio.look("run.csv")
     config = tmp_path / "run.toml"
     other = tmp_path / "other.toml"
-    _init.init(tmp_path / "run.csv", other, {})
+    init(tmp_path / "run.csv", other, {})
     assert config.read_text() == other.read_text()
     assert look["selection"]["input"] == "force (N)"
     config.write_text(config.read_text() + "# mine\n[parameters]\nE1 = {start = 2.0}\n")
@@ -138,13 +139,22 @@ def test_python_lines_make_the_records_and_the_fit_of_the_commands(studio, tmp_p
     space: dict = {}
     exec(told["fit"]["python"], space)
     selection = _configuration.selection(one.config)
-    document = _fit.fit(one.file, selection, tmp_path / "by-command", **changes["fit"], seed=0)
+    document = (
+        Fit(
+            file=one.file,
+            selection=selection.as_json(),
+            out=tmp_path / "by-command",
+            **changes["fit"],
+        )
+        .run()
+        .document
+    )
     made = json.loads((tmp_path / "run" / "fit.json").read_text())
     assert made["parameters"] == document["parameters"]
     assert made["metrics"] == document["metrics"]
-    record, cycle = space["record"], space["record"].cycle
-    counted = record.mask & (cycle > 0) & (cycle <= 4)
-    np.testing.assert_array_equal(space["train"].mask, counted)
+    train = space["train"]
+    counted = (train.cycle > 0) & (train.cycle <= 4) & (train.line > 9)
+    np.testing.assert_array_equal(train.mask, counted)
     for step in ("compensator", "export"):
         exec(told[step]["python"], {})
     shutil.copy(tmp_path / "run.csv", tmp_path / "NEW.csv")
@@ -252,7 +262,9 @@ def test_warnings_name_the_lines_that_they_mean(tmp_path):
     first, last = map(int, found["saturation"]["lines"][0].split("-"))
     assert (shown[first - 2 : last - 1] == 15.0).all()
     assert "saturation" in str(
-        _check.check(one.file, _configuration.selection(one.config))["warnings"]
+        Check(file=one.file, selection=_configuration.selection(one.config).as_json())
+        .run()
+        .document
     )
 
 

@@ -1,0 +1,1 @@
+"""The commands: their options as types, and what each does with them."""

@@ -1,0 +1,247 @@
+"""`hysid armor`: from tables of presses and wrenches to contacts, and a page that shows them."""
+
+import csv
+from dataclasses import asdict, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import identify
+from compensate.armor import (
+    Armor,
+    ContactStatus,
+    UncertainArmor,
+    UncertainContact,
+    export_armor,
+)
+from hysteresis import AbstractModel, InputError, conversion
+from hysteresis._atomic_file import atomic_file, open_csv
+from hysteresis._limits import damage_told, load_arrays
+from hysteresis._serialisation import described, rebuilt
+
+from ..armor import _view
+from ..armor._calibration import calibrate_armor
+from ..armor._description import Description, read_description
+from ..armor._remedies import with_remedies
+from ..armor._tables import read_presses, read_wrenches
+from ..armor._touches import FILE as TOUCHES
+from ..armor._touches import VIRTUAL, save_touches, shell_of
+from ..catalogue._synthetic import is_synthetic
+from ._asked_of_sensors import Calibrate, Solve, View
+from ._console import Done, warnings
+
+DOCUMENT, ARRAYS = "calibration.json", "calibration.npz"
+RUNTIME, CONTACTS = "armor.json", "contacts.csv"
+SCHEMA, DRAWS = 1, 100
+HEADER = (
+    "line", "time (s)", "status", "surface", "x (m)", "y (m)", "z (m)", "displacement (m)",
+    "normal force (N)", "spin (N*m)", "outside (m)", "xx (m^2)", "xy (m^2)", "xz (m^2)", "yy (m^2)",
+    "yz (m^2)", "zz (m^2)", "probability",
+)  # fmt: skip
+UPPER = np.triu_indices(3)
+UNCALIBRATED = (
+    "Without a calibration the covariance holds the noise of the readings and the error of the sponge's fit"
+    " alone, not what the sensor itself is off by (hysid armor calibrate)."
+)
+
+
+@with_remedies
+def calibrate(asked: Calibrate) -> Done:
+    """Calibrate an armor by presses at known points; write it to a folder, and what runs without JAX.
+
+    Raises `InputError` for tables, shapes and fits that cannot be used, and where results are there.
+    """
+    out, overwrite = asked.out, asked.overwrite
+    identify.internal.check_free(out, overwrite, DOCUMENT)
+    known, fit = read_description(asked.shape, asked.shape_unit), identify.load(asked.sponge)
+    material = fit.model
+    armor = known.armor(material)
+    made = read_presses(asked.file, armor.solver.shape)
+    noise = np.asarray(known.noise_of_wrench)
+    scatter = max(1e-4, _scatter(fit))
+    found = calibrate_armor(armor, made, noise=noise, scatter=scatter)
+    structure, arrays = described(material)
+    draws = [np.asarray(leaf) for leaf in jax.tree.leaves(found.uncertain.draws)]
+    arrays |= {f"armor.{k}": np.asarray(x) for k, x in enumerate(jax.tree.leaves(found.armor))}
+    arrays |= {f"draws.{k}": x for k, x in enumerate(draws)}
+    arrays |= {"noise": np.asarray(found.uncertain.noise)}
+    words = asdict(known)
+    for name in ("corners", "triangles"):
+        if words[name] is not None:
+            arrays[name] = np.asarray(words.pop(name))
+    document: dict[str, Any] = {
+        "schema": SCHEMA, "structure": structure, "armor": words,
+        "scatter": float(found.uncertain.scatter), "noise": arrays["noise"].tolist(),
+        "presses": len(made.surface), "table": found.calibration.text,
+    }  # fmt: skip
+    document["armor"]["thickness"] = None if np.isinf(known.thickness) else known.thickness
+    pack: Any = partial(np.savez_compressed, allow_pickle=False, **arrays)
+    identify.internal.write_set(
+        out, DOCUMENT, document,
+        {ARRAYS: pack},
+        remove=(RUNTIME,), check=partial(identify.internal.check_free, out, overwrite, DOCUMENT),
+    )  # fmt: skip
+    runtime, notes = _exported(found.armor, out / RUNTIME, material)
+    told = {
+        "folder": str(out), "presses": document["presses"], "table": document["table"],
+        "noise": document["noise"], "scatter": document["scatter"], "runtime": runtime,
+        "notes": notes,
+    }  # fmt: skip
+    said = f"The cover differs by {1e3 * told['scatter']:.2g} mm from place to place."
+    return Done(told, [*warnings(notes), told["table"], said, f"Armor: {out}"])
+
+
+@with_remedies
+def solve(asked: Solve) -> Done:
+    """Contacts behind the wrenches of a table, with covariance and status; a folder with all of it.
+
+    Raises `InputError` for tables, shapes and fits that cannot be used, `no-time` for a stream without a
+    clock and for a cover that creeps without a stream, and where results are there.
+    """
+    out, stream = asked.out, asked.stream
+    identify.internal.check_free(out, asked.overwrite, CONTACTS)
+    if (asked.calibrated is None) == (asked.sponge is None or asked.shape is None):
+        raise InputError(
+            "conflicting-options", "Nothing says what the armor is, or two things do.",
+            fix="Give --sponge DIR and --shape FILE, or --armor DIR of a calibration.",
+        )  # fmt: skip
+    if asked.calibrated is not None:
+        uncertain, material = load_calibration(asked.calibrated, asked.dwell)
+    else:
+        assert asked.sponge is not None
+        assert asked.shape is not None
+        known = replace(read_description(asked.shape, asked.shape_unit), dwell=asked.dwell)
+        fit = identify.load(asked.sponge)
+        material = fit.model
+        uncertain = _by_noise(known.armor(material), known.noise_of_wrench, _scatter(fit))
+    table = read_wrenches(asked.file)
+    if stream and table.time is None:
+        raise InputError(
+            "no-time", "A stream needs the times of the wrenches.", place=str(asked.file),
+            fix="add a column time (s), or solve each wrench by itself (without --stream).",
+        )  # fmt: skip
+    readings = jnp.asarray(table.readings)
+    solve_all = partial(uncertain.simulate, table.time) if stream else uncertain.solve
+    found = solve_all(readings, table.motion)
+    contact, covariance = found.contact, np.asarray(found.covariance)
+    known_place = (np.asarray(contact.surface) > 0)[:, None, None] & np.isfinite(covariance)
+    covariance = np.where(known_place, covariance, np.nan)
+    out.mkdir(parents=True, exist_ok=True)
+    _write_contacts(out / CONTACTS, table.time, table.line, found, covariance)
+    wrench = uncertain.armor.sensor.read(readings, table.motion)
+    time = np.arange(float(len(readings))) if table.time is None else table.time
+    title = asked.file.name + (VIRTUAL if is_synthetic(table.sha256) else "")
+    save_touches(
+        out, shell_of(uncertain.armor.solver.shape), time, np.asarray(wrench.force),
+        np.asarray(wrench.moment), contact, title=title, covariance=covariance,
+    )  # fmt: skip
+    runtime, notes = _exported(uncertain.armor, out / RUNTIME, material)
+    if asked.calibrated is None:
+        notes = [UNCALIBRATED, *notes]
+    names = [ContactStatus(int(s)).name for s in np.asarray(contact.status)]
+    counts = {name: names.count(name) for name in dict.fromkeys(names)}
+    said = ", ".join(f"{count} {name}" for name, count in counts.items())
+    lines = [*warnings(notes), f"{len(names)} wrenches: {said}", str(out / CONTACTS)]
+    told = {
+        "rows": len(names), "statuses": counts, "stream": stream, "file": str(out / CONTACTS),
+        "touches": str(out / TOUCHES), "runtime": runtime, "notes": notes,
+    }  # fmt: skip
+    return Done(told, lines)
+
+
+def view(asked: View) -> Done:
+    """The page that replays contacts."""
+    found = _view.view(asked.folder)
+    return Done(found, [found["file"]])
+
+
+def load_calibration(
+    folder: Path, dwell: float | None = None
+) -> tuple[UncertainArmor, AbstractModel]:
+    """The armor that `calibrate` wrote, with its draws, and the model of its cover.
+
+    Raises `InputError` where the folder holds none, or it is damaged.
+    """
+    if not (folder / DOCUMENT).is_file():
+        raise InputError(
+            "file-not-found", f"This folder has no {DOCUMENT}.", place=str(folder),
+            fix="Make one: hysid armor calibrate PRESSES.csv --sponge DIR --shape FILE --out DIR.",
+        )  # fmt: skip
+    with damage_told(DOCUMENT, folder, "Calibrate again."):
+        document = identify.internal.read_json(folder / DOCUMENT)
+        if document["schema"] != SCHEMA:
+            raise ValueError(f"schema {document['schema']}, and this version reads {SCHEMA}")
+        arrays = load_arrays(identify.internal.whole_files(folder, document)[ARRAYS])
+        material = rebuilt(document["structure"], arrays)
+        words: dict[str, Any] = {
+            k: tuple(v) if isinstance(v, list) else v for k, v in document["armor"].items()
+        }
+        words["thickness"] = np.inf if words["thickness"] is None else words["thickness"]
+        words |= {k: arrays[k] for k in ("corners", "triangles") if k in arrays}
+        known = replace(Description(**words), dwell=dwell)
+        leaves, tree = jax.tree.flatten(known.armor(material))
+        armor, draws = (
+            jax.tree.unflatten(
+                tree, [jnp.asarray(arrays[f"{part}.{k}"]) for k in range(len(leaves))]
+            )
+            for part in ("armor", "draws")
+        )
+        noise, scatter = jnp.asarray(arrays["noise"]), document["scatter"]
+    return UncertainArmor(armor, draws, noise, scatter), material
+
+
+def _scatter(fit: identify.FitResult) -> float:
+    """How far a fit is off in m, on the rows that were held out, or else on those of the training."""
+    figures = fit.metrics["test"] or fit.metrics["train"]
+    record, units = fit.train, fit.model.units
+    if figures is None or units is None:
+        return 0.0
+    metres = conversion(units.output, "m")
+    if (
+        metres is None
+    ):  # of a force: as much as it makes where the sponge is as stiff as in the mean
+        used = record.mask
+        slope = np.ptp(record.input[used]) / np.ptp(record.output[used])
+        metres = (conversion(units.input, "m") or 0.0) * float(slope)
+    return metres * figures.rmse
+
+
+def _by_noise(armor: Armor, noise: Any, scatter: float) -> UncertainArmor:
+    """An armor of which only the noise and the error of the sponge's fit are known to be off."""
+    draws = eqx.tree_at(lambda a: a.sensor.bias, armor, jnp.zeros((DRAWS, 6)))
+    return UncertainArmor(armor, draws, noise, scatter)
+
+
+def _exported(armor: Armor, file: Path, material: AbstractModel) -> tuple[str | None, list[str]]:
+    """The file for the runtime, or why there is none."""
+    try:
+        return str(export_armor(armor.solver, file, armor.sensor, model=material)), []
+    except InputError as error:
+        file.unlink(missing_ok=True)
+        return None, [f"No {file.name} for the runtime without JAX: {error.problem}"]
+
+
+def _write_contacts(
+    file: Path, time: Any, line: np.ndarray, found: UncertainContact, covariance: np.ndarray
+) -> None:
+    contact = found.contact
+    times = [""] * len(line) if time is None else time.tolist()
+    point = np.where(np.asarray(contact.surface)[:, None] > 0, contact.point, np.nan)
+    columns = [
+        line.tolist(), times,
+        [ContactStatus(int(s)).name for s in np.asarray(contact.status)],
+        np.asarray(contact.surface).tolist(), *point.T.tolist(),
+        *(np.asarray(x).tolist() for x in (
+            contact.displacement, contact.normal_force, contact.spin, contact.outside)),
+        *covariance[:, UPPER[0], UPPER[1]].T.tolist(), np.asarray(found.probability).tolist(),
+    ]  # fmt: skip
+    with atomic_file(file) as new, open_csv(new) as handle:
+        writer = csv.writer(handle)
+        writer.writerow(HEADER)
+        for row in zip(*columns, strict=True):
+            writer.writerow(["" if x != x else x for x in row])

@@ -1,0 +1,418 @@
+"""What each command is asked for: the fields are its arguments and options, the docstring is its help.
+
+`run` does it, for the command line and for Python. No import of this module loads JAX, because `--help`
+reads it.
+"""
+
+from collections.abc import Mapping
+from dataclasses import Field, dataclass, field, fields
+from importlib import import_module
+from pathlib import Path
+from typing import Any, ClassVar
+
+import typer
+
+from ..intake._fit_options import FIT_FIELDS, FitOptions
+from ..intake._option import option, option_words
+from ..intake._selection_options import FIELDS, HELD_OUT, OF_READING
+from ._console import Done, log
+
+PAPERS = ("tsuji2014", "kim2018")
+
+
+def selecting(*names: str, optional: bool = False, needs_input: bool = False) -> Any:
+    """A field of these selecting options, or of all, as a mapping ready for `Selection(**selection)`.
+
+    `optional`: nothing has a default, and only what was given is in it. `needs_input`: `--input` has to be.
+    """
+    said = {"selection": names or tuple(FIELDS), "optional": optional, "needs_input": needs_input}
+    return field(default_factory=dict, metadata=said)
+
+
+def _file() -> Any:
+    return option("CSV file of the test rig.", argument=True, metavar="FILE")
+
+
+def _folder() -> Any:
+    return option("Folder of a fit.", argument=True, metavar="DIR")
+
+
+def _folders() -> Any:
+    return option("Folders of fits.", argument=True, metavar="DIR...")
+
+
+def _config() -> Any:
+    said = "TOML file of options: [selection], [fit], [parameters]. Options given here override it."
+    return option(said, None, config=True)
+
+
+def overwriting() -> Any:
+    return option("Overwrite existing results.", False)
+
+
+def seeding() -> Any:
+    return option("Seed of every random number.", 0, least=0)
+
+
+def _on_new_data() -> Any:
+    return selecting("where", "nan", "segments", *OF_READING, optional=True)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Command:
+    """What every command has. `does`: its function, where that is not `run` of the module of its name."""
+
+    does: ClassVar[str] = ""
+    as_json: bool = option("Print one JSON object.", False, flag="--json")
+
+    @property
+    def words(self) -> list[str]:
+        """What asks for it on the command line, without "hysid"."""
+        words = [type(self).__name__.lower()]
+        for one in fields(self):
+            value = getattr(self, one.name)
+            chosen = "selection" in one.metadata
+            words += (
+                option_words(FIELDS.values(), value)
+                if chosen
+                else option_words([one], {one.name: value})
+            )
+        return words
+
+    def run(self) -> Done:
+        """Do it; this loads what the command needs."""
+        module, function = (self.does or f"_{type(self).__name__.lower()}:run").split(":")
+        return getattr(import_module(f"hysid.commands.{module}"), function)(self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Demo(Command):
+    """Run fit, posterior, compensator and report on a shipped record.
+
+    The verdict is printed as soon as the fit is made.
+    """
+
+    out: Path = option("Folder for the results.", Path("hysid-demo"))
+
+    def __post_init__(self) -> None:
+        log("hysid demo: loading JAX")  # before anything of it is
+
+
+@dataclass(frozen=True, kw_only=True)
+class Init(Command):
+    """Guess columns, units and cycles of a file; write its .toml.
+
+    Give the columns that you know as options; hysid guesses the others, and what to hold out.
+    """
+
+    file: Path = _file()
+    selection: dict[str, Any] = selecting(optional=True)
+    out: Path | None = option(
+        "Configuration to write (default: FILE's .toml).", None, metavar="FILE.toml"
+    )
+    overwrite: bool = overwriting()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Check(Command):
+    """Describe a record and what makes a model hard to identify.
+
+    Without columns, and without --config, the options are those of FILE's .toml.
+    """
+
+    file: Path = _file()
+    selection: dict[str, Any] = selecting(*(name for name in FIELDS if name not in HELD_OUT))
+    config: Path | None = _config()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fit(FitOptions, Command):
+    """Fit models to a record, judge the best one, and write it to a folder.
+
+    FILE alone is enough where its columns are plain: hysid chooses them, says why, and keeps its choice in
+    FILE's .toml, whose options it takes from then on. Models are ranked by their errors on rows that were
+    held out from the fit.
+    """
+
+    file: Path = _file()
+    selection: dict[str, Any] = selecting()
+    out: Path | None = option("Folder for the results (default: FILE without its suffix).", None)
+    config: Path | None = _config()
+    overwrite: bool = overwriting()
+
+    @property
+    def of_identify(self) -> dict[str, Any]:
+        """The options of `identify.fit`."""
+        from ..intake._parameters import parameters_said  # late: it loads NumPy
+
+        found = {name: getattr(self, name) for name in FIT_FIELDS if name != "parameter"}
+        return found | {"parameters": parameters_said(self.config, self.parameter)}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Predict(Command):
+    """Run a fitted model, or its compensator, over a file.
+
+    The file has the columns that the fit used. --where, --nan and how the file is read are by default those
+    of the fit.
+    """
+
+    folder: Path = _folder()
+    file: Path = _file()
+    selection: dict[str, Any] = _on_new_data()
+    inverse: bool = option("Run the compensator: estimate the input from the output.", False)
+    steady: bool = option(
+        "Oscillator: the force has run so often that the motion repeats itself.", False
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Qualify(Command):
+    """Judge a fit's compensator on data it has not seen.
+
+    The verdict is PASS, CAUTION or FAIL; FAIL, and exit status 2, where the compensator does not meet
+    --max-error or --rate. --where, --nan and how the file is read are by default those of the fit.
+    """
+
+    folder: Path = _folder()
+    file: Path = _file()
+    selection: dict[str, Any] = _on_new_data()
+    max_error: float | None = option(
+        "Largest error that is allowed, in the unit of the input.", None
+    )
+    rate: float | None = option("Samples per second that the compensator must keep up with.", None)
+    target: str = option(
+        "What must keep up with --rate: the header, or plain Python here.", "c", metavar="c|python"
+    )
+    mhz: float | None = option(
+        "Clock of the processor that runs the header; an operation is taken for a cycle.", None
+    )
+    guarantee: float | None = option(
+        "Probability, as 0.9, with which a band is to hold a whole new run; its width is found from the"
+        " runs or cycles of FILE.",
+        None,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Monitor(Command):
+    """Run a fit's compensator over a log, and let it recalibrate itself where the input is known.
+
+    It says whether a calibration is needed now, why, and how much accuracy is lost until then. --where,
+    --nan and how the file is read are by default those of the fit.
+    """
+
+    folder: Path = _folder()
+    file: Path = _file()
+    selection: dict[str, Any] = _on_new_data()
+    reference: str | None = option(
+        "Column of the known inputs, empty where they are not known (default: the fit's input).",
+        None,
+    )
+    drift: float = option(
+        "Standard deviation of the drift of the zero that is expected, in the unit of the output per unit"
+        " of time.",
+        0.0,
+        least=0.0,
+    )
+    false_alarms: float = option(
+        "Rate of false alarms that is allowed, per independent reference.", 1e-5
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Export(Command):
+    """Write a fit's compensator as C99, for plain Python, or for a target around the C99.
+
+    None of them needs JAX.
+    """
+
+    folder: Path = _folder()
+    c: Path | None = option("Write a C99 header.", None, metavar="FILE.h")
+    runtime: Path | None = option("Write a file for compensate.runtime.", None, metavar="FILE.json")
+    to: tuple[str, Path] | None = option(
+        "Write OUT for a target: c, runtime, arduino, ros2, mujoco, sklearn, onnx, fmu, fmu3.",
+        None,
+        metavar="TARGET OUT",
+    )
+    single: bool = option("Use float instead of double in C.", False, flag="--float")
+    fixed: bool = option("Use integers (fixed point): Preisach grids with --to arduino.", False)
+    depth: int = option("Number of reversals that a Preisach model stores.", 64, least=3)
+    limits: tuple[float, float] | None = option(
+        "LOW HIGH: readings beyond these limits are clipped to them.", None
+    )
+    beyond: str = option(
+        "What becomes of estimates beyond the trained inputs: limit, nan or free. Their status is"
+        " EXTRAPOLATED in any case.",
+        "limit",
+        choices=("limit", "nan", "free"),
+    )
+    start: str = option(
+        "What is known of the memory before the first reading: unknown (RUN_IN until the readings have"
+        " replaced it) or known (the model's virgin state).",
+        "unknown",
+        choices=("unknown", "known"),
+    )
+    date: str = option("Date of the data (default: of the fitted file).", "", metavar="YYYY-MM-DD")
+
+    @property
+    def targets(self) -> dict[str, Path]:
+        """What is to be written, by the name of its target."""
+        named = {"c": self.c, "runtime": self.runtime, **dict([self.to] if self.to else [])}
+        return {target: path for target, path in named.items() if path is not None}
+
+    def __post_init__(self) -> None:
+        if not self.targets:
+            raise typer.BadParameter(
+                "nothing to write; give --c FILE.h, --runtime FILE.json or --to TARGET OUT"
+            )
+        if self.fixed and self.single:
+            raise typer.BadParameter("give --float or --fixed, not both")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sample(Command):
+    """Sample the posterior of a fit's parameters."""
+
+    folder: Path = _folder()
+    steps: int | None = option(
+        "Total MCMC steps per ensemble (default: run until R-hat < 1.01).", None
+    )
+    ensembles: int = option("Independent ensembles.", 4)
+    walkers: int | None = option(
+        "Walkers per ensemble (default: from the number of parameters).", None
+    )
+    resume: bool = option("Resume from the saved chains.", False)
+    seed: int = seeding()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Design(Command):
+    """Find the multisine that would tell the hysteresis of a fitted oscillator best.
+
+    Each candidate's standard errors are those that one period in steady state would leave, relative to
+    the values. DIR/excitation.csv has one period of the best one within the fitted displacements.
+    """
+
+    folder: Path = _folder()
+    levels: str | None = option(
+        "Rms forces, as 20,50 (default: a quarter to four times the fitted one).", None
+    )
+    bands: str | None = option(
+        "Bands of frequencies, as 5-150,20-80 (default: about the resonance).", None
+    )
+    max_displacement: float | None = option("Largest displacement that the rig allows.", None)
+    rows: int | None = option("Rows of a period (default: those of the fitted record).", None)
+    seed: int = seeding()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Compare(Command):
+    """Rank models of the same data, or test for a change.
+
+    With --change the folders are two fits of one model to different data: before, after.
+    """
+
+    folders: list[Path] = _folders()
+    change: bool = option("Test whether one model's parameters differ between data sets.", False)
+    margin: float = option("With --change: the relative difference that counts as a change.", 0.05)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Report(Command):
+    """Write an HTML report of one fit or of several.
+
+    DIR/report.html is self-contained. For several fits hysid also writes a page that compares them. For a
+    folder the fitted FILE may be given, where the folder has its name without the suffix.
+    """
+
+    folders: list[Path] = _folders()
+    out: Path | None = option("Folder for the page that compares several fits.", None)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Batch(Command):
+    """Fit every file that matches a pattern.
+
+    Each fit gets its own folder in --out. A file that cannot be fitted is named; the others go on.
+    """
+
+    pattern: str = option("Files, as in 'data/*.csv'.", argument=True, metavar="'GLOB'")
+    config: Path = option(
+        "TOML file with the options of hysid fit: [selection], [fit], [parameters]."
+    )
+    out: Path = option("Folder for the results.")
+    scheduler: str | None = option("Dask scheduler that runs the fits.", None, metavar="ADDRESS")
+    jobs: int = option("Processes on this machine.", 1, least=1)
+    resume: bool = option("Skip files that are fitted already.", True, flag="--resume/--no-resume")
+    fit: Fit = field(metadata={"made_of": "config"})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reproduce(Command):
+    """Reproduce a paper's tables with virtual laboratories."""
+
+    paper: str = option(f"{' or '.join(PAPERS)}.", argument=True, metavar="PAPER", choices=PAPERS)
+    out: Path | None = option("Folder for the results (default: hysid-PAPER).", None)
+    rigs: int | None = option(
+        "Number of virtual laboratories (default: 60 for tsuji2014, 20 for kim2018).", None, least=2
+    )
+    seed: int = option("Seed of the first laboratory.", 0, least=0)
+    ours: bool = option(
+        "Also use the methods of hysid, which takes longer.", True, flag="--ours/--no-ours"
+    )
+    epochs: int | None = option(
+        "Training epochs of kim2018's network (default: the paper's 1,000).", None, least=1
+    )
+    quick: bool = option("Fewer laboratories and epochs: five minutes on two cores.", False)
+    overwrite: bool = overwriting()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Warm(Command):
+    """Compile ahead what these fits and their compensators run; without any, each law alone.
+
+    hysid compiles a model when a long record is worth it, and keeps that in the cache folder. On a machine
+    that has to answer at once this command does it before.
+    """
+
+    fits: list[Path] | None = option("Folders of fits.", None, argument=True, metavar="[DIR]...")
+
+
+def fields_of(asked: type[Command], values: Mapping[str, Any]) -> dict[str, Any]:
+    """Values as the command line has them, as the fields of what is asked for."""
+    found: dict[str, Any] = {}
+    for one in fields(asked):
+        if (names := one.metadata.get("selection")) is not None:
+            given = as_fields({name: values[name] for name in names})
+            optional = one.metadata["optional"]
+            found[one.name] = {k: v for k, v in given.items() if v or not optional}
+        elif one.name in values:
+            found[one.name] = _value(one, values[one.name])
+    return found
+
+
+def as_fields(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Values as the command line has them, as `Selection` takes them: tuples for lists and joined words."""
+    found = {name: _value(FIELDS[name], value) for name, value in values.items()}
+    if "range" in found:
+        found["range"] = _numbers(found["range"])
+    if "input" in found and len(found["input"]) < 2:
+        found["input"] = next(iter(found["input"]), None)
+    return found
+
+
+def _value(one: Field[Any], value: Any) -> Any:
+    if one.metadata.get("repeated"):
+        return tuple(value or ())
+    return tuple(filter(None, value.split(","))) if one.metadata.get("joined") else value
+
+
+def _numbers(words: tuple[str, ...]) -> tuple[float, ...]:
+    try:
+        numbers = tuple(map(float, words))
+    except ValueError:
+        numbers = ()
+    if words and len(numbers) != 2:
+        raise typer.BadParameter("--range is LOW,HIGH: two numbers, such as 2,20")
+    return numbers

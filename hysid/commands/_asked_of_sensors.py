@@ -1,0 +1,188 @@
+"""What `hysid armor` and `hysid microchannel` are asked for, as in `_asked`."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+import typer
+
+from ..intake._option import option
+from ._asked import Command, overwriting, seeding, selecting
+
+
+def _sponge(*default: None) -> Any:
+    return option("Fit of the cover, in either direction.", *default, metavar="DIR")
+
+
+def _shape(*default: None) -> Any:
+    return option("The shell: a TOML file, or a mesh (STL, OBJ, ...).", *default, metavar="FILE")
+
+
+def _shape_unit() -> Any:
+    said = "Unit of the shape's lengths (default: the TOML's, else m)."
+    return option(said, None, metavar="UNIT")
+
+
+def _sessions() -> Any:
+    return option("CSV files; each is one session.", argument=True, metavar="FILE...")
+
+
+def _epochs() -> Any:
+    return option("Epochs per network (default: 20,000 steps of 64 rows).", None, least=1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Calibrate(Command):
+    """Calibrate sensor, cover and frame with presses at known points.
+
+    The table has columns Fx to Mz (what the sensor read), force (of the gauge), x, y, z (the touched point)
+    and press; time and displacement where they were measured. The folder gets the calibrated armor, for
+    `hysid armor solve --armor DIR`, and armor.json, which runs without JAX.
+    """
+
+    does: ClassVar[str] = "_armor:calibrate"
+    file: Path = option("Presses at known points.", argument=True, metavar="PRESSES.csv")
+    out: Path = option("Folder for the results.")
+    sponge: Path = _sponge()
+    shape: Path = _shape()
+    shape_unit: str | None = _shape_unit()
+    overwrite: bool = overwriting()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Solve(Command):
+    """Find the contacts behind wrenches: points, covariances and statuses.
+
+    The folder gets contacts.csv, touches.json, which `hysid armor view` shows, and armor.json, which runs
+    without JAX.
+    """
+
+    does: ClassVar[str] = "_armor:solve"
+    file: Path = option(
+        "Columns Fx, Fy, Fz, Mx, My, Mz, time.", argument=True, metavar="WRENCHES.csv"
+    )
+    out: Path = option("Folder for the results.")
+    sponge: Path | None = _sponge(None)
+    shape: Path | None = _shape(None)
+    calibrated: Path | None = option(
+        "Calibrated armor, instead of --sponge and --shape.", None, flag="--armor", metavar="DIR"
+    )
+    shape_unit: str | None = _shape_unit()
+    stream: bool = option("The rows are one stream: the cover has its history.", False)
+    dwell: float | None = option(
+        "How long each load has rested, for a cover that creeps.", None, metavar="SECONDS"
+    )
+    overwrite: bool = overwriting()
+
+
+@dataclass(frozen=True, kw_only=True)
+class View(Command):
+    """Write DIR/armor.html, a replay of the contacts in 3D."""
+
+    does: ClassVar[str] = "_armor:view"
+    folder: Path = option(
+        "Folder with touches.json, as hysid armor solve and hysid reproduce write it.",
+        argument=True,
+        metavar="DIR",
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Train(Command):
+    """Train a soft sensor on CSV files; write it to a folder.
+
+    The sensor learns to estimate force, place or position.
+    """
+
+    files: list[Path] = _sessions()
+    out: Path = option("Folder for the sensor.")
+    selection: dict[str, Any] = selecting(
+        "input", "time", "dt", "group", "where", "test_where", "test_cycles", "test_tail", "nan",
+        "segments", "decimal", "units_row", "na_values", "input_unit", needs_input=True,
+    )  # fmt: skip
+    force: str | None = option("COL: force to learn.", None)
+    place: str | None = option(
+        "COL: name of the pressed place, empty where nothing is pressed.", None
+    )
+    position: tuple[str, ...] = option(
+        "COL: one coordinate of the pressed point; repeat it for each.", (), repeated=True
+    )
+    test_file: list[Path] | None = option(
+        "Hold out this whole session for testing; repeatable.", None
+    )
+    kind: str = option(
+        "Force model: network, everett, structured, or auto (the best of them).", "auto"
+    )
+    epochs: int | None = _epochs()
+    members: int = option(
+        "Number of networks; each is trained with a different part held out.", 5, least=2
+    )
+    places: str = option("NAME[,NAME]: names of the places (default: those in the files).", "")
+    method: str = option(
+        "How places are told apart: gaussian (of log ratios), or neighbours, as the paper does.",
+        "gaussian",
+        choices=("gaussian", "neighbours"),
+    )
+    noise: float | None = option(
+        "Standard deviation of a reading (default: estimated from the data).", None
+    )
+    range: tuple[float, float] | None = option(
+        "LOW HIGH of the converter: readings there are SATURATED.", None
+    )
+    force_unit: str | None = option("Unit of the force, where the header does not give it.", None)
+    seed: int = seeding()
+    resume: bool = option("Resume from the checkpoint in --out.", False)
+    overwrite: bool = overwriting()
+
+    def __post_init__(self) -> None:
+        if self.range is not None and not self.range[0] < self.range[1]:
+            raise typer.BadParameter("--range is LOW HIGH, with LOW below HIGH")
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainPairs(Command):
+    """Train an estimator of the forces on several places at once; write it to a folder.
+
+    Each place is learnt from the sequences that press it alone. Sequences that press several judge it.
+    The folder also gets runtime.json, which runs without JAX.
+    """
+
+    does: ClassVar[str] = "_estimate:train_pairs"
+    files: list[Path] = _sessions()
+    out: Path = option("Folder for the estimator.")
+    selection: dict[str, Any] = selecting(
+        "input", "time", "dt", "group", "where", "test_where", "nan", "segments", "decimal",
+        "units_row", "na_values", "input_unit", needs_input=True,
+    )  # fmt: skip
+    force: tuple[str, ...] = option(
+        "COL: the force on one place; repeat it for each.", repeated=True
+    )
+    epochs: int | None = _epochs()
+    high: float | None = option(
+        "Largest force to find, N (default: 1.1 of the largest in the files).", None
+    )
+    noise: float = option("Least standard deviation of a reading.", 0.0, least=0)
+    seed: int = seeding()
+    overwrite: bool = overwriting()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Estimate(Command):
+    """Run a trained sensor, or a fit between a force and a reading, over a file.
+
+    If the file has the true values too, the errors are printed. A fit from force to reading is inverted;
+    its forces have the deviation of the rows that it held out, and are limited to its range.
+    """
+
+    does: ClassVar[str] = "_estimate:estimate"
+    folder: Path = option(
+        "Folder of a trained sensor, of pairs, or of a fit of a force.",
+        argument=True,
+        metavar="DIR",
+    )
+    file: Path = option("CSV file with the sensor's channels.", argument=True, metavar="FILE")
+    selection: dict[str, Any] = selecting("where", "na_values")
+    out: Path | None = option("CSV file to write (default: DIR/estimated-FILE.csv).", None)
+    runtime: Path | None = option(
+        "Of a fit: write a file for compensate.runtime too.", None, metavar="FILE.json"
+    )

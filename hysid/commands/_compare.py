@@ -1,0 +1,172 @@
+"""`hysid compare`: which model of the same data predicts best, or how one model's parameters changed."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import identify
+from hysteresis import InputError
+
+from ..figures._format import number, pretty
+from ..intake._folders import folders_of
+from ._asked import Compare
+from ._console import Done
+
+DASH = "-"
+
+
+def run(asked: Compare) -> Done:
+    """Models of the same data ranked, or with `change` what changed from one to another."""
+    if asked.change:
+        document = _change(asked.folders, asked.margin)
+        return Done(document, _change_lines(document))
+    document = _compare(asked.folders)
+    return Done(document, _comparison_lines(document))
+
+
+def _compare(folders: Sequence[Path]) -> dict[str, Any]:
+    """Models of the same data, ranked by held-out error; of one folder, the candidates that were tried."""
+    places = _places(folders)
+    if len(places) == 1:
+        found = identify.compare_candidates(next(iter(places.values())))
+    else:
+        found = identify.compare(places)
+    return {
+        "models": [_figures(model) for model in found.models],
+        "pairs": [_pair(pair) for pair in found.pairs],
+        "best": found.best,
+        "ranked_on": found.ranked_on,
+        "notes": list(found.notes),
+    }
+
+
+def _change(folders: Sequence[Path], margin: float) -> dict[str, Any]:
+    """One model on two data sets: what changed from the first to the second."""
+    places = _places(folders)
+    names, fits = list(places), list(places.values())
+    if len(fits) != 2:
+        raise InputError(
+            "too-few-fits" if len(fits) < 2 else "bad-option",
+            f"A change is between two fits; {', '.join(names)} {'is' if len(fits) < 2 else 'are'} given.",
+            place=str(folders[0]),
+            fix="Name two folders in order of time: before, after.",
+        )
+    found = identify.change(*fits, margin=margin)
+    return {
+        "models": names,
+        "parameters": [p._asdict() | {"clear": p.clear} for p in found.parameters],
+        "left_out": found.left_out,
+        **{k: getattr(found, k) for k in ("chi_square", "degrees", "p", "margin")},
+        "words": list(found.words),
+    }
+
+
+def _comparison_lines(document: dict[str, Any]) -> list[str]:
+    """A table of models, the best first, and what can be said of each pair."""
+    where = {"held-out": "held-out blocks", "test": "the test record"}[document["ranked_on"]]
+    models = document["models"]
+    columns = {
+        "": [str(k) for k in range(1, len(models) + 1)],
+        "model": [model["name"] for model in models],
+        "held-out": _percents(models, "held_out_percent"),
+        "test": _percents(models, "test_percent"),
+        "parameters": [DASH if m["numbers"] is None else str(m["numbers"]) for m in models],
+        "AIC": _from_best(models, "aic", min),
+        "BIC": _from_best(models, "bic", min),
+        "log evidence": _from_best(models, "log_evidence", max),
+        "elpd": _from_best(models, "elpd", max),
+    }
+    lines = [f"Ranked by {where}: error in per cent of the output's range.", ""]
+    lines += [*_table(columns, left=2), ""]
+    lines += [said for pair in document["pairs"] for said in pair["words"]]
+    return lines + [f"Note: {note}" for note in document["notes"]]
+
+
+def _change_lines(document: dict[str, Any]) -> list[str]:
+    """A table of parameters, and what can be said of them."""
+    listed = document["parameters"]
+    columns = {
+        "parameter": [p["name"] for p in listed],
+        "unit": [pretty(p["unit"]) or "1" for p in listed],
+        "before": [number(p["before"], p["error"]) for p in listed],
+        "after": [number(p["after"], p["error"]) for p in listed],
+        "difference": [f"{number(p['difference'])} ± {p['error']:.2g}" for p in listed],
+        "": [_part(p["difference"], p["before"]) for p in listed],
+        "p": ["< 0.0001" if p["p_holm"] < 1e-4 else f"{p['p_holm']:.2g}" for p in listed],
+    }
+    return [" -> ".join(document["models"]), "", *_table(columns, left=2), "", *document["words"]]
+
+
+def _places(folders: Sequence[Path]) -> dict[str, Path]:
+    """Folders by name; one that holds several fits (--each) stands for those."""
+    if len(folders) == 1:
+        inside = folders_of(folders[0], identify.internal.read_document(folders[0]))
+        if "" not in inside:
+            return {value: folders[0] / name for value, name in inside.items()}
+    names = [folder.resolve().name for folder in folders]
+    if len(set(names)) < len(names):
+        names = [str(folder) for folder in folders]
+    if len(set(names)) < len(names):
+        raise InputError("given-twice", "A folder is named twice.", fix="Name each folder once.")
+    return dict(zip(names, folders, strict=True))
+
+
+def _figures(model: identify.Compared) -> dict[str, Any]:
+    left = model.loo
+    return {
+        "name": model.name,
+        "model": model.model,
+        "held_out_percent": model.held_out,
+        "test_percent": model.test,
+        "numbers": model.numbers,
+        "aic": model.aic,
+        "bic": model.bic,
+        "log_evidence": model.log_evidence,
+        "elpd": None if left is None else left.elpd,
+        "elpd_error": None if left is None else left.error,
+        "unreliable": None if left is None else left.unreliable,
+    }
+
+
+def _pair(pair: identify.Pair) -> dict[str, Any]:
+    found: dict[str, Any] = {"one": pair.one, "other": pair.other}
+    for rows, difference in (("held_out", pair.held_out), ("test", pair.test)):
+        found[rows] = None
+        if difference is not None:
+            found[rows] = difference._asdict() | {"clear": difference.clear}
+    elpd = None if pair.elpd is None else dict(zip(("value", "error"), pair.elpd, strict=True))
+    return found | {"elpd": elpd, "words": pair.words}
+
+
+def _percents(models: list[dict[str, Any]], key: str) -> list[str]:
+    return [DASH if m[key] is None else f"{number(m[key])} %" for m in models]
+
+
+def _from_best(models: list[dict[str, Any]], key: str, best: Callable[..., float]) -> list[str]:
+    """Differences to the best one, since nothing else of these figures means anything."""
+    known = [m[key] for m in models if m[key] is not None]
+    if len(known) < 2:
+        return [DASH] * len(models)
+    return [DASH if m[key] is None else _signed(m[key] - best(known)) for m in models]
+
+
+def _part(difference: float, of: float) -> str:
+    return DASH if of == 0 else f"{_signed(100 * difference / abs(of))} %"
+
+
+def _signed(x: float) -> str:
+    return f"{x:+.1f}".replace("-", "−") if round(x, 1) else "0"
+
+
+def _table(columns: dict[str, list[str]], left: int) -> list[str]:
+    """Columns under their names, the first `left` of them to the left; those without a figure left out."""
+    kept = {name: cells for name, cells in columns.items() if set(cells) != {DASH}}
+    widths = [max(map(len, (name, *cells))) for name, cells in kept.items()]
+    rows = [list(kept), *zip(*kept.values(), strict=True)]
+    return [
+        "  ".join(
+            cell.ljust(width) if k < left else cell.rjust(width)
+            for k, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in rows
+    ]

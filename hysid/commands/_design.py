@@ -1,0 +1,96 @@
+"""`hysid design`: which multisine would tell the hysteresis of a fitted oscillator best."""
+
+import csv
+from typing import Any
+
+import numpy as np
+
+import identify
+from hysteresis import InputError
+from hysteresis._atomic_file import atomic_file, open_csv
+
+from ._asked import Design
+from ._console import Done, warnings
+
+EXCITATION = "excitation.csv"
+SHOWN = 12
+"""Multisines in the table."""
+
+
+def run(asked: Design) -> Done:
+    """Rank multisines by `identify.design_excitation`, and write a period of the best one beside the fit.
+
+    The best one is the first that predicts within the fitted displacements, where there is one;
+    `extrapolated` says that there is none.
+    """
+    fit, bands = identify.load(asked.folder), asked.bands
+    found = identify.design_excitation(
+        fit,
+        levels=None if asked.levels is None else _numbers(asked.levels, ",", "levels"),
+        bands=None if bands is None else [_band(one) for one in bands.split(",")],
+        rows=asked.rows,
+        largest=asked.max_displacement,
+        seed=asked.seed,
+    )
+    best = next((one for one in found if not one.beyond), found[0])
+    assert isinstance(fit.detail, identify.Motion)
+    record, dt, file = fit.train, fit.detail.recorded.dt, asked.folder / EXCITATION
+    lines = [(k * dt, float(force)) for k, force in enumerate(best.force)]
+    with atomic_file(file) as new, open_csv(new) as handle:
+        csv.writer(handle).writerows([(record.time_name, record.input_name), *lines])
+    document: dict[str, Any] = {
+        "multisines": [_entry(one) for one in found],
+        "best": _entry(best),
+        "extrapolated": best.beyond,
+        "units": {"frequency": f"1 / {record.time_unit}", "level": record.input_unit,
+                  "displacement": record.output_unit},
+        "file": str(file),
+    }  # fmt: skip
+    return Done(document, _lines(document))
+
+
+def _lines(found: dict[str, Any]) -> list[str]:
+    units = found["units"]
+    of_level, of_place = f"rms ({units['level']})", f"largest ({units['displacement']})"
+    lines = [
+        f"{'band (' + units['frequency'] + ')':>22}{of_level:>12}{'hysteresis':>12}{'mass':>10}"
+        f"{'damping':>10}{'stiffness':>11}{of_place:>14}"
+    ]
+    lines += [
+        f"{one['low']:>11.4g}{one['high']:>11.4g}{one['level']:>12.4g}{one['hysteresis']:>12.2%}"
+        f"{one['mass']:>10.2%}{one['damping']:>10.2%}{one['stiffness']:>11.2%}"
+        f"{one['displacement']:>14.3g}{'  beyond the fitted record' if one['beyond'] else ''}"
+        for one in found["multisines"][:SHOWN]
+    ]
+    if found["extrapolated"]:
+        lines += warnings(
+            ["Every multisine moves farther than the fitted record, so these figures extrapolate."]
+        )
+    return [*lines, found["file"]]
+
+
+def _entry(one: identify.Excitation) -> dict[str, Any]:
+    return {
+        name: value if isinstance(value, bool) else float(value)
+        for name, value in one._asdict().items()
+        if name != "force"
+    }
+
+
+def _band(text: str) -> tuple[float, float]:
+    ends = _numbers(text, "-", "bands")
+    if len(ends) != 2:
+        raise InputError(
+            "bad-option", f"the band {text!r}.", fix="give low and high with - between, as 5-150."
+        )
+    return ends[0], ends[1]
+
+
+def _numbers(text: str, between: str, option: str) -> list[float]:
+    try:
+        found = [float(one) for one in text.split(between)]
+    except ValueError:
+        found = [np.nan]
+    if not np.isfinite(found).all():
+        raise InputError("bad-option", f"{option} = {text!r} has a part that is not a number.")
+    return found

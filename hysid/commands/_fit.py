@@ -1,0 +1,108 @@
+"""`hysid fit`: records from a file, a fit of each, and its folder."""
+
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import identify
+from hysteresis import InputError, Record
+
+from .._compensator import fitted_to_compensate, with_compensator
+from ..intake._creep_fits import step_options
+from ..intake._folders import check_writable, folder_names
+from ..intake._own_config import check_there, folder_of
+from ..intake._selection import Selection, all_of
+from ._asked import Fit
+from ._console import Done, candidate_lines, compensator_lines, log, verdict_lines
+from ._several_fits import together
+
+
+def run(asked: Fit) -> Done:
+    """Fit, write the folder, and say what the fit is worth."""
+    out = asked.out or folder_of(asked.file)
+    document = _written(asked, out)
+    lines = verdict_lines(document)
+    if "each" not in document:
+        lines += candidate_lines(document) + compensator_lines(document)
+    return Done(document, [*lines, f"Results: {out}"])
+
+
+def _written(asked: Fit, out: Path) -> dict[str, Any]:
+    """Fit, and write the folder. With `each` every value gets a folder of its own below.
+
+    New fits of several values replace the old ones all at once, at the end; where there are none, each is
+    there as soon as it is made.
+    """
+    selection, options = Selection(**asked.selection), asked.of_identify
+    check_there(asked.file)
+    selection.check_columns()
+    records, faults = selection.records(selection.read(asked.file))
+    folders = folder_names(records)
+    for name in (".", *folders.values()):
+        identify.internal.check_free(out / name, asked.overwrite)
+    check_writable(out)
+    found: dict[str, dict[str, Any]] = {}
+    written: dict[str, Any] = {}
+    extra = {
+        "selection": _as_read(selection, [train for train, _ in records.values()]).as_json(),
+        "options": {k: v for k, v in options.items() if isinstance(v, str | int)},
+    }
+    run = partial(fitted_to_compensate, **options)
+    if selection.is_step:
+        if asked.purpose == "compensate":
+            raise InputError(
+                "not-invertible",
+                "A constant input cannot be recovered from the output.",
+                fix="Leave out --purpose compensate, or fit a record whose input changes.",
+            )
+        run = partial(identify.fit_step, **step_options(options))
+    at_once = "" not in records and asked.overwrite and (out / "fit.json").exists()
+    write = identify.internal.stage_set if at_once else identify.internal.write_set
+    staged: dict[str, dict[str, Any]] = {}
+    for value, (train, test) in records.items():
+        if value:
+            log(f"{selection.each} = {value}")
+        try:
+            result = with_compensator(run(train, test=test, progress=log))
+        except InputError as error:
+            faults[value] = error
+            continue
+        found[value] = identify.internal.to_json(result)
+        written = identify.internal.write_fit(
+            result,
+            out / folders[value],
+            found[value],
+            overwrite=asked.overwrite,
+            extra=extra,
+            write=write,
+        )
+        staged[folders[value]] = written
+        if value:
+            log(_in_short(result))
+    if not found:
+        raise all_of(faults)
+    if "" in found:
+        return written
+    failed = {value: str(error) for value, error in faults.items()}
+    document = together(found, failed) | extra | {"folders": {v: folders[v] for v in found}}
+    if at_once:
+        return identify.internal.replace_fits(out, document, staged)
+    document = identify.internal.sealed(document)
+    identify.internal.write_json(out / "fit.json", document)
+    return document
+
+
+def _as_read(selection: Selection, records: list[Record]) -> Selection:
+    """The selection with a condition that was given as an input: a new file may hold one value of it."""
+    found = {(record.input_name, *record.conditions) for record in records}
+    if len(found) > 1 or not isinstance(selection.input, tuple):
+        return selection
+    ((name, *conditions),) = found
+    if not conditions or name not in selection.input:
+        return selection
+    return replace(selection, input=name, condition=tuple(conditions))
+
+
+def _in_short(result: identify.FitResult) -> str:
+    return f"{result.verdict.level}: {result.name}. {result.verdict.reasons[0]}"

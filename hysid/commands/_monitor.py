@@ -1,0 +1,178 @@
+"""`hysid monitor`: the self-recalibrating compensator of a fit over a log."""
+
+import csv
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import compress
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import identify
+from compensate import AdaptiveCompensator, Advice, Recalibrated, Status, adaptive
+from hysteresis import InputError, Record, Table
+from hysteresis._atomic_file import atomic_file, open_csv
+from hysteresis._format import quantity
+
+from ..intake._columns import for_new_file, selection_of_fit
+from ._asked import Monitor
+from ._console import Done, warnings
+
+SAID = {
+    Advice.NONE: "No calibration is needed.",
+    Advice.ZERO: "Recalibrate now: the zero has changed.",
+    Advice.GAIN: "Recalibrate now: the gain has changed.",
+    Advice.LOOP: "Recalibrate now: the width of the loop has changed.",
+    Advice.SHAPE: "Measure and fit again: neither zero, gain nor width of the loop explains the errors.",
+    Advice.STALE: "Recalibrate now: too much time has passed since the last reference.",
+}
+COLUMNS = ("status", "advice", "accuracy lost", "zero", "gain", "loop width")
+
+
+def run(asked: Monitor) -> Done:
+    """Run the self-recalibrating compensator of a fit over a log, and write what it finds beside the fit.
+
+    References are the cells of a column, by default that of the fit's input; empty cells are none. `advice`
+    is what holds at the end of the log, `found` each change with the line at which it was noticed.
+    """
+    folder, file, reference = asked.folder, asked.file, asked.reference
+    document = identify.internal.read_document(folder)
+    fitted_on = selection_of_fit(document)
+    if (
+        fitted_on.is_step
+        or isinstance(fitted_on.input, tuple)
+        or fitted_on.each
+        or "condition" in document
+    ):
+        raise InputError(
+            "bad-option",
+            "Only a fit of one input, without conditions or --each, can be monitored.",
+            place=str(folder),
+            fix="Give the folder of one value's fit, or fit one input.",
+        )
+    selection = replace(fitted_on, **asked.selection).without_hold_out()
+    source = selection.read(file)
+    # The input is a reference here, and may have gaps: the readings stand for it in the record.
+    selection = for_new_file(selection, source, inverse=True)[0]
+    selection = replace(
+        selection, input=selection.output if selection.output != fitted_on.input else fitted_on.output,
+        output=fitted_on.output, input_unit=None,
+    )  # fmt: skip
+    records, faults = selection.records(source)
+    for error in faults.values():
+        raise error
+    ((record, _),) = records.values()
+    fitted = identify.load(folder)
+    identify.internal.check_unit(record.output_name, record.output_unit, fitted.train.output_unit)
+    known = _references(source, record, reference or str(fitted_on.input), reference is not None)
+    own = adaptive(
+        fitted.model,
+        fitted.test or fitted.train,
+        drift=asked.drift,
+        false_alarms=asked.false_alarms,
+    )
+    found = _followed(own, record, known)
+    notes = []
+    if not np.isfinite(known).any():
+        notes.append("The log has no reference, so changes cannot be seen.")
+    if lag := fitted.clocks.lag:
+        notes.append(
+            f"The fit removed a lag of {lag:.3g} {record.time_unit}; references are taken as they are."
+        )
+    target = folder / f"monitored-{file.stem}.csv"
+    _write(target, record, known, found, str(fitted_on.input))
+    units = fitted.train.input_unit, fitted.train.output_unit
+    document, lines = _summary(own, record, known, found, *units)
+    document |= {"notes": notes, "file": str(target)}
+    return Done(document, [*warnings(notes, "Note"), *lines, str(target)])
+
+
+def _references(source: Table, record: Record, name: str, needed: bool) -> np.ndarray:
+    """The known input at every row of the record, NaN elsewhere."""
+    if not needed and name not in source.columns:
+        return np.full(len(record), np.nan)
+    return source.number(name)[np.searchsorted(source.line, record.line)]
+
+
+def _followed(own: AdaptiveCompensator, record: Record, known: np.ndarray) -> Recalibrated:
+    """Over all sequences, one after the other: memories begin anew, and what was learnt stays."""
+    parts, state = [], own.init()
+    for _, rows in record.sequences():
+        t = None if record.time is None else record.time[rows]
+        state, part = own.follow(t, record.output[rows], known[rows], own.restarted(state))
+        parts.append(part)
+    return jax.tree.map(lambda *each: jnp.concatenate(each), *parts)
+
+
+def _summary(
+    own: AdaptiveCompensator,
+    record: Record,
+    known: np.ndarray,
+    found: Recalibrated,
+    unit: str,
+    other: str,
+) -> tuple[dict[str, Any], list[str]]:
+    """The document, and lines for a reader."""
+    error = (np.asarray(found.value) - known)[np.isfinite(known)]
+    last = Advice(int(found.advice[-1]))
+    lines = [SAID[last]]
+    if last:
+        lines.append(f"Accuracy lost until then: {quantity(float(found.lost[-1]), unit, 3)} rms.")
+    events = list(_events(record, found))
+    lines += [
+        f"line {one['line']}: a change, most of it of the {one['reason'].lower()}; gain {one['gain']:.3g},"
+        f" loop width {one['loop']:.3g} of the fit's, zero {quantity(one['zero'], other, 3)}, up to"
+        f" {quantity(one['lost'], unit, 3)} rms lost"
+        for one in events
+    ]
+    return {
+        "advice": last.name, "lost": float(found.lost[-1]), "zero": float(found.zero[-1]),
+        "gain": float(found.gain[-1]), "loop": float(found.loop[-1]), "found": events,
+        "rows": len(record), "references": len(error),
+        "rmse": float(np.sqrt(np.mean(error**2))) if len(error) else None,
+        "fit_error": float(own.settings["error"]),
+        "flagged": int((np.asarray(found.status) != Status.OK).sum()),
+    }, lines  # fmt: skip
+
+
+def _events(record: Record, found: Recalibrated) -> Iterator[dict[str, Any]]:
+    """Each change: where it was noticed, and what it was found to be by the end of learning."""
+    count = np.asarray(found.changes)
+    for k in np.flatnonzero(np.diff(count, prepend=0) > 0):
+        after = np.arange(len(count)) >= k
+        same = after & (count == count[k]) & np.isin(found.advice, (1, 2, 3, 4))
+        stretch = np.flatnonzero(same)
+        ends = np.flatnonzero(np.diff(stretch) > 1)
+        stretch = stretch[: ends[0] + 1] if len(ends) else stretch
+        end = stretch[-1] if len(stretch) else k
+        yield {
+            "line": int(record.line[k]),
+            "time": None if record.time is None else float(record.time[k]),
+            "reason": Advice(int(found.advice[end])).name,
+            "lost": float(np.max(np.asarray(found.lost)[k : end + 1])),
+            "zero": float(found.zero[end]), "gain": float(found.gain[end]), "loop": float(found.loop[end]),
+        }  # fmt: skip
+
+
+def _write(target: Path, record: Record, known: np.ndarray, found: Recalibrated, name: str) -> None:
+    header = (
+        "line",
+        record.time_name,
+        record.output_name,
+        f"known {name}",
+        f"estimated {name}",
+        *COLUMNS,
+    )
+    keep = [True, record.time is not None, *(True,) * 9]
+    words = [Status(int(s)).name for s in found.status], [Advice(int(a)).name for a in found.advice]
+    cells = ["" if np.isnan(x) else x for x in known]
+    time = known if record.time is None else record.time
+    rows = zip(
+        record.line, time, record.output, cells, found.value, *words,
+        found.lost, found.zero, found.gain, found.loop, strict=True,
+    )  # fmt: skip
+    with atomic_file(target) as new, open_csv(new) as handle:
+        csv.writer(handle).writerows(list(compress(row, keep)) for row in [header, *rows])

@@ -1,0 +1,202 @@
+"""`hysid predict`: a fitted model, or its compensator, over a file."""
+
+import csv
+from dataclasses import replace
+from itertools import compress
+
+import numpy as np
+
+import identify
+from compensate import CalibratedCompensator, Status, estimate
+from compensate.uncertainty._calibrated import band_holds
+from hysteresis import InputError, Record
+from hysteresis._atomic_file import atomic_file, open_csv
+from hysteresis._format import quantity
+
+from .._invert import exported
+from .._run_in import run_in_of
+from ..intake._columns import for_new_file, selection_of_fit
+from ..intake._creep_fits import RANGE, later, on_the_clock_of, open_range
+from ..intake._folders import folders_of
+from ..intake._selection import all_of
+from ._asked import Predict
+from ._console import Done, warnings
+
+FLAGGED_BEYOND = "beyond the trained inputs"
+CONDITION_BEYOND = "beyond the trained conditions"
+
+
+def run(asked: Predict) -> Done:
+    """Run a fitted model, or its compensator, over a file; write the result beside the fit.
+
+    Error figures are over every row of the file that has both readings. `flagged` counts rows beyond
+    the trained inputs (of a step: times), or, for the compensator, estimates whose status is not OK. Of the
+    compensator's band, `held_out` is the part of the fit's held-out rows that value +- 1.645 deviations
+    hold, and `here` that of this file's; None where it is not known.
+    Beside a step's prediction stands the range that the fitted record leaves open. `steady`: an oscillator
+    has run through the force so often that its motion repeats itself.
+    """
+    folder, file, inverse, steady = asked.folder, asked.file, asked.inverse, asked.steady
+    document = identify.internal.read_document(folder)
+    fitted_on = selection_of_fit(document)
+    if inverse and isinstance(fitted_on.input, tuple):
+        raise InputError(
+            "not-invertible",
+            f"This fit has {len(fitted_on.input)} inputs; they cannot be recovered from one output.",
+            place=str(folder),
+            fix="Predict without --inverse, or fit one input.",
+        )
+    selection = replace(fitted_on, **asked.selection).without_hold_out()
+    source = selection.read(file)
+    selection, compared, said = for_new_file(selection, source, inverse)
+    folders = folders_of(folder, document)
+    table, measured_all, found_all, flagged, run_in, bands = [], [], [], 0, None, {}
+    records, faults = selection.records(source)
+    if faults := {value: error for value, error in faults.items() if value in folders}:
+        raise all_of(faults)
+    with_range = fitted_on.is_step and not inverse
+    for value, (record, _) in records.items():
+        if value not in folders:
+            continue
+        fitted = identify.load(folder / folders[value])
+        motion = _motion(fitted, inverse, steady)
+        if fitted_on.is_step:
+            record = on_the_clock_of(fitted, record)
+        wanted = record.input if inverse else record.output
+        if inverse:
+            values, deviation, status, bands[value] = _run_backwards(fitted, record, compared)
+            words = [Status(int(s)).name for s in status]
+            run_in = run_in_of(status, record)
+            said.append(run_in.sentence(record.time_unit))
+        elif motion is not None:
+            values = motion.steady(record) if steady else motion.from_rest(record)
+            words = _outside(fitted, record)
+            said += _of_motion(fitted, steady)
+        else:
+            values = fitted.predict(record)
+            words = (later if fitted_on.is_step else _outside)(fitted, record)
+            said += _between(fitted, record)
+        flagged += sum(w != "OK" for w in words)
+        driving = fitted.combined(record).input
+        more = open_range(fitted, record) if with_range else np.empty((len(record), 0))
+        more = deviation[:, None] if inverse else more
+        rows = zip(
+            [value] * len(record), record.line, driving, record.output, values, words, *more.T,
+            strict=True,
+        )  # fmt: skip
+        table += [row for row in rows if row[1]]  # a step's own row has no line in the file
+        measured_all.append(wanted[record.mask])
+        found_all.append(np.asarray(values)[record.mask])
+    if not table:
+        raise InputError(
+            "no-match",
+            f"The file has no value of {selection.each} that was fitted: {', '.join(folders)}.",
+            place=str(file),
+        )
+    figures = identify.metrics(np.concatenate(measured_all), np.concatenate(found_all))._asdict()
+    if not compared:
+        figures = dict.fromkeys(figures)
+    target = folder / f"{'inverse' if inverse else 'predicted'}-{file.stem}.csv"
+    result = f"estimated {fitted_on.input_words}" if inverse else f"predicted {fitted_on.output}"
+    names = [selection.input_words, selection.output]
+    header = [selection.each or "", "line", *names, result, "status", *RANGE[: 3 * with_range]]
+    header += ["standard deviation"] * inverse
+    keep = [selection.each is not None, True, True, compared, *(True,) * 5]
+    with atomic_file(target) as new, open_csv(new) as handle:
+        csv.writer(handle).writerows(list(compress(row, keep)) for row in [header, *table])
+    known = {} if run_in is None else {"band": bands.get("", bands), "compensator": run_in.document}
+    counts = {"flagged": flagged, "rows": len(table)}
+    found = {**figures, **counts, **known, "notes": said, "file": str(target)}
+    compared_with = "The file has no measured values to compare with"
+    if compared:
+        compared_with = f"{found['rmse']:.4g} rms, {found['nrmse_percent']:.3g} % of the range"
+    lines = [*warnings(said, "Note"), f"{compared_with}; {flagged} of {len(table)} rows flagged"]
+    if inverse:
+        lines += [_band_line(name, band) for name, band in bands.items()]
+    return Done(found, [*lines, str(target)])
+
+
+def _band_line(name: str, band: dict[str, float | None]) -> str:
+    """What the 90 % band of a compensator holds."""
+    parts = {"held_out": "the fit's held-out rows", "here": "this file's"}
+    said = [f"{100 * x:.3g} % of {w}" for k, w in parts.items() if (x := band[k]) is not None]
+    head = f"{name}: " if name else ""
+    text = (
+        f"{head}The 90 % band holds {' and '.join(said) if said else 'a share that is not known'}."
+    )
+    before = band["before"]
+    if before is None or before == band["held_out"]:
+        return text
+    return f"{text} It was widened, because as learnt from the training rows it held {100 * before:.3g} %."
+
+
+def _motion(
+    fitted: identify.FitResult, inverse: bool, steady: bool
+) -> identify.RecordedMotion | None:
+    """What moves the mass of an oscillator; None for other models, which have no steady state."""
+    if isinstance(fitted.detail, identify.Motion):
+        if not inverse:
+            return fitted.detail.recorded
+        raise InputError(
+            "not-invertible",
+            "The force of an oscillator is not recovered sample by sample from a noisy displacement.",
+            fix="Use hysteresis.input_force on a displacement that is known far better than its noise.",
+        )
+    if steady:
+        raise InputError(
+            "bad-option",
+            f"{fitted.name} has no mass, so it has no steady state.",
+            fix="Leave out --steady; it is for fits of an oscillator.",
+        )
+    return None
+
+
+def _of_motion(fitted: identify.FitResult, steady: bool) -> list[str]:
+    """How the motion was run and recorded."""
+    assert isinstance(fitted.detail, identify.Motion)
+    recorded = fitted.detail.recorded
+    begin = "in steady state" if steady else "from rest"
+    stages = recorded.stages if steady else (recorded.substeps,)
+    if not recorded.stages:
+        return [f"The motion is predicted {begin}, sampled without a filter as in the fit."]
+    kept = " x ".join(map(str, stages))
+    return [
+        f"The motion is predicted {begin}, low-passed and decimated by {kept} as a recorder does."
+    ]
+
+
+def _outside(fitted: identify.FitResult, record: Record) -> list[str]:
+    """What to say about each row of a record: is it beyond the inputs that were fitted?"""
+    words = np.where(fitted.beyond(record), FLAGGED_BEYOND, "OK").astype(object)
+    if (condition := fitted.condition) is not None:
+        words[condition.beyond(fitted.combined(record))] = CONDITION_BEYOND
+    return words.tolist()
+
+
+def _between(fitted: identify.FitResult, record: Record) -> list[str]:
+    """What to mind of rows at conditions between the trained ones."""
+    condition = fitted.condition
+    count = 0 if condition is None else int(condition.between(fitted.combined(record)).sum())
+    if condition is None or not count:
+        return []
+    said = f"{count} rows are at a {condition.name} between the trained values"
+    if condition.error is None:
+        return [f"{said}, where the error is not known."]
+    error = quantity(condition.error, fitted.train.output_unit, 3)
+    return [f"{said}. At such values, held out in the fit, the model errs by {error} rms."]
+
+
+def _run_backwards(
+    fitted: identify.FitResult, record: Record, compared: bool
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str, float | None]]:
+    """Estimates, deviations and statuses of the compensator over each sequence, as it is exported,
+    and what its band holds."""
+    identify.internal.check_unit(record.output_name, record.output_unit, fitted.train.output_unit)
+    band = exported(fitted)
+    assert isinstance(band, CalibratedCompensator)
+    found = estimate(band, record)
+    here = band_holds(band, fitted.clocks.applied(record))[0] if compared else np.nan
+    held = {"held_out": band.coverage, "before": band.coverage_before, "here": here}
+    known = {name: share if np.isfinite(share) else None for name, share in held.items()}
+    value = fitted.clocks.undone(record, np.asarray(found.value))
+    return value, np.asarray(found.deviation), np.asarray(found.status), known

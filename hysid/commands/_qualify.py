@@ -1,0 +1,216 @@
+"""`hysid qualify`: a verdict on the compensator of a fit, from a file it has not seen."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+
+import identify
+from compensate import (
+    EnsembleCompensator,
+    GuardedCompensator,
+    Qualification,
+    estimate,
+    guaranteed,
+    invert,
+    runs_needed,
+)
+from compensate import qualify as qualified
+from compensate.qualification._qualify import Step, Tell
+from compensate.uncertainty._calibrated import band_holds
+from compensate.uncertainty._guaranteed import run_scores
+from hysteresis import InputError, Note, Record
+from hysteresis._format import quantity
+from hysteresis._verdict import Verdict, worst_of
+
+from .._invert import error_of, exported
+from ..intake._columns import for_new_file, selection_of_fit
+from ..intake._folders import folders_of
+from ..intake._selection import all_of
+from ._asked import Qualify
+from ._console import Done, Progress, warnings
+from ._step_time import check_target, step_of
+
+DRAWS, ROWS = 50, 200_000
+"""Of a posterior, side by side: so many draws, or fewer where rows times draws are more than this. A row of
+a draw of a composition, which is found by bisection, takes 0.2 ms."""
+
+
+def run(asked: Qualify) -> Done:
+    """Qualify the compensator of a fit, or of each of several, and write DIR/qualify.json.
+
+    In the file of the fit itself only the rows held out from it count; where none were, the verdict
+    is CAUTION at best.
+    """
+    with Progress("qualify", later=True) as progress:
+        return _qualified(asked, progress)
+
+
+def _qualified(asked: Qualify, tell: Tell) -> Done:
+    folder, file = asked.folder, asked.file
+    check_target(asked.target, asked.mhz)
+    document = identify.internal.read_document(folder)
+    fitted_on = selection_of_fit(document)
+    if fitted_on.is_step or isinstance(fitted_on.input, tuple):
+        what = "a constant input" if fitted_on.is_step else f"{len(fitted_on.input or ())} inputs"
+        raise InputError(
+            "not-invertible",
+            f"This fit has {what}, which cannot be recovered from the output.",
+            place=str(folder),
+            fix="Qualify a fit of one input that changes over time.",
+        )
+    selection = replace(fitted_on, **asked.selection)
+    source = selection.read(file)
+    narrowed, compared, said = for_new_file(selection, source, inverse=True)
+    if not compared:  # both readings are needed: reading them says which is not there
+        narrowed = replace(narrowed, input=fitted_on.input, output=fitted_on.output)
+    folders = folders_of(folder, document)
+    fits = {value: identify.load(folder / name) for value, name in folders.items()}
+    fitted_here = any(fit.train.sha256 == source.sha256 for fit in fits.values())
+    records, faults = (narrowed if fitted_here else narrowed.without_hold_out()).records(source)
+    if faults := {value: error for value, error in faults.items() if value in folders}:
+        raise all_of(faults)
+    found: dict[str, Qualification] = {}
+    held: dict[str, float | None] = {}
+    for value, (record, held_out) in records.items():
+        if value in folders:
+            place, seen = folder / folders[value], held_out or record
+            step = None if asked.rate is None else step_of(fits[value], asked.target, asked.mhz)
+            part = _of_part(found, records, tell)
+            one = _of_one(fits[value], place, seen, asked, step, part)
+            one, held[value] = _with_band(one, fits[value], seen)
+            found[value] = _seen(one) if fitted_here and held_out is None else one
+    if not found:
+        raise InputError(
+            "no-match",
+            f"The file has no value of {fitted_on.each} that was fitted: {', '.join(folders)}.",
+            place=str(file),
+        )
+    bands = {}
+    if asked.guarantee is not None:
+        for value in found:
+            record = records[value][1] or records[value][0]
+            bands[value] = guarantee_of(fits[value], record, asked.guarantee)
+            said += [] if bands[value]["given"] else [bands[value]["text"]]
+    one_band = {"guarantee": bands.get("", bands or None), "band": held.get("", held)}
+    result = _together(found) | one_band | {"notes": said, "file": str(folder / "qualify.json")}
+    identify.internal.write_json(folder / "qualify.json", result | {"source": file.name})
+    head = {value: f"{fitted_on.each} = {value}\n" if value else "" for value in found}
+    more = {value: f"\n{band['text']}" for value, band in bands.items() if band["given"]}
+    texts = (head[value] + one.text + more.get(value, "") for value, one in found.items())
+    lines = [*warnings(said, "Note"), *texts, result["file"]]
+    return Done(result, lines, failed=result["verdict"]["level"] == "FAIL")
+
+
+def _of_one(
+    fitted: identify.FitResult,
+    place: Path,
+    record: Record,
+    asked: Qualify,
+    step: Step | None,
+    tell: Tell,
+) -> Qualification:
+    identify.internal.check_unit(record.input_name, record.input_unit, fitted.train.input_unit)
+    identify.internal.check_unit(record.output_name, record.output_unit, fitted.train.output_unit)
+    # Estimates are of the input on the model's clock.
+    record = fitted.clocks.applied(record)
+    compensator = exported(fitted)
+    ensemble, facts = None, []
+    if lag := fitted.clocks.lag:
+        when = f"{abs(lag):.3g} {record.time_unit} {'earlier' if lag > 0 else 'later'}"
+        said = f"Estimates are of the input {when}, because the fit removed that lag."
+        facts.append(Note("lag", said))
+    if (posterior := identify.load_posterior(place)) is not None:
+        try:
+            ensemble = EnsembleCompensator(_some_of(posterior, len(record)))
+        except InputError as error:
+            said = f"The posterior of this fit cannot be inverted: {error}"
+            facts.append(Note("no-posterior", said))
+    found = qualified(
+        compensator, record, fitted.model, ensemble, asked.max_error, asked.rate, step, tell
+    )
+    return replace(found, verdict=found.verdict.at_most("PASS", *facts))
+
+
+def _with_band(
+    one: Qualification, fitted: identify.FitResult, record: Record
+) -> tuple[Qualification, float | None]:
+    """The qualification with what the fit's own band holds of the rows, and that share."""
+    share, scores = band_holds(error_of(fitted), fitted.clocks.applied(record))
+    if not len(scores):
+        return one, None
+    said = f"The 90 % band of the fit's own deviation holds {100 * share:.3g} % of the rows."
+    return replace(one, verdict=one.verdict.at_most("PASS", Note("band", said))), share
+
+
+def _of_part(found: Mapping[str, Any], records: Mapping[str, Any], tell: Tell) -> Tell:
+    """What tells the progress of one fit of several, of which these are done."""
+    before, all_ = len(found), len(records)
+    return lambda done, total, text: tell(before * total + done, all_ * total, text)
+
+
+def guarantee_of(fitted: identify.FitResult, record: Record, guarantee: float) -> dict[str, Any]:
+    """What a band around the compensator's estimates can guarantee from the runs of a record.
+
+    Its shape is the deviation that the compensator is exported with.
+    """
+    inner = error_of(fitted).around(invert(fitted.model))
+    compensator = GuardedCompensator(inner, *fitted.trained)
+    needed = runs_needed(guarantee)
+    known = {"asked": guarantee, "needed": needed}
+    applied = fitted.clocks.applied(record)
+    scores = run_scores(compensator, applied)
+    if len(scores) < needed:
+        most = len(scores) / (len(scores) + 1)
+        text = (
+            f"Cannot guarantee {100 * guarantee:g} %: that needs {needed} runs or cycles, and the file has"
+            f" {len(scores)}, which can guarantee {100 * most:.3g} % at most."
+        )
+        return known | {
+            "given": False,
+            "runs": len(scores),
+            "factor": None,
+            "half_width": None,
+            "text": text,
+        }
+    band = guaranteed(compensator, applied, guarantee)
+    found = estimate(band, applied)
+    half = (np.asarray(found.high) - np.asarray(found.low))[applied.mask] / 2
+    wide = quantity(float(half.mean()), fitted.train.input_unit, 3)
+    text = f"guaranteed band: +- {wide} in the mean. {band.statement}"
+    return known | {
+        "given": True, "runs": band.runs, "factor": float(band.factor), "half_width": float(half.mean()),
+        "text": text, "sha256": fitted.train.sha256,
+    }  # fmt: skip
+
+
+def _some_of(posterior: identify.Posterior, rows: int) -> Any:
+    """One model with some of the posterior's draws, evenly from all, on its leading axis."""
+    count = int(np.prod(posterior.draws.shape[:2]))
+    wanted = min(DRAWS, max(5, ROWS // rows))
+    chosen = np.unique(np.linspace(0, count - 1, wanted).astype(int))
+    return jax.tree.map(lambda a: a[chosen], posterior.model)
+
+
+def _seen(found: Qualification) -> Qualification:
+    why = "The model was fitted to these rows, so the error on new data is not known."
+    return replace(found, verdict=found.verdict.at_most("CAUTION", Note("rows-seen", why)))
+
+
+def _together(found: dict[str, Qualification]) -> dict[str, Any]:
+    """The one document, or of several the gravest verdict, the mean error, and `each`."""
+    if "" in found:
+        return found[""].document
+    reasons = tuple(
+        Note(one.verdict.codes[0], f"{value}: {one.level}. {one.reasons[0]}")
+        for value, one in found.items()
+    )
+    level = worst_of(one.level for one in found.values())
+    return {
+        "verdict": Verdict(level, reasons).document,
+        "nrmse_percent": float(np.mean([one.nrmse_percent for one in found.values()])),
+        "each": {value: one.document for value, one in found.items()},
+    }

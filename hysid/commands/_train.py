@@ -1,0 +1,353 @@
+"""`hysid microchannel train`: a soft sensor learnt from its sessions, judged, and written to a folder."""
+
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+import compensate
+import identify
+from compensate.microchannel import ForceEstimator, export_force
+from compensate.runtime import load_force
+from hysteresis import InputError
+from hysteresis._atomic_file import write_figure
+from hysteresis._escape import shell_word
+from identify.internal import versions
+
+from ..figures._format import plain_name
+from ..intake._folders import check_writable
+from ..intake._selection import Selection
+from ..soft_sensor._estimate import TRAINING, Estimates, estimates_of, judged
+from ..soft_sensor._force_networks import updates_of
+from ..soft_sensor._force_records import ForceRecord
+from ..soft_sensor._force_training import ForceTraining, train_force
+from ..soft_sensor._learn import checks_of, learn_places, learn_positions
+from ..soft_sensor._sensor import FORCE, SoftSensor
+from ..soft_sensor._sensor_file import ARRAYS, WORDS, save_sensor
+from ..soft_sensor._sessions import Session, Streams, Targets, read_sessions
+from ._asked_of_sensors import Train
+from ._console import Done, Progress, log, warnings
+from ._estimate import figure_lines
+
+SCHEMA = 1
+KINDS = ("auto", "network", "everett", "structured")
+RUNTIME, CHECKPOINT = "runtime.json", "checkpoint"
+PICTURES = ("learning.png", "force.png", "places.png", "position.png")
+TIMED, SLOW_S = 200, 5e-4
+"""Readings by which the runtime is timed; s a reading that are too many for a loop of 1 kHz."""
+REPAIRS = {"masked", "filled", "gathered", "cut", "skipped", "units-row"}
+"""Codes of notes on a file that are worth a look."""
+"""Rows of a step of the networks' training."""
+
+
+def run(asked: Train) -> Done:
+    """A soft sensor from tables."""
+    try:
+        with Progress("training") as progress:
+            document = _trained(asked, asked.out, progress)
+    except KeyboardInterrupt:
+        if (asked.out / CHECKPOINT).is_dir():
+            given = [word for word in sys.argv[1:] if word not in ("--resume", "--overwrite")]
+            log(f"To resume: hysid {' '.join(map(shell_word, [*given, '--resume']))}")
+        raise
+    return Done(document, _lines(document, asked.out))
+
+
+def _trained(asked: Train, out: Path, progress: Progress) -> dict[str, Any]:
+    """Learn all targets, write the sensor, its figures and pictures, and return training.json's object.
+
+    Raises `InputError` for files and columns that cannot be used, results that are there already, a
+    resumed training of other data or settings, and as `train_force`, `Localizer.train` and
+    `fit_positions` do.
+    """
+    if asked.kind not in KINDS:
+        raise InputError(
+            "bad-option",
+            f"{asked.kind!r} is not a kind of estimator.",
+            fix=f"Use one of {', '.join(KINDS)} (--kind).",
+        )
+    selection = Selection(**asked.selection, output=asked.force or "", output_unit=asked.force_unit)
+    targets = Targets(asked.force, asked.place, asked.position)
+    names = tuple(filter(None, map(str.strip, asked.places.split(","))))
+    identify.internal.check_free(out, asked.overwrite or asked.resume, TRAINING)
+    identify.internal.check_free(out, overwrite=False)  # a fit is none of a sensor's results
+    check_writable(out)
+    sessions = read_sessions(asked.files, selection, targets, asked.test_file or ())
+    parts = [one.train for one in sessions if one.train is not None]
+    held_out = [one.test for one in sessions if one.test is not None]
+    checks = checks_of(parts, sessions[0].channels, targets, noise=asked.noise, ends=asked.range)
+    notes, learnt = [*_notes(sessions), *checks.notes], {}
+    forced, tried = None, {}
+    if targets.force is not None:
+        out.mkdir(parents=True, exist_ok=True)
+        forced, tried = _learn_force(parts, out / CHECKPOINT, asked, progress)
+        learnt["force"] = forced.estimator
+    if targets.place is not None:
+        log("learning places")
+        learnt["localizer"], said = learn_places(parts, held_out, checks, names, asked.method)
+        notes += said
+    if targets.position:
+        log("learning positions")
+        learnt["position"], said = learn_positions(parts, checks, asked.seed)
+        notes += said
+    sensor = SoftSensor(
+        sessions[0].channels, checks.readout, checks.step,
+        force_in=sessions[0].force or FORCE, position_in=sessions[0].position,
+        time_unit=parts[0].record.time_unit, **learnt,
+    )  # fmt: skip
+    log("judging")
+    judgements = {"train": _judged(sensor, parts), "test": _judged(sensor, held_out)}
+    for old in (WORDS, ARRAYS, TRAINING, RUNTIME, *PICTURES):
+        (out / old).unlink(missing_ok=True)
+    save_sensor(sensor, out)
+    runtime = None
+    if sensor.force is not None:
+        runtime, said = _write_runtime(sensor, sensor.force, parts, out / RUNTIME)
+        notes += said
+    pictures = _draw(out, sensor, forced, judgements)
+    kept = ("kind", "epochs", "members", "seed", "noise", "resume", "method")
+    settings = {name: getattr(asked, name) for name in kept} | {
+        "ends": asked.range,
+        "places": names,
+    }
+    document = {
+        "schema": SCHEMA, "kind": "hysid soft sensor training",
+        "inputs": [channel._asdict() for channel in sensor.channels],
+        "targets": {"force": targets.force, "place": targets.place, "position": targets.position},
+        "units": {q.name: q.unit for q in filter(None, (sessions[0].force, *sessions[0].position))},
+        "rows": sum(one.rows for one in sessions),
+        "rows_train": int(sum(part.counts.sum() for part in parts)),
+        "rows_test": int(sum(part.counts.sum() for part in held_out)),
+        "files": [_file_words(one) for one in sessions],
+        "sha256": {str(one.file): one.sha256 for one in sessions},
+        "metrics": {name: found.figures if found else None for name, found in judgements.items()},
+        "force": None if forced is None else _force_words(forced, tried),
+        "noise": checks.noise, "settings": settings, "seed": asked.seed,
+        "selection": selection.as_json(), "notes": notes, "pictures": pictures, "runtime": runtime,
+        "versions": versions(("hysid", "jax", "equinox", "optax", "numpy")),
+    }  # fmt: skip
+    identify.internal.write_json(out / TRAINING, document)
+    return identify.internal.plain(document)
+
+
+class _Judgement(NamedTuple):
+    """Streams one behind the other, what was found there, and how far off it is."""
+
+    streams: list[Streams]
+    found: Estimates
+    figures: dict[str, Any]
+
+    def column(self, name: str) -> np.ndarray:
+        return np.concatenate([getattr(one, name) for one in self.streams])
+
+    @property
+    def starts(self) -> np.ndarray:
+        """First row of every sequence."""
+        ends = np.cumsum([0, *(len(one.counts) for one in self.streams)])
+        pairs = zip(ends, self.streams, strict=False)
+        return np.concatenate([at + one.record.starts for at, one in pairs])
+
+
+def _judged(sensor: SoftSensor, streams: list[Streams]) -> _Judgement | None:
+    if not streams:
+        return None
+    each = [estimates_of(sensor, one.record.time, one.readings, one.sequences()) for one in streams]
+    found = Estimates(*(np.concatenate(columns) for columns in zip(*each, strict=True)))
+    truths = [
+        np.concatenate([getattr(one, name) for one in streams])
+        for name in ("force", "place", "position", "counts")
+    ]
+    return _Judgement(streams, found, judged(sensor, found, *truths))
+
+
+def _learn_force(
+    parts: Sequence[Streams], checkpoint: Path, asked: Train, progress: Progress
+) -> tuple[ForceTraining, dict[str, float]]:  # fmt: skip
+    """Of the kind asked for, or of all there can be, the least held-out error; and those of all."""
+    records = [one for part in parts for one in _records(part)]
+    several = parts[0].readings.shape[1] > 1
+    kinds = (asked.kind,) if asked.kind != "auto" else ("network",) if several else KINDS[1:]
+    options: dict[str, Any] = {"members": asked.members, "seed": asked.seed}
+    if asked.epochs is not None:
+        rows = sum(int(np.isfinite(record.force).sum()) for record in records)
+        options["updates"] = updates_of(asked.epochs, rows)
+    found: dict[str, ForceTraining] = {}
+    for kind in kinds:
+        log(f"learning the force: {kind}")
+        try:
+            found[kind] = train_force(
+                records, kind=kind, nan="omit", checkpoint=checkpoint / kind,
+                resume=asked.resume, tell=progress, **options,
+            )  # fmt: skip
+        except InputError as error:
+            if len(kinds) == 1 or error.code not in ("nothing-fits", "diverged"):
+                raise
+            log(f"{kind}: {error}")
+            continue
+        log(f"{kind}: held-out RMSE {found[kind].rmse:.4g}")
+    if not found:
+        raise InputError(
+            "nothing-fits", "No kind of estimator could be trained.", fix="Check the data."
+        )
+    best = min(found.values(), key=lambda one: one.rmse)
+    return best, {kind: one.rmse for kind, one in found.items()}
+
+
+def _records(part: Streams) -> list[ForceRecord]:
+    """Sequences up to the last row that counts; forces of others are not known."""
+    if part.record.time is None:
+        raise InputError(
+            "no-time", "A force that depends on the history needs the times of the readings.",
+            place=part.record.source, fix="Name their column (--time COL), or their step (--dt SECONDS).",
+        )  # fmt: skip
+    force, found = np.where(part.counts, part.force, np.nan), []
+    for rows in part.sequences():
+        counted = np.flatnonzero(part.counts[rows])
+        if counted.size:
+            rows = slice(rows.start, rows.start + int(counted[-1]) + 1)
+            found.append(ForceRecord(part.record.time[rows], part.readings[rows], force[rows]))
+    return found
+
+
+def _write_runtime(
+    sensor: SoftSensor, force: ForceEstimator, parts: Sequence[Streams], file: Path
+) -> tuple[dict[str, Any] | None, list[str]]:
+    """The force estimator for plain Python, with the longest stream as its golden readings."""
+    streams = [(part, rows) for part in parts for rows in part.sequences()]
+    part, rows = max(streams, key=lambda one: one[1].stop - one[1].start)
+    readings = part.readings[rows]
+    try:
+        export_force(
+            force, file, readings[:, 0] if readings.shape[1] == 1 else readings,
+            times=None if part.record.time is None else part.record.time[rows],
+            channels=[compensate.Quantity(*channel) for channel in sensor.channels],
+            estimate=compensate.Quantity(*sensor.force_in),
+        )  # fmt: skip
+    except InputError as error:
+        return None, [f"no {RUNTIME}, which runs without JAX: {error}"]
+    runtime, taken, step = load_force(file), [], sensor.step
+    for reading in readings[:TIMED].tolist():
+        begin = time.perf_counter()
+        runtime.step(step, reading)
+        taken.append(time.perf_counter() - begin)
+    found = {"file": file.name, "microseconds_a_reading": round(1e6 * float(np.median(taken)), 1)}
+    if np.median(taken) < SLOW_S:
+        return found, []
+    return found, [
+        f"{RUNTIME} takes {1e3 * np.median(taken):.2g} ms a reading: for a fast loop take --kind network."
+    ]
+
+
+def _draw(
+    out: Path, sensor: SoftSensor, forced: ForceTraining | None,
+    judgements: dict[str, _Judgement | None],
+) -> list[str]:  # fmt: skip
+    """Pictures of the training, and of what was held out; of what was learnt from where nothing was."""
+    from ..soft_sensor import _figures as figures
+
+    shown = judgements["test"] or judgements["train"]
+    assert shown is not None
+    counts, drawn = shown.column("counts"), {}
+    if forced is not None and forced.curves:
+        curves = [(one.train, one.validation) for one in forced.curves]
+        drawn[PICTURES[0]] = figures.learning(curves, sensor.force_in.unit)
+    if "force" in shown.figures:
+        record = shown.streams[0].record
+        name, unit = sensor.force_in
+        runs = _runs(counts, shown.starts)
+        clock = np.concatenate(
+            [one.record.time for one in shown.streams if one.record.time is not None]
+        )
+        drawn[PICTURES[1]] = figures.force(
+            _end_to_end(clock[counts], runs), shown.column("force")[counts],
+            shown.found.force[counts], shown.found.force_sd[counts], runs,
+            (plain_name(record.time_name, record.time_unit), plain_name(name, unit)),
+            (record.time_unit, unit),
+        )  # fmt: skip
+    if "place" in shown.figures:
+        part = "held out" if shown is judgements["test"] else "learnt from"
+        figure = shown.figures["place"]
+        title = f"{figure['rows']} rows {part}, {figure['accuracy']:.1%} right"
+        drawn[PICTURES[2]] = figures.places(figure["confusion"], title)
+    if "position" in shown.figures:
+        truth, found = shown.column("position"), shown.found.position
+        known = counts & np.isfinite(truth).all(1) & np.isfinite(found).all(1)
+        plain = [plain_name(*of) for of in sensor.position_in]
+        units = [unit for _, unit in sensor.position_in]
+        drawn[PICTURES[3]] = figures.positions(truth[known], found[known], plain, units)
+    for name, figure in drawn.items():
+        write_figure(figure, out / name, dpi=144)
+    return list(drawn)
+
+
+def _runs(counts: np.ndarray, starts: np.ndarray) -> np.ndarray:
+    """Where, among the rows that count, those begin that follow one another in a sequence."""
+    begins = counts & ~np.append(False, counts[:-1])
+    begins[starts] = counts[starts]
+    return np.flatnonzero(begins[counts])
+
+
+def _end_to_end(time: np.ndarray, starts: np.ndarray) -> np.ndarray:
+    """A clock that goes on from run to run."""
+    found, end = np.empty(len(time)), 0.0
+    for a, b in zip(starts, [*starts[1:], len(time)], strict=True):
+        own = time[a:b] - time[a]
+        found[a:b] = own + end
+        end = found[b - 1] + (own[1] if b - a > 1 else 0.0)
+    return found
+
+
+def _notes(sessions: Sequence[Session]) -> list[str]:
+    """What the files say of themselves, each once; places that only some sessions have."""
+    parts = [part for one in sessions for part in (one.train, one.test) if part is not None]
+    found = [
+        f"{part.record.source}: {note}"
+        for part in parts
+        for note in part.record.history
+        if note.code in REPAIRS
+    ]
+    there = {one.file.name: _places(one.train) for one in sessions if one.train is not None}
+    everywhere = set().union(*there.values()) if there else set()
+    for name, places in there.items():
+        if places and (missing := sorted(everywhere - places)):
+            found.append(f"{name} has no row to learn from at {', '.join(map(repr, missing))}.")
+    return list(dict.fromkeys(found))
+
+
+def _places(part: Streams) -> set[str]:
+    return {str(name) for name in part.place[part.counts]} - {""}
+
+
+def _file_words(one: Session) -> dict[str, Any]:
+    train, test = (0 if part is None else int(part.counts.sum()) for part in (one.train, one.test))
+    return {
+        "file": str(one.file), "sha256": one.sha256, "rows": one.rows, "rows_train": train,
+        "rows_test": test,
+    }  # fmt: skip
+
+
+def _force_words(found: ForceTraining, tried: dict[str, float]) -> dict[str, Any]:
+    return {
+        "kind": found.kind, "held_out_rmse_by_kind": tried,
+        "held_out_rmse": found.rmse,
+        "held_out_nrmse_percent": found.nrmse_percent, "coverage_of_90_percent_bands": found.coverage,
+        "deviation": float(found.estimator.deviation), "settings": found.settings,
+        "seconds": sum(one.seconds for one in found.curves),
+    }  # fmt: skip
+
+
+def _lines(document: dict[str, Any], out: Path) -> list[str]:
+    lines = warnings(document["notes"])
+    if (force := document["force"]) is not None:
+        lines.append(
+            f"Force: {force['kind']}; cross-validated on the training rows: {force['held_out_rmse']:.3g}"
+            f" rms ({force['held_out_nrmse_percent']:.3g} % of the range)"
+        )
+    for part, said in (("train", "Training"), ("test", "Held-out")):
+        if (figures := document["metrics"][part]) is not None:
+            rows = document[f"rows_{part}"]
+            lines += [f"{said} rows ({rows}):", *(f"  {x}" for x in figure_lines(figures))]
+    return [*lines, f"Sensor: {out}"]

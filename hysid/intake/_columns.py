@@ -1,0 +1,67 @@
+"""The columns of a fit, and the same ones in another file."""
+
+from dataclasses import replace
+from typing import Any
+
+from hysteresis import InputError, Table
+
+from ._constant_input import CONSTANT
+from ._selection import Selection
+
+
+def selection_of_fit(document: dict[str, Any]) -> Selection:
+    """The columns a fit was made from; a fit saved from Python knows their names alone."""
+    try:
+        if "selection" in document:
+            return Selection.from_json(document["selection"])
+        words = document["records"]["train"]
+        time = words["time_name"] if words["time_unit"] != "1" else None
+        channels = "channels" in document
+        names = tuple(document["channels"]["names"]) if channels else words["input_name"]
+        return Selection(names, words["output_name"], time)
+    except (KeyError, TypeError) as error:
+        raise InputError(
+            "damaged-file",
+            f"fit.json does not say which columns were fitted: {type(error).__name__} {error}.",
+            cause="fit.json was edited.",
+            fix="Fit again.",
+        ) from error
+
+
+def for_new_file(
+    selection: Selection, table: Table, inverse: bool
+) -> tuple[Selection, bool, list[str]]:
+    """The fit's selection on a file that may lack columns: (selection, comparable, what was said).
+
+    Without the column that is predicted nothing is compared; conditions and groups of columns that
+    are not there are let go, and so are excluded lines, which are those of the fitted file. The driving
+    column, the clock and `each` have to be there.
+    """
+    driving, wanted = selection.input or CONSTANT, selection.output
+    if inverse:
+        driving, wanted = wanted, driving
+    first = driving[0] if isinstance(driving, tuple) else driving
+    columns = table.columns
+    where = tuple(c for c in selection.where if c.partition("=")[0].strip() in columns)
+    group = tuple(column for column in selection.group if column in columns)
+    said = [
+        f"The file has no column for {c!r}, so every row is used."
+        for c in selection.where
+        if c not in where
+    ]
+    if lost := [column for column in selection.group if column not in group]:
+        said.append(
+            f"The file has no column {', '.join(lost)}, so its sequences are not separated by it."
+        )
+    selection = replace(
+        selection, where=where, group=group, exclude_lines=(), rezero=(), branch=None, range=(),
+        turn=tuple(column for column in selection.turn if column in columns),
+    )  # fmt: skip
+    if selection.is_step:
+        if inverse or wanted in columns or selection.time is None:
+            return selection, True, said
+        return replace(selection, output=selection.time, output_unit=None), False, said
+    if wanted in columns or first not in columns:
+        return selection, True, said
+    alone = replace(selection, input=driving, output=first, input_unit=None, output_unit=None)
+    return alone, False, said

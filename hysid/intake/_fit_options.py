@@ -1,0 +1,81 @@
+"""The options of a fit: each field is a command-line option, a key of a configuration file, and a keyword.
+
+No import of this module loads JAX: `hysid --help` reads the fields.
+"""
+
+from dataclasses import dataclass, fields
+
+from ._option import option
+
+MODELS = (
+    "LinearSponge", "Burgers", "Preisach", "EverettSurface", "Composition", "Butterfly", "FoamCurve",
+    "BoucWen", "PrandtlIshlinskii", "DegradingBoucWen", "StandardLinearSolid", "GeneralizedKelvinVoigt",
+    "GeneralizedMaxwell", "DuhemOperator", "GaussianPreisach", "TwoGaussianPreisach",
+    "LorentzianPreisach", "LogNormalPreisach", "Oscillator",
+)  # fmt: skip
+"""Our own names of `--model`, written here because `--help` does not wait for JAX; a test compares them."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitOptions:
+    """How a model is fitted. `of_step`: creep and relaxation have it too."""
+
+    model: str = option(
+        f"auto, or NAME[,NAME], in any case: {', '.join(MODELS)}, or a model of an installed"
+        " distribution (entry-point group hysid.models).",
+        "auto",
+    )
+    initial: str = option(
+        "Memory before the first sample: auto, negative, positive, demagnetised, or fit.",
+        "auto",
+        choices=("auto", "negative", "positive", "demagnetised", "fit"),
+    )
+    conditioning: str = option(
+        "auto: exclude the first cycle where that predicts better; keep: never exclude it.",
+        "auto",
+        choices=("auto", "keep"),
+    )
+    clocks: str = option(
+        "auto: correct a lag between input and output and smooth a staircase; keep: change nothing.",
+        "auto",
+        choices=("auto", "keep"),
+    )
+    drift: str = option(
+        "auto: a drift explains the training rows and is not in the model; keep: it is in the model, and"
+        " stops at its last value.",
+        "auto",
+        choices=("auto", "keep"),
+    )
+    noise: str = option(
+        "Noise model: auto, or gaussian, student-t, ar1, arma11, growing, input, misfit, joined with +.",
+        "auto",
+    )
+    parameter: tuple[str, ...] = option(
+        'What is known of a parameter; repeatable: "E1 start=2 bounds=1,4", "b fixed=0",'
+        ' "K prior=normal(1, 0.1)", "E2 tied=2 * E1".',
+        (),
+        repeated=True,
+    )
+    starts: int = option("Random starts for non-linear parameters.", 32, least=1)
+    seed: int = option("Seed of every random number.", 0, least=0, of_step=True)
+    purpose: str = option(
+        "What the verdict is for: predict; compensate, which tries the compensator too; or constants, which"
+        " needs a standard error for every parameter.",
+        "predict",
+        choices=("predict", "compensate", "constants"),
+        of_step=True,
+    )
+    period: int | None = option(
+        "Oscillator: rows in a period of the force, in steady state; 0: it does not repeat (default: looked"
+        " for).",
+        None,
+        least=0,
+    )
+    oversampling: int = option("Oscillator: steps of integration to a sample.", 20, least=1)
+    allow_float32: bool = option(
+        "Fit in single precision; standard errors are rough.", False, of_step=True
+    )
+
+
+FIT_FIELDS = {one.name: one for one in fields(FitOptions)}
+"""By name, in the order in which help lists them."""

@@ -1,1 +1,0 @@
-"""What the commands do: plain data in, plain data out."""
