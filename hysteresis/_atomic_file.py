@@ -1,12 +1,12 @@
 """Files that are complete or not there: written beside, then given the name."""
 
 import contextlib
+import csv
 import os
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from io import TextIOWrapper
 from pathlib import Path
 from typing import Any
 
@@ -61,9 +61,12 @@ def write_whole(file: Path, content: str | bytes) -> None:
         new.write_bytes(raw)
 
 
-def open_csv(file: Path) -> TextIOWrapper:
-    """A file to write a table to; half a character is written as an escape."""
-    return file.open("w", newline="", encoding="utf-8", errors="backslashreplace")
+def write_table(file: Path, header: Iterable[Any], rows: Iterable[Iterable[Any]]) -> None:
+    """Write a table as CSV, whole or not at all; half a character is written as an escape."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    how: Any = {"newline": "", "encoding": "utf-8", "errors": "backslashreplace"}
+    with atomic_file(file) as new, new.open("w", **how) as handle:
+        csv.writer(handle).writerows([header, *rows])
 
 
 def write_figure(figure: Any, file: Path, **how: Any) -> None:

@@ -1,6 +1,5 @@
 """`hysid armor`: from tables of presses and wrenches to contacts, and a page that shows them."""
 
-import csv
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
@@ -20,7 +19,7 @@ from compensate.armor import (
     export_armor,
 )
 from hysteresis import AbstractModel, InputError, conversion
-from hysteresis._atomic_file import atomic_file, open_csv
+from hysteresis._atomic_file import write_table
 from hysteresis._limits import damage_told, load_arrays
 from hysteresis._serialisation import described, rebuilt
 
@@ -240,8 +239,5 @@ def _write_contacts(
             contact.displacement, contact.normal_force, contact.spin, contact.outside)),
         *covariance[:, UPPER[0], UPPER[1]].T.tolist(), np.asarray(found.probability).tolist(),
     ]  # fmt: skip
-    with atomic_file(file) as new, open_csv(new) as handle:
-        writer = csv.writer(handle)
-        writer.writerow(HEADER)
-        for row in zip(*columns, strict=True):
-            writer.writerow(["" if x != x else x for x in row])
+    rows = zip(*columns, strict=True)
+    write_table(file, HEADER, (["" if x != x else x for x in row] for row in rows))

@@ -1,13 +1,12 @@
 """`hysid design`: which multisine would tell the hysteresis of a fitted oscillator best."""
 
-import csv
 from typing import Any
 
 import numpy as np
 
 import identify
 from hysteresis import InputError
-from hysteresis._atomic_file import atomic_file, open_csv
+from hysteresis._atomic_file import write_table
 
 from ._asked import Design
 from ._console import Done, warnings
@@ -36,8 +35,7 @@ def run(asked: Design) -> Done:
     assert isinstance(fit.detail, identify.Motion)
     record, dt, file = fit.train, fit.detail.recorded.dt, asked.folder / EXCITATION
     lines = [(k * dt, float(force)) for k, force in enumerate(best.force)]
-    with atomic_file(file) as new, open_csv(new) as handle:
-        csv.writer(handle).writerows([(record.time_name, record.input_name), *lines])
+    write_table(file, (record.time_name, record.input_name), lines)
     document: dict[str, Any] = {
         "multisines": [_entry(one) for one in found],
         "best": _entry(best),

@@ -1,6 +1,5 @@
 """`hysid monitor`: the self-recalibrating compensator of a fit over a log."""
 
-import csv
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import compress
@@ -14,7 +13,7 @@ import numpy as np
 import identify
 from compensate import AdaptiveCompensator, Advice, Recalibrated, Status, adaptive
 from hysteresis import InputError, Record, Table
-from hysteresis._atomic_file import atomic_file, open_csv
+from hysteresis._atomic_file import write_table
 from hysteresis._format import quantity
 
 from ..intake._columns import for_new_file, selection_of_fit
@@ -158,14 +157,7 @@ def _events(record: Record, found: Recalibrated) -> Iterator[dict[str, Any]]:
 
 
 def _write(target: Path, record: Record, known: np.ndarray, found: Recalibrated, name: str) -> None:
-    header = (
-        "line",
-        record.time_name,
-        record.output_name,
-        f"known {name}",
-        f"estimated {name}",
-        *COLUMNS,
-    )
+    names = (record.time_name, record.output_name, f"known {name}", f"estimated {name}")
     keep = [True, record.time is not None, *(True,) * 9]
     words = [Status(int(s)).name for s in found.status], [Advice(int(a)).name for a in found.advice]
     cells = ["" if np.isnan(x) else x for x in known]
@@ -174,5 +166,5 @@ def _write(target: Path, record: Record, known: np.ndarray, found: Recalibrated,
         record.line, time, record.output, cells, found.value, *words,
         found.lost, found.zero, found.gain, found.loop, strict=True,
     )  # fmt: skip
-    with atomic_file(target) as new, open_csv(new) as handle:
-        csv.writer(handle).writerows(list(compress(row, keep)) for row in [header, *rows])
+    header, *shown = (list(compress(row, keep)) for row in [("line", *names, *COLUMNS), *rows])
+    write_table(target, header, shown)

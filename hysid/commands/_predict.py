@@ -1,6 +1,5 @@
 """`hysid predict`: a fitted model, or its compensator, over a file."""
 
-import csv
 from dataclasses import replace
 from itertools import compress
 
@@ -10,7 +9,7 @@ import identify
 from compensate import CalibratedCompensator, Status, estimate
 from compensate.uncertainty._calibrated import band_holds
 from hysteresis import InputError, Record
-from hysteresis._atomic_file import atomic_file, open_csv
+from hysteresis._atomic_file import write_table
 from hysteresis._format import quantity
 
 from .._invert import exported
@@ -102,8 +101,8 @@ def run(asked: Predict) -> Done:
     header = [selection.each or "", "line", *names, result, "status", *RANGE[: 3 * with_range]]
     header += ["standard deviation"] * inverse
     keep = [selection.each is not None, True, True, compared, *(True,) * 5]
-    with atomic_file(target) as new, open_csv(new) as handle:
-        csv.writer(handle).writerows(list(compress(row, keep)) for row in [header, *table])
+    header, *shown = (list(compress(row, keep)) for row in [header, *table])
+    write_table(target, header, shown)
     known = {} if run_in is None else {"band": bands.get("", bands), "compensator": run_in.document}
     counts = {"flagged": flagged, "rows": len(table)}
     found = {**figures, **counts, **known, "notes": said, "file": str(target)}

@@ -21,7 +21,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 from ._format import power_of_ten
 
 BLUE, GREEN, VERMILLION, ORANGE, SKY = "#0072B2", "#009E73", "#D55E00", "#E69F00", "#56B4E9"
-GREY, DIM, INK = "#8c8c8c", "#b5b5b5", "#222222"
+GREY, DIM, INK, EDGE = "#8c8c8c", "#b5b5b5", "#222222", "#666666"
 MOST = 4000
 """Points of a curve, at most."""
 
@@ -32,7 +32,7 @@ STYLE: dict[str, Any] = {
     "axes.titlesize": 10,
     "axes.spines.top": False,
     "axes.spines.right": False,
-    "axes.edgecolor": "#666666",
+    "axes.edgecolor": EDGE,
     "axes.labelcolor": INK,
     "axes.grid": True,
     "axes.axisbelow": True,
@@ -48,7 +48,7 @@ STYLE: dict[str, Any] = {
     "text.parse_math": False,  # a column may be called anything
     "text.usetex": False,
 }
-SIZE = (4.8, 3.5)
+SIZE, SQUARE, WIDE = (4.8, 3.5), (4.8, 4.1), 9.8
 
 Made = TypeVar("Made", bound=Callable[..., Any])
 
@@ -147,9 +147,9 @@ def chart(
     breaks: Sequence[float] | np.ndarray = (),
 ) -> Figure:
     """Curves over one pair of axes that hold all of `limits` (x, y); `breaks` are ends of sequences."""
-    figure, axes = _one()
+    figure, axes = single()
     if zero:
-        axes.axhline(0, color="#666666", lw=0.8)
+        axes.axhline(0, color=EDGE, lw=0.8)
     for where in breaks:
         axes.axvline(where, color="#cccccc", lw=0.8, ls=":")
     for label, x, y, colour, kind in curves:
@@ -167,7 +167,7 @@ def chart(
             min(axes.get_xlim()[0], axes.get_ylim()[0]),
             max(axes.get_xlim()[1], axes.get_ylim()[1]),
         ]
-        axes.plot(ends, ends, color="#666666", lw=0.8, ls="--", label="exact")
+        axes.plot(ends, ends, color=EDGE, lw=0.8, ls="--", label="exact")
     if limits is not None:
         axes.set_xlim(*_widened(limits[0]))
         axes.set_ylim(*_widened(limits[1]))
@@ -180,7 +180,7 @@ def chart(
 def bars(names: Sequence[str], values: np.ndarray, colours: Sequence[str], keys: dict[str, str],
          x_label: str, y_label: str) -> Figure:  # fmt: skip
     """One bar for each name; `keys` {meaning: colour}."""
-    figure, axes = _one()
+    figure, axes = single()
     at = np.arange(len(values))
     if len(at) < MANY:
         axes.bar(at, values, color=list(colours), width=0.7 if len(at) < 40 else 1.0)
@@ -247,7 +247,7 @@ def corner(labels: Sequence[str], draws: np.ndarray, fitted: Sequence[float]) ->
 def triangle(x: np.ndarray, y: np.ndarray, values: np.ndarray, unexcited: np.ndarray | None,
              x_label: str, y_label: str, bar_label: str) -> Figure:  # fmt: skip
     """A map over (beta, alpha) with cell edges `x`, `y`; NaN outside, hatched where `unexcited`."""
-    figure, axes = _one((4.8, 4.1))
+    figure, axes = single(SQUARE)
     axes.grid(False)
     top = float(np.nanquantile(values, 0.97))
     beyond = bool(np.nanmax(values) > 3 * top > 0)
@@ -259,7 +259,7 @@ def triangle(x: np.ndarray, y: np.ndarray, values: np.ndarray, unexcited: np.nda
         hatched = axes.pcolor(x, y, veil, cmap=ListedColormap([(1, 1, 1, 0)]), hatch="////",
                               edgecolors="#7a7a7a", lw=0)  # fmt: skip
         hatched.set_clip_path(inside, axes.transData)
-    axes.plot([x[0], x[-1]], [x[0], x[-1]], color="#666666", lw=0.8)
+    axes.plot([x[0], x[-1]], [x[0], x[-1]], color=EDGE, lw=0.8)
     axes.set_aspect("equal")
     axes.set(xlabel=_short(x_label), ylabel=_short(y_label))
     bar = figure.colorbar(mesh, ax=axes, shrink=0.85, extend="max" if beyond else "neither")
@@ -271,14 +271,9 @@ def triangle(x: np.ndarray, y: np.ndarray, values: np.ndarray, unexcited: np.nda
 @styled
 def panels(names: Sequence[str], x: np.ndarray, y: np.ndarray, y_label: str) -> Figure:
     """A small chart for every row of x and y, all with one scale of y."""
-    across = min(len(names), 4)
-    down = -(-len(names) // across)
-    figure = Figure(figsize=(9.8, 0.6 + 1.7 * down), layout="constrained")
-    axes = figure.subplots(down, across, squeeze=False, sharey=True)
-    for panel in axes.flat[len(names) :]:
-        panel.set_visible(False)
-    for panel, name, here, there in zip(axes.flat, names, x, y, strict=False):
-        panel.axhline(0, color="#666666", lw=0.8)
+    figure, axes = small(len(names), 1.7, width=WIDE, sharey=True)
+    for panel, name, here, there in zip(axes, names, x, y, strict=True):
+        panel.axhline(0, color=EDGE, lw=0.8)
         panel.plot(here, there, lw=1.6, color=BLUE)
         panel.set_xlabel(_short(name, 30))
         panel.xaxis.set_major_locator(MaxNLocator(4))
@@ -286,9 +281,34 @@ def panels(names: Sequence[str], x: np.ndarray, y: np.ndarray, y_label: str) -> 
     return figure
 
 
-def _one(size: tuple[float, float] = SIZE) -> tuple[Figure, Any]:
+def single(size: tuple[float, float] = SIZE) -> tuple[Figure, Any]:
+    """A figure of one pair of axes."""
     figure = Figure(figsize=size, layout="constrained")
     return figure, figure.subplots()
+
+
+def small(
+    count: int, height: float, most: int = 4, width: float | None = None, **shared: Any
+) -> tuple[Figure, list[Any]]:
+    """A figure of so many small charts, at most `most` beside each other."""
+    across = min(count, most)
+    down = -(-count // across)
+    width = width or (WIDE if across > 2 else 4.9 * across)
+    figure = Figure(figsize=(width, 0.6 + height * down), layout="constrained")
+    grid = figure.subplots(down, across, squeeze=False, **shared)
+    for axes in grid.flat[count:]:
+        axes.set_visible(False)
+    return figure, list(grid.flat[:count])
+
+
+def shared_legend(figure: Figure, grid: Sequence[Any], columns: int | None = None) -> None:
+    """One legend of all charts, each name once."""
+    found: dict[str, Any] = {}
+    for axes in grid:
+        for handle, name in zip(*axes.get_legend_handles_labels(), strict=True):
+            found.setdefault(name, handle)
+    names, handles = list(found), list(found.values())
+    figure.legend(handles, names, loc="outside upper left", ncols=columns or len(found))
 
 
 def _legend(figure: Figure) -> None:

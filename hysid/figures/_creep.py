@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from ._base import GREY, INK, SIZE, SKY, VERMILLION, Curve, styled
+from ._base import EDGE, GREY, INK, SKY, VERMILLION, Curve, single, styled
 
 
 class Range(NamedTuple):
@@ -27,14 +27,13 @@ def step_answer(
 
     `log` names the logarithmic axes: "", "x" or "xy".
     """
-    figure = Figure(figsize=SIZE, layout="constrained")
-    axes = figure.subplots()
+    figure, axes = single()
     t, value, low, high = predicted
     axes.fill_between(t, low, high, color=SKY, alpha=0.6, lw=0, label="range, 90 %")
     for name, x, y, colour, _ in measured:
         axes.plot(x, y, ls="", marker="o", ms=2.5, mew=0, color=colour, label=name)
     axes.plot(t, value, lw=1.1, color=VERMILLION, label="model")
-    axes.axvline(span, color="#666666", lw=0.8, ls="--")
+    axes.axvline(span, color=EDGE, lw=0.8, ls="--")
     _logarithmic(axes, log)
     axes.set(xlabel=x_label, ylabel=y_label)
     figure.legend(loc="outside upper left", ncols=2, columnspacing=1.4, handlelength=1.6)
@@ -47,8 +46,7 @@ def spectrum(
     x_label: str, y_label: str,
 ) -> Figure:  # fmt: skip
     """Strengths over their time constants, with errors (NaN for none); grey outside the record."""
-    figure = Figure(figsize=SIZE, layout="constrained")
-    axes = figure.subplots()
+    figure, axes = single()
     _logarithmic(axes, "x")
     ends = min(inside[0], *tau) / 3, max(inside[1], *tau) * 3
     for a, b in ((ends[0], inside[0]), (inside[1], ends[1])):

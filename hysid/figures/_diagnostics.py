@@ -11,14 +11,9 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from identify import Bands, Profile, Sloppiness, Starts, Whiteness
 
-from ._base import BLUE, DIM, GREEN, GREY, INK, SIZE, SKY, VERMILLION, log_ticks, styled
+from . import _base as f
+from ._base import BLUE, DIM, EDGE, GREEN, GREY, INK, SIZE, SKY, VERMILLION, WIDE, log_ticks, styled
 from ._format import label, pretty
-
-ACROSS = 4
-"""Small charts beside each other."""
-
-EDGE = "#666666"
-WIDE = 9.8
 
 
 class Belief(NamedTuple):
@@ -65,8 +60,7 @@ def residual_correlation(found: Whiteness) -> Figure:
         axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
         axes.set_ylim(-1.15 * max(most, c.family), 1.15 * max(most, c.family))
     grid[0].set_ylabel("correlation")
-    handles, names = grid[0].get_legend_handles_labels()
-    figure.legend(handles, names, loc="outside upper left", ncols=3)
+    f.shared_legend(figure, [grid[0]], 3)
     return figure
 
 
@@ -106,8 +100,7 @@ def waterfall(starts: Starts, *, refined: int = 0, unit: str = "1") -> Figure:
     )
     below.set_ylabel("distance")
     below.xaxis.set_major_locator(MaxNLocator(8, integer=True))
-    handles, names = above.get_legend_handles_labels()
-    figure.legend(handles, names, loc="outside upper left", ncols=2)
+    f.shared_legend(figure, [above], 2)
     return figure
 
 
@@ -125,8 +118,8 @@ def profiles(found: Sequence[Profile], errors: Sequence[float | None] = ()) -> F
         >>> len(figure.axes)
         1
     """
-    figure, grid = _small(len(found), 1.95)
-    for k, (axes, p) in enumerate(zip(grid, found, strict=False)):
+    figure, grid = f.small(len(found), 1.95, 3 if len(found) in (5, 6) else 4)
+    for k, (axes, p) in enumerate(zip(grid, found, strict=True)):
         top = 1.6 * p.bound
         _axis(axes, np.append(p.values[p.drop < 1.3 * p.bound], p.best), p.name, p.unit)
         if k < len(errors) and (error := errors[k]):
@@ -143,7 +136,7 @@ def profiles(found: Sequence[Profile], errors: Sequence[float | None] = ()) -> F
             axes.plot(other, np.interp(other, p.values, p.drop), "o", mec=INK, mfc="white", ms=4)
         axes.set_ylim(top, -0.08 * top)
     figure.supylabel("drop of the log-likelihood", fontsize=9.5)
-    _shared_legend(figure, grid[: len(found)])
+    f.shared_legend(figure, grid)
     return figure
 
 
@@ -151,8 +144,8 @@ def profiles(found: Sequence[Profile], errors: Sequence[float | None] = ()) -> F
 def beliefs(found: Sequence[Belief]) -> Figure:
     """What was known of each parameter before the data, dashed, and after: draws and Laplace's
     approximation."""
-    figure, grid = _small(len(found), 1.75)
-    for axes, b in zip(grid, found, strict=False):
+    figure, grid = f.small(len(found), 1.75, 3 if len(found) in (5, 6) else 4)
+    for axes, b in zip(grid, found, strict=True):
         seen = [] if b.draws is None else [np.quantile(b.draws, [0.002, 0.998])]
         if b.laplace is not None:
             at, error = b.laplace
@@ -178,7 +171,7 @@ def beliefs(found: Sequence[Belief]) -> Figure:
         axes.set_ylim(bottom=0)
         axes.grid(axis="y", visible=False)
     figure.supylabel("density", fontsize=9.5)
-    _shared_legend(figure, grid[: len(found)])
+    f.shared_legend(figure, grid)
     return figure
 
 
@@ -186,8 +179,7 @@ def beliefs(found: Sequence[Belief]) -> Figure:
 def spectrum(found: Sloppiness) -> Figure:
     """Combinations of parameters from the best known to the worst: how each is made up, and its error."""
     n = len(found.names)
-    figure = Figure(figsize=(1.6 + 0.62 * n, 1.5 + 0.36 * n), layout="constrained")
-    axes = figure.subplots()
+    figure, axes = f.single((1.6 + 0.62 * n, 1.5 + 0.36 * n))
     axes.grid(False)
     mesh = axes.pcolormesh(np.arange(n + 1), np.arange(n + 1), np.abs(found.vectors), cmap="Blues",
                            vmin=0, vmax=1)  # fmt: skip
@@ -232,8 +224,7 @@ def bands(
     def gapped(y: np.ndarray) -> np.ndarray:
         return np.insert(y, gaps, np.nan)
 
-    figure = Figure(figsize=SIZE, layout="constrained")
-    axes = figure.subplots()
+    figure, axes = f.single()
     across = gapped(x)
     for k, name in reversed([*enumerate(("50 %", "90 %", "99 %"))]):
         pale = tuple(1 - (1 - c) * (0.85, 0.5, 0.22)[k] for c in to_rgb(SKY))
@@ -248,18 +239,6 @@ def bands(
     handles, names = axes.get_legend_handles_labels()
     figure.legend(handles[::-1], names[::-1], loc="outside upper left", ncols=4, handlelength=1.4)
     return figure
-
-
-def _small(count: int, height: float) -> tuple[Figure, list[Any]]:
-    """A grid of small charts."""
-    across = min(count, 3 if count in (5, 6) else ACROSS)
-    down = -(-count // across)
-    width = WIDE if across > 2 else 4.9 * across
-    figure = Figure(figsize=(width, 0.6 + height * down), layout="constrained")
-    grid = figure.subplots(down, across, squeeze=False)
-    for axes in grid.flat[count:]:
-        axes.set_visible(False)
-    return figure, list(grid.flat)
 
 
 def _axis(axes: Any, seen: np.ndarray, name: str, unit: str) -> bool:
@@ -281,12 +260,3 @@ def _axis(axes: Any, seen: np.ndarray, name: str, unit: str) -> bool:
 
 def _factor(error: float) -> str:
     return f"{np.exp(error):.2g}" if error < 7 else "∞"
-
-
-def _shared_legend(figure: Figure, grid: Sequence[Any]) -> None:
-    """One legend of all charts, each name once."""
-    found: dict[str, Any] = {}
-    for axes in grid:
-        for handle, name in zip(*axes.get_legend_handles_labels(), strict=True):
-            found.setdefault(name, handle)
-    figure.legend(list(found.values()), list(found), loc="outside upper left", ncols=len(found))

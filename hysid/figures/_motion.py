@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from ._base import BLUE, GREY, ORANGE, SIZE, VERMILLION, log_ticks, styled
+from ._base import BLUE, GREY, ORANGE, VERMILLION, log_ticks, single, styled
 
 
 @styled
@@ -14,8 +14,7 @@ def frequency_response(
     x_label: str, y_label: str,
 ) -> Figure:  # fmt: skip
     """The size of output over input in the excited lines, the linear model, and two levels (NaN: none)."""
-    figure = Figure(figsize=SIZE, layout="constrained")
-    axes = figure.subplots()
+    figure, axes = single()
     axes.semilogy(frequencies, np.abs(response), ".", ms=2.5, color=BLUE, label="measured")
     axes.semilogy(frequencies, np.abs(model), lw=1.1, color=VERMILLION, label="linear oscillator")
     for level, colour, word in (
@@ -35,8 +34,7 @@ def hysteretic_force(
     displacement: np.ndarray, force: np.ndarray, x_label: str, y_label: str
 ) -> Figure:
     """The model's hysteretic force over the displacement."""
-    figure = Figure(figsize=SIZE, layout="constrained")
-    axes = figure.subplots()
+    figure, axes = single()
     axes.plot(displacement, force, lw=0.5, color=BLUE)
     axes.set(xlabel=x_label, ylabel=y_label)
     return figure
@@ -48,8 +46,7 @@ def residual_spectrum(
     y_label: str,
 ) -> Figure:  # fmt: skip
     """Amplitude densities of the output and of the residuals; white noise of `sigma` is level."""
-    figure = Figure(figsize=SIZE, layout="constrained")
-    axes = figure.subplots()
+    figure, axes = single()
     axes.semilogy(frequencies, output, lw=0.8, color=BLUE, label="measured output")
     axes.semilogy(frequencies, residual, lw=0.8, color=VERMILLION, label="residuals")
     axes.axhline(sigma, lw=0.9, ls="--", color=GREY, label="noise")

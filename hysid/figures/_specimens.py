@@ -8,7 +8,7 @@ from jaxtyping import Float
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from ._base import BLUE, SKY, VERMILLION, styled
+from ._base import BLUE, SKY, VERMILLION, shared_legend, small, styled
 from ._format import label, number, pretty
 
 BOX = (200, 150)
@@ -74,14 +74,8 @@ def _short(x: float) -> str:
 def spreads(found: Sequence[Spread]) -> Figure:
     """Parameters over the specimens, in the order of the table, with their intervals; vermillion, those
     that stand out; pale, where nine of ten new specimens lie."""
-    across = min(len(found), 3)
-    down = -(-len(found) // across)
-    width = 9.8 if across > 2 else 4.9 * across
-    figure = Figure(figsize=(width, 0.6 + 2.2 * down), layout="constrained")
-    grid = figure.subplots(down, across, squeeze=False)
-    for axes in grid.flat[len(found) :]:
-        axes.set_visible(False)
-    for axes, s in zip(grid.flat, found, strict=False):
+    figure, grid = small(len(found), 2.2, 3)
+    for axes, s in zip(grid, found, strict=True):
         at, out = np.arange(1, len(s.value) + 1), np.array(s.out)
         if s.new is not None:
             axes.axhspan(*s.new, color=SKY, alpha=0.28, lw=0, label="new specimen, 90 %")
@@ -94,9 +88,5 @@ def spreads(found: Sequence[Spread]) -> Figure:
         axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
         axes.yaxis.set_major_locator(MaxNLocator(4))
         axes.set(xlabel="specimen, row of the table", title=label(s.name, pretty(s.unit) or "1"))
-    names: dict[str, object] = {}
-    for axes in grid.flat[: len(found)]:
-        for handle, name in zip(*axes.get_legend_handles_labels(), strict=True):
-            names.setdefault(name, handle)
-    figure.legend(list(names.values()), list(names), loc="outside upper left", ncols=3)  # type: ignore[arg-type]
+    shared_legend(figure, grid, 3)
     return figure

@@ -1,5 +1,6 @@
 """What the sections of a report are made of, and the fit they are about."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -11,6 +12,7 @@ import identify
 from hysteresis import InputError, Record
 
 from .._invert import exported
+from ..figures._base import png
 from ..figures._format import label, plain_name
 from ._residual_rows import RoundTrip, Rows, residual_rows, round_trip
 
@@ -56,7 +58,7 @@ class Table(NamedTuple):
 
     caption: str
     columns: tuple[str, ...]
-    rows: list[tuple[str | Link, ...]]
+    rows: Sequence[Sequence[str | Link]]
     strong: int | None = None
 
 
@@ -73,6 +75,10 @@ class Section:
     notes: list[str] = field(default_factory=list)
     parts: list["Section"] = field(default_factory=list)
     folded: bool = False
+
+    def draw(self, figure: Any, alt: str, caption: str) -> None:
+        """Add a figure, the words in its place, and what to look for."""
+        self.pictures.append(Picture(*png(figure), alt=alt, caption=caption))
 
     @property
     def id(self) -> str:
@@ -174,9 +180,3 @@ class Case:
             return round_trip(self.outputs, backwards, self.judged[1])
         except InputError as error:
             return error
-
-
-def picture(figure: Any, alt: str, caption: str) -> Picture:
-    from ..figures import _base as _figures
-
-    return Picture(*_figures.png(figure), alt=alt, caption=caption)

@@ -2,13 +2,12 @@
 
 import numpy as np
 
+from ..figures import _base as f
 from ..figures._format import label, number, plain_name, quantity
-from ._case import Case, Section, Table, picture
+from ._case import Case, Section, Table
 
 
 def channels(case: Case) -> Section:
-    from ..figures import _base as f
-
     combined, unit = case.fit.channels, case.units[1]
     assert combined is not None
     nodes, values = np.asarray(combined.nodes), np.asarray(combined.values)
@@ -27,7 +26,7 @@ def channels(case: Case) -> Section:
     caption = (
         "Contribution of each channel over its fitted range; a flat curve contributes nothing."
     )
-    section.pictures.append(picture(figure, f"Curves of {len(names)} channels", caption))
+    section.draw(figure, f"Curves of {len(names)} channels", caption)
     share = np.ptp(values, axis=1)
     rows = [
         (names[c], quantity(float(nodes[c, 0]), combined.units[c]),

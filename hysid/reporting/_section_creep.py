@@ -7,8 +7,11 @@ import numpy as np
 from hysteresis import GeneralizedKelvinVoigt, Record
 from identify import DiscreteSpectrum, Spectrum
 
+from ..figures import _base as f
+from ..figures._creep import Range, step_answer
+from ..figures._creep import spectrum as drawn
 from ..figures._format import label, number, plain_name, pretty, quantity
-from ._case import Case, Link, Section, Table, picture
+from ._case import Case, Section, Table
 
 LATER = (1.5, 3.0, 10.0, 30.0, 100.0)
 """Times of the table, in spans of the record."""
@@ -19,9 +22,6 @@ WORDS = {"creep": "Creep", "relaxation": "Relaxation"}
 
 def curve(case: Case) -> Section:
     """The measured answer, the model and its range, over linear and logarithmic time."""
-    from ..figures import _base as f
-    from ..figures._creep import Range, step_answer
-
     found, step = spectrum_of(case), step_of(case)
     drawn = []
     for record, word, colour in _records(case):
@@ -47,9 +47,9 @@ def curve(case: Case) -> Section:
             " covers every slow process that the fitted rows cannot exclude."
         )
         alt = f"{case.output} over {how} time: measured, model and range"
-        section.pictures.append(picture(figure, alt, caption))
+        section.draw(figure, alt, caption)
     t = found.span * np.array(LATER)
-    table: list[tuple[str | Link, ...]] = []
+    table = []
     for when, value, low, high in zip(t, *found.predict(t), strict=True):
         ends = sorted((step * low, step * high))
         cells = [quantity(float(x), case.units[1]) for x in (step * value, *ends)]
@@ -63,8 +63,6 @@ def curve(case: Case) -> Section:
 
 def spectrum(case: Case) -> Section:
     """Strengths over time constants, and what other orders would have given."""
-    from ..figures._creep import spectrum as drawn
-
     found, model, unit = spectrum_of(case), case.fit.model, case.fit.train.time_unit
     creep = isinstance(model, GeneralizedKelvinVoigt)
     known = {p.name: p for p in case.fit.parameters}
@@ -85,7 +83,7 @@ def spectrum(case: Case) -> Section:
             "Strength and time constant of each delayed element. The grey times lie outside the record:"
             " an element there acts as a spring or a dashpot, and its time constant is unknown."
         )
-        section.pictures.append(picture(figure, "Strengths over time constants", caption))
+        section.draw(figure, "Strengths over time constants", caption)
     least = min(row.evidence for row in found.table)
     held_out = {
         c["model"]: "none"
@@ -93,7 +91,7 @@ def spectrum(case: Case) -> Section:
         else quantity(t["nrmse_percent"], "%")
         for c in case.document["candidates"]
     }
-    rows: list[tuple[str | Link, ...]] = [
+    rows = [
         (
             f"{row.order}",
             f"{row.parameters}",
@@ -118,8 +116,6 @@ def spectrum(case: Case) -> Section:
 
 def residuals(case: Case) -> Section:
     """Residuals relative to the output, over logarithmic time."""
-    from ..figures import _base as f
-
     found, step = spectrum_of(case), step_of(case)
     curves = []
     for record, word, colour in _records(case):
@@ -139,7 +135,9 @@ def residuals(case: Case) -> Section:
     caption = (
         "Residuals should look like noise. A wave means a missing time constant or a rig effect."
     )
-    return Section("Residuals", [text], [picture(figure, "Relative residuals over time", caption)])
+    section = Section("Residuals", [text])
+    section.draw(figure, "Relative residuals over time", caption)
+    return section
 
 
 def in_words(case: Case) -> str:
@@ -193,8 +191,6 @@ def time_label(case: Case) -> str:
 
 
 def _records(case: Case) -> list[tuple[Record, str, Any]]:
-    from ..figures import _base as f
-
     both = ((case.fit.train, "training", f.BLUE), (case.fit.test, "held-out", f.GREEN))
     return [(record, word, colour) for record, word, colour in both if record is not None]
 

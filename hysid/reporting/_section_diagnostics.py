@@ -11,8 +11,9 @@ import numpy as np
 import identify
 from hysteresis import InputError
 
+from ..figures import _diagnostics as f
 from ..figures._format import label, number, plain_name, pretty, quantity
-from ._case import Case, Link, Section, Table, picture
+from ._case import Case, Section, Table
 
 MOST_ROWS = 20_000
 """Rows of a record up to which parameters are optimised anew for the report: some seconds of work."""
@@ -75,7 +76,7 @@ def _noise(case: Case) -> Section:
         )
         return section
     section.text.append(f"{model.words[:1].upper()}{model.words[1:]}: {counts}.")
-    rows: list[tuple[str | Link, ...]] = [
+    rows = [
         (name, number(float(value)), pretty(_noise_unit(info.unit, case)) or "1", info.meaning)
         for name, info, value in _noise_parameters(model)
     ]
@@ -101,8 +102,6 @@ def _noise_unit(unit: str, case: Case) -> str:
 
 
 def _whiteness(case: Case) -> Section:
-    from ..figures import _diagnostics as f
-
     found = identify.whiteness(case.fit)
     section = Section("Are the residuals white?", [" ".join(found.said)])
     caption = (
@@ -115,7 +114,7 @@ def _whiteness(case: Case) -> Section:
             " These are one-step-ahead errors: the prediction of the noise model is subtracted."
         )
     alt = "Autocorrelation of the residuals and their correlation with the input and its speed"
-    section.pictures.append(picture(f.residual_correlation(found), alt, caption))
+    section.draw(f.residual_correlation(found), alt, caption)
     return section
 
 
@@ -147,8 +146,6 @@ def _breakdown(case: Case) -> Section:
 
 
 def _starts(case: Case) -> Section:
-    from ..figures import _diagnostics as f
-
     section, starts = Section("Is there a better minimum?"), case.fit.starts
     if starts is None:
         section.text.append(
@@ -171,13 +168,11 @@ def _starts(case: Case) -> Section:
     )
     alt = f"Errors of {len(errors)} starts, sorted; {same} of them share the lowest"
     figure = f.waterfall(starts, refined=REFINED, unit=case.units[1])
-    section.pictures.append(picture(figure, alt, caption))
+    section.draw(figure, alt, caption)
     return section
 
 
 def _profiles(case: Case) -> Section:
-    from ..figures import _diagnostics as f
-
     found = identify.profiles(case.fit)
     open_ = [p for p in found if p.low is None or p.high is None or p.others]
     text = "The data bound every parameter from both sides."
@@ -186,7 +181,7 @@ def _profiles(case: Case) -> Section:
     section = Section("How precisely is each parameter known?", [text])
     unit = {p.name: pretty(p.unit) or "1" for p in found}
     fitted = {p.name: p for p in case.fit.parameters}
-    rows: list[tuple[str | Link, ...]] = []
+    rows = []
     for p in found:
         error = fitted[p.name].stderr
         ends = [number(end) if end is not None else "none" for end in (p.low, p.high)]
@@ -212,13 +207,11 @@ def _profiles(case: Case) -> Section:
         " determine the parameter."
     )
     figure = f.profiles(found, errors)
-    section.pictures.append(picture(figure, "Profile likelihood of each parameter", caption))
+    section.draw(figure, "Profile likelihood of each parameter", caption)
     return section
 
 
 def _sloppiness(case: Case) -> Section:
-    from ..figures import _diagnostics as f
-
     found = identify.sloppiness(case.fit)
     section = Section("Which combinations of parameters are known?", [" ".join(found.said)])
     if len(found.names) < 2:
@@ -230,13 +223,11 @@ def _sloppiness(case: Case) -> Section:
         f" Condition number: {condition}."
     )
     alt = "Eigenvectors of the Fisher information with the error of each"
-    section.pictures.append(picture(f.spectrum(found), alt, caption))
+    section.draw(f.spectrum(found), alt, caption)
     return section
 
 
 def _beliefs(case: Case, aim: identify.Target) -> Section:
-    from ..figures import _diagnostics as f
-
     posterior, drawn = case.posterior, {}
     if posterior is not None:
         flat = posterior.draws.reshape(-1, len(posterior.names))
@@ -264,9 +255,7 @@ def _beliefs(case: Case, aim: identify.Target) -> Section:
         caption += f" User-specified priors: {', '.join(asked)}."
     else:
         caption += " The priors are weak defaults, scaled to the data."
-    section.pictures.append(
-        picture(f.beliefs(found), "Prior and posterior of each parameter", caption)
-    )
+    section.draw(f.beliefs(found), "Prior and posterior of each parameter", caption)
     return section
 
 
@@ -276,13 +265,11 @@ def _density(prior: Any) -> Callable[[np.ndarray], np.ndarray]:
 
 
 def _predictive(case: Case) -> Section:
-    from ..figures import _diagnostics as f
-
     word, record = case.judged
     found = identify.predictive(case.fit, posterior=case.posterior)
     section = Section("Do new readings lie inside the predictive bands?", [found.said])
     levels = [f"{100 * level:.0f} % band" for level in identify.LEVELS]
-    rows: list[tuple[str | Link, ...]] = [
+    rows = [
         (name, *(f"{100 * share:.0f} %" for share in shares))
         for name, shares in found.cycles.items()
     ]
@@ -302,18 +289,18 @@ def _predictive(case: Case) -> Section:
     words = {"x_label": x_label, "gaps": gaps}
     figure = f.bands(found, x, y_label=case.output_label, **words)
     caption = f"Predictive bands over the {word} rows, including the noise."
-    section.pictures.append(picture(figure, f"Predictive bands of {case.output}", caption))
+    section.draw(figure, f"Predictive bands of {case.output}", caption)
     y_label = label("measured − median", case.units[1])
     figure = f.bands(found, x, y_label=y_label, about=True, **words)
     caption = "The same bands with the median subtracted, which shows their widths."
-    section.pictures.append(picture(figure, "Predictive bands around their median", caption))
+    section.draw(figure, "Predictive bands around their median", caption)
     return section
 
 
 def _sensitivity(case: Case) -> Section:
     found = identify.sensitivity(case.fit)
     section = Section("Which rows does the fit depend on?", [" ".join(found.said)])
-    rows: list[tuple[str | Link, ...]] = []
+    rows = []
     for without in found.cases:
         shown = [
             "—" if not math.isfinite(change) else f"{change:+.1f}".replace("-", "−")

@@ -6,13 +6,12 @@ import numpy as np
 
 import identify
 
+from ..figures import _base as f
 from ..figures._format import label, number, plain_name, pretty, quantity
-from ._case import Case, Link, Section, Table, picture
+from ._case import Case, Section, Table
 
 
 def loops(case: Case) -> Section:
-    from ..figures import _base as f
-
     fit, section = case.fit, Section("Loops")
     records = [r for r in (fit.train, fit.test) if r is not None]
     masks = [r.mask for r in records]
@@ -44,7 +43,7 @@ def loops(case: Case) -> Section:
         if part == "train" and dropped.any():
             caption += " The fit excludes the first cycle (grey), which conditions the sample."
         alt = f"{case.output} against {case.input}: measured loop of the {word} rows and the model"
-        section.pictures.append(picture(figure, alt, caption))
+        section.draw(figure, alt, caption)
     if fit.test is None:
         section.notes.append("Nothing was held out, so there is only one panel.")
     section.notes += _beyond(case)
@@ -71,8 +70,6 @@ def _beyond(case: Case) -> list[str]:
 
 
 def residuals(case: Case) -> Section:
-    from ..figures import _base as f
-
     fit, unit = case.fit, case.units[1]
     used, train = fit.used, fit.train
     rows = case.rows
@@ -101,7 +98,7 @@ def residuals(case: Case) -> Section:
     caption = "Residuals should look like noise. A slope means drift, a wave a missing effect."
     if left > 3 * most:
         caption += f" The excluded cycle reaches {quantity(left, unit)}, outside the picture."
-    section.pictures.append(picture(figure, "Residuals in the order of the rows", caption))
+    section.draw(figure, "Residuals in the order of the rows", caption)
 
     signs, curves, means = {1: "loading", -1: "unloading"}, [], []
     branch = rows.branch
@@ -120,7 +117,7 @@ def residuals(case: Case) -> Section:
         f"Residuals by branch: on average {' and '.join(means)}. Lines that are apart mean that the"
         " loop's width is wrong; lines that bend together mean that its curve is wrong."
     )
-    section.pictures.append(picture(figure, "Residuals against input by branch", caption))
+    section.draw(figure, "Residuals against input by branch", caption)
 
     names, words, sizes = rows.groups()
     kind = "sequence" if len(rows.starts) > 1 else "cycle"
@@ -129,7 +126,7 @@ def residuals(case: Case) -> Section:
     worst = int(np.argmax(sizes))
     caption = f"Error by {kind}. The largest is that of {names[worst]} ({words[worst]}),"
     caption += f" {quantity(sizes[worst], unit)} rms."
-    section.pictures.append(picture(figure, f"Bars of the rms error of each {kind}", caption))
+    section.draw(figure, f"Bars of the rms error of each {kind}", caption)
     return section
 
 
@@ -267,7 +264,7 @@ def baselines(case: Case) -> Section:
     assert train is not None
     own = (fit.name, "", *_errors(train, test, unit))
     columns = ("Model", "Score", "Training error", "Held-out error", "Held-out rms")
-    rows: list[tuple[str | Link, ...]] = [own, *(row[:5] for row in _baseline_rows(case))]
+    rows = [own, *(row[:5] for row in _baseline_rows(case))]
     return Section("Baselines", [
         "Baselines predict without a spectrum, on the same rows. Their score is the error on held-out parts"
         " of the training rows."
@@ -297,7 +294,7 @@ def _errors(
 
 def data(case: Case) -> Section:
     data, document = case.document["data"], case.document
-    rows: list[tuple[str | Link, ...]] = [
+    rows = [
         ("File", data["source"] or "arrays"),
         ("SHA-256", data["sha256"]),
         ("Rows", f"{data['rows']:,} in {data['sequences']} sequence{'s'[: data['sequences'] > 1]}"),

@@ -15,8 +15,9 @@ from identify import excited_cells
 from .._compensator import with_compensator
 from .._invert import error_of
 from .._run_in import RunIn
+from ..figures import _base as f
 from ..figures._format import label, number, plain_name, pretty, quantity
-from ._case import Case, Link, Section, Table, picture
+from ._case import Case, Section, Table
 
 MEANINGS = {
     Status.OK: "inside the model's range",
@@ -30,8 +31,6 @@ MEANINGS = {
 
 
 def posterior(case: Case) -> Section:
-    from ..figures import _base as f
-
     section, posterior, fit = Section("Posterior"), case.posterior, case.fit
     if posterior is None:
         section.text.append(
@@ -52,7 +51,7 @@ def posterior(case: Case) -> Section:
             " given those, each draw by non-negative least squares."
         )
     columns = ("Parameter", "Mean", "Deviation", "5 %", "95 %", "R-hat", "Effective draws")
-    rows: list[tuple[str | Link, ...]] = [
+    rows = [
         (s.name, *map(number, (s.mean, s.sd, s.q05, s.q95)), f"{s.rhat:.3f}", f"{s.ess:,.0f}")
         for s in posterior.summaries
     ]
@@ -69,15 +68,13 @@ def posterior(case: Case) -> Section:
             " cloud means that two parameters are correlated."
         )
         alt = f"Corner plot of {', '.join(posterior.names)}"
-        section.pictures.append(picture(figure, alt, caption))
+        section.draw(figure, alt, caption)
     else:
         section.notes.append(f"{len(posterior.names)} parameters are too many for a corner plot.")
     return section
 
 
 def density(case: Case) -> Section:
-    from ..figures import _base as f
-
     model, fit = case.fit.model, case.fit
     assert isinstance(model, Preisach)
     assert isinstance(model.density, GridDensity)
@@ -109,7 +106,7 @@ def density(case: Case) -> Section:
         "Density of the relays. Weight near the diagonal makes narrow loops, weight far from it wide ones."
         f" The densest cell has {densest}; if the scale ends in an arrow, this is beyond the scale."
     )
-    section.pictures.append(picture(figure, "Density over the triangle of thresholds", caption))
+    section.draw(figure, "Density over the triangle of thresholds", caption)
 
     fine = np.linspace(density.low, density.high, 121)
     middle = (fine[1:] + fine[:-1]) / 2
@@ -118,7 +115,7 @@ def density(case: Case) -> Section:
     figure = f.triangle(fine, fine, np.where(alpha >= beta, E, np.nan), None,
                         *labels, label("Everett function", output_unit))  # fmt: skip
     caption = "Everett function: half of what the relays add when the input rises from β to α."
-    section.pictures.append(picture(figure, "Everett function over the triangle", caption))
+    section.draw(figure, "Everett function over the triangle", caption)
 
     if model.reversible is not None:
         curve = float(model.offset) + np.append(0.0, np.cumsum(np.asarray(model.reversible)))
@@ -128,13 +125,11 @@ def density(case: Case) -> Section:
             label("memoryless part", output_unit),
         )
         caption = "Memoryless part of the model; the relays add the loop to it."
-        section.pictures.append(picture(figure, "Memoryless part against the input", caption))
+        section.draw(figure, "Memoryless part against the input", caption)
     return section
 
 
 def compensator(case: Case) -> Section:
-    from ..figures import _base as f
-
     section, trip, unit = Section("Compensator"), case.round_trip, case.units[0]
     if isinstance(trip, InputError):
         section.text.append(
@@ -175,7 +170,7 @@ def compensator(case: Case) -> Section:
         "Estimated against measured input. The dashed line is an exact estimate; a loop around it"
         " is uncompensated hysteresis."
     )
-    section.pictures.append(picture(figure, "Estimated against measured input", caption))
+    section.draw(figure, "Estimated against measured input", caption)
     clock = record.time is not None and len(record.labels) == 1
     x = record.time if clock and record.time is not None else np.arange(len(u), dtype=float)
     path = f.trace(x, trip.estimate - u, trip.counted, starts)
@@ -185,12 +180,10 @@ def compensator(case: Case) -> Section:
     figure = f.chart(
         [f.Curve(word, *path, colour)], x_label, label("estimated − measured", unit), zero=True
     )
-    section.pictures.append(
-        picture(
-            figure,
-            "Error of the estimated input in the order of the rows",
-            "Error of the estimated input in the order of the rows.",
-        )
+    section.draw(
+        figure,
+        "Error of the estimated input in the order of the rows",
+        "Error of the estimated input in the order of the rows.",
     )
     return section
 

@@ -7,7 +7,8 @@ import numpy as np
 from identify import Motion
 
 from ..figures._format import label, number, quantity
-from ._case import Case, Section, Table, picture
+from ..figures._motion import frequency_response, hysteretic_force, residual_spectrum
+from ._case import Case, Section, Table
 
 LINES = 400
 """Of a spectrum are shown, each the rms of its neighbours."""
@@ -15,8 +16,6 @@ LINES = 400
 
 def response(case: Case) -> Section:
     """The best linear approximation, with the levels of noise and of nonlinear distortion."""
-    from ..figures._motion import frequency_response
-
     linear = motion_of(case).linear
     x, y = _frequency(case), label("displacement / force", " / ".join(case.units[::-1]))
     figure = frequency_response(
@@ -32,14 +31,12 @@ def response(case: Case) -> Section:
         "Distortion is what of the response is not smooth in frequency: where it lies above the noise, the"
         " spring is not linear. Both levels need a force that repeats itself."
     )
-    section.pictures.append(picture(figure, "Frequency response with its levels", caption))
+    section.draw(figure, "Frequency response with its levels", caption)
     return section
 
 
 def hysteresis(case: Case) -> Section:
     """The hysteretic force of the model along the fitted motion."""
-    from ..figures._motion import hysteretic_force
-
     motion, fit = motion_of(case), case.fit
     rows = slice(0, motion.recorded.period or len(fit.train))
     y = case.predicted["train"][rows]
@@ -50,14 +47,12 @@ def hysteresis(case: Case) -> Section:
     )
     caption = "The hysteretic force over the displacement, of the second half of the fitted motion."
     section = Section("Hysteretic force")
-    section.pictures.append(picture(figure, "Hysteretic force over displacement", caption))
+    section.draw(figure, "Hysteretic force over displacement", caption)
     return section
 
 
 def residuals(case: Case) -> Section:
     """Spectra of output and residuals: what the model leaves at the resonance."""
-    from ..figures._motion import residual_spectrum
-
     fit, motion = case.fit, motion_of(case)
     used = fit.used
     y = np.asarray(fit.train.output)[used]
@@ -76,7 +71,7 @@ def residuals(case: Case) -> Section:
         " that rise at the resonance mean that the class of hysteresis is wrong."
     )
     section = Section("Residuals")
-    section.pictures.append(picture(figure, "Spectra of output and residuals", caption))
+    section.draw(figure, "Spectra of output and residuals", caption)
     return section
 
 

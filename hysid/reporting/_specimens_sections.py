@@ -10,8 +10,10 @@ import numpy as np
 import identify
 from hysteresis import InputError
 
+from ..figures import _base as f
 from ..figures._format import label, number, plain_name, pretty, quantity
-from ._case import TARGET, Link, Section, Small, Table, picture
+from ..figures._specimens import BOX, Plane, Spread, spreads
+from ._case import TARGET, Link, Section, Small, Table
 from ._specimens import FAR, FEW, Figure90, Specimen
 
 COLUMNS = 4
@@ -55,9 +57,6 @@ def fits(specimens: Sequence[Specimen], home: Path, failed: dict[str, str]) -> S
 
 def loops(group: Sequence[Specimen], name: str, home: Path) -> Section:
     """Small charts of one kind of fit on one scale: the judged rows and the model."""
-    from ..figures import _base as f
-    from ..figures._specimens import BOX, Plane
-
     drawn = []
     for one in group:
         record = one.fit.train if one.fit.test is None else one.fit.test
@@ -92,8 +91,6 @@ def loops(group: Sequence[Specimen], name: str, home: Path) -> Section:
 def parameters(
     group: Sequence[Specimen], name: str, population: identify.Pooled | None, said: list[str]
 ) -> Section:
-    from ..figures._specimens import Spread, spreads
-
     names = list(dict.fromkeys(n for one in group for n in one.figures))
     units = {p.name: p.unit for one in group for p in one.fit.parameters}
     known = {p.name: p for p in (population.parameters if population else ())}
@@ -108,9 +105,7 @@ def parameters(
         )
     for k in range(0, len(names), COLUMNS):
         part = names[k : k + COLUMNS]
-        rows: list[tuple[str | Link, ...]] = [
-            (one.name, *(_cell(one, n) for n in part)) for one in group
-        ]
+        rows = [(one.name, *(_cell(one, n) for n in part)) for one in group]
         columns = ("Specimen", *(f"{n} ({pretty(units[n]) or '1'})" for n in part))
         section.tables.append(Table("" if k == 0 else "Further parameters.", columns, rows))
     free = [n for n in names if any(np.isfinite(f.low) for f in _of(group, n))][:CHARTS]
@@ -130,9 +125,7 @@ def parameters(
         caption = "Each parameter over the specimens, in the order of the table."
         if known:
             caption += " The pale band contains 90 % of new specimens."
-        section.pictures.append(
-            picture(spreads(spread), "Parameters with intervals over the specimens", caption)
-        )
+        section.draw(spreads(spread), "Parameters with intervals over the specimens", caption)
     if any(set(one.why) - {"error"} for one in group):
         section.notes.append(
             f"* Outlier: more than {FAR:g} robust deviations from the median of the specimens."

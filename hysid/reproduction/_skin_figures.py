@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from ..figures._base import BLUE, GREEN, GREY, INK, ORANGE, SKY, VERMILLION, styled
+from ..figures._base import BLUE, GREEN, GREY, INK, ORANGE, SKY, VERMILLION, single, styled
 from ._skin import PLACES, Skin
 from ._skin_pair import DT, NAMES, SkinPair
 
@@ -36,8 +36,7 @@ def loops(skin: Skin, with_ours: bool) -> Figure:
 @styled
 def places(skin: Skin) -> Figure:
     """Fig 7: both layers' readings of the presses to learn from, dim, and of those asked, dark."""
-    figure = Figure(figsize=(6.4, 5.0), layout="constrained")
-    axes = figure.subplots()
+    figure, axes = single((6.4, 5.0))
     axes.set_title("Fig 7. Readings of presses at five places")
     known, asked = skin.rig.finger_presses(), skin.rig.finger_presses(20, session=1)
     for k, (name, colour, mark) in enumerate(zip(PLACES, COLOURS, MARKS, strict=True)):

@@ -1,6 +1,5 @@
 """`hysid microchannel train-pairs`, and `estimate` of its folder: forces on several places at once."""
 
-import csv
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -16,7 +15,7 @@ import identify
 from compensate import Status
 from compensate.microchannel import MultiContactEstimator, export_contacts
 from hysteresis import InputError, Record, Table, conversion
-from hysteresis._atomic_file import atomic_file, open_csv
+from hysteresis._atomic_file import write_table
 from hysteresis._limits import damage_told, load_arrays
 from hysteresis._serialisation import described, rebuilt
 from hysteresis.numerics._normal import NORMAL_95
@@ -223,16 +222,16 @@ def estimate_contacts(
     parts = stretches(record, table, document["forces"])
     found = [found_in(estimator, one) for one in parts]
     target = target or folder / f"estimated-{Path(file).stem}.csv"
-    target.parent.mkdir(parents=True, exist_ok=True)
     header = [f"{name} (N)" for name in names] + [f"{name} sd (N)" for name in names]
     words = [[Status(int(one)).name for one in status] for _, _, status in found]
-    with atomic_file(target) as new, open_csv(new) as handle:
-        writer = csv.writer(handle)
-        writer.writerow(["line", "time (s)", *header, "status"])
-        for one, (value, deviation, _), said in zip(parts, found, words, strict=True):
-            numbers = np.column_stack([one.time, value, deviation]).tolist()
-            for line, row, word in zip(one.line.tolist(), numbers, said, strict=True):
-                writer.writerow([line, *(f"{x:.6g}" for x in row), word])
+    rows = [
+        [line, *(f"{x:.6g}" for x in row), word]
+        for one, (value, deviation, _), said in zip(parts, found, words, strict=True)
+        for line, row, word in zip(
+            one.line.tolist(), np.column_stack([one.time, value, deviation]), said, strict=True
+        )
+    ]
+    write_table(target, ["line", "time (s)", *header, "status"], rows)
     count = Counter(word for said in words for word in said)
     return {
         "contacts": judged(estimator, parts, names), "rmse": None, "rows": count.total(),

@@ -1,6 +1,5 @@
 """`hysid microchannel estimate`: a soft sensor over a file, and how far off it is."""
 
-import csv
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import reduce
@@ -13,7 +12,7 @@ from jaxtyping import Bool, Float
 
 import identify
 from hysteresis import InputError, Table, parse_condition
-from hysteresis._atomic_file import atomic_file, open_csv
+from hysteresis._atomic_file import write_table
 from hysteresis._limits import damage_told, parse_json
 
 from ..intake._selection import Selection
@@ -328,12 +327,9 @@ def _write(
         columns |= {q.name: found.position[:, k] for k, q in enumerate(sensor.position_in)}
         columns |= {name: getattr(found, name) for name in ("position_sd", "position_status")}
     columns["channels"] = found.channels
-    target.parent.mkdir(parents=True, exist_ok=True)
-    with atomic_file(target) as new, open_csv(new) as handle:
-        writer = csv.writer(handle)
-        writer.writerow(columns)
-        for row in zip(*columns.values(), strict=True):
-            writer.writerow([_digits(x) if isinstance(x, float) else x for x in row])
+    rows = zip(*columns.values(), strict=True)
+    shown = ([_digits(x) if isinstance(x, float) else x for x in row] for row in rows)
+    write_table(target, columns, shown)
 
 
 def _digits(x: float, count: int = 6) -> str:

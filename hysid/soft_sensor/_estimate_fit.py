@@ -1,6 +1,5 @@
 """`hysid microchannel estimate` of a plain fit: forces from readings by its model, or by its inverse."""
 
-import csv
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ import identify
 from compensate import CalibratedCompensator, Quantity, Status, estimate, invert
 from compensate.microchannel import BackwardsModel, ForceEstimator, export_force
 from hysteresis import InputError, Record, conversion, with_condition
-from hysteresis._atomic_file import atomic_file, open_csv
+from hysteresis._atomic_file import write_table
 
 from .._invert import error_of, longest_sequence
 from .._invert import invert as invert_fit
@@ -72,9 +71,7 @@ def estimate_by_fit(
     words = [Status(int(s)).name for s in status]
     time = [""] * len(record) if record.time is None else record.time.tolist()
     rows = zip(record.line, time, newtons * value, newtons * deviation, words, strict=True)
-    target.parent.mkdir(parents=True, exist_ok=True)
-    with atomic_file(target) as new, open_csv(new) as handle:
-        csv.writer(handle).writerows([("line", "time", "force", "force_sd", "force_status"), *rows])
+    write_table(target, ("line", "time", "force", "force_sd", "force_status"), rows)
     done = (
         {} if runtime is None else {"runtime": str(_exported(fitted, held_out, inverse, runtime))}
     )

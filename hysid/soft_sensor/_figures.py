@@ -10,7 +10,7 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from hysteresis.numerics._normal import NORMAL_95
 
-from ..figures._base import BLUE, GREY, INK, SKY, VERMILLION, styled, thin, trace
+from ..figures._base import BLUE, EDGE, GREY, INK, SKY, VERMILLION, single, styled, thin, trace
 from ..figures._format import label
 
 MOST_SHOWN = 600
@@ -20,8 +20,7 @@ MOST_SHOWN = 600
 @styled
 def learning(curves: Sequence[tuple[Any, Any]], unit: str) -> Figure:
     """Root mean square error over the epochs of every training: learnt from, and held out."""
-    figure = Figure(figsize=(6.4, 3.8), layout="constrained")
-    axes = figure.subplots()
+    figure, axes = single((6.4, 3.8))
     for k, (seen, held) in enumerate(curves):
         at = np.arange(1, len(seen) + 1)
         axes.plot(at, np.sqrt(seen), color=SKY, lw=0.9, label="" if k else "learnt from")
@@ -67,7 +66,7 @@ def force(
     few = thin(4000, measured, found)
     axes.plot(measured[few], found[few], ls="", marker="o", ms=2, mew=0, color=BLUE, alpha=0.5)
     ends = [float(np.nanmin(measured)), float(np.nanmax(measured))]
-    axes.plot(ends, ends, color="#666666", lw=0.9, ls="--", label="exact")
+    axes.plot(ends, ends, color=EDGE, lw=0.9, ls="--", label="exact")
     axes.set(xlabel=label("measured", units[1]), ylabel=label("estimated", units[1]))
     handles = [h for one in (above, below) for h in one.get_legend_handles_labels()[0]]
     left.legend(handles=handles, loc="outside upper left", ncols=3)
@@ -80,8 +79,7 @@ def places(table: dict[str, Any], title: str) -> Figure:
     """A confusion table, each row shaded by the part of its presses."""
     counts = np.array(table["counts"], float)
     size = 0.55 * np.array(counts.shape[::-1]) + (2.2, 1.6)
-    figure = Figure(figsize=tuple(np.maximum(size, (4.2, 3.2))), layout="constrained")
-    axes = figure.subplots()
+    figure, axes = single(tuple(np.maximum(size, (4.2, 3.2))))
     share = counts / np.maximum(counts.sum(1, keepdims=True), 1)
     axes.imshow(share, cmap="Blues", vmin=0, vmax=1)
     for (row, column), n in np.ndenumerate(counts):
@@ -102,14 +100,13 @@ def positions(
     names: Sequence[str], units: Sequence[str],
 ) -> Figure:  # fmt: skip
     """Where the sensor was pressed, and from there to where it said; of one coordinate both as axes."""
-    figure = Figure(figsize=(5.4, 4.8), layout="constrained")
-    axes = figure.subplots()
+    figure, axes = single((5.4, 4.8))
     few = np.linspace(0, len(truth) - 1, min(len(truth), 1200)).astype(int)
     truth, found = truth[few], found[few]
     if truth.shape[1] == 1:
         axes.plot(truth[:, 0], found[:, 0], ls="", marker="o", ms=3, mew=0, color=BLUE)
         ends = [truth.min(), truth.max()]
-        axes.plot(ends, ends, color="#666666", lw=0.9, ls="--", label="exact")
+        axes.plot(ends, ends, color=EDGE, lw=0.9, ls="--", label="exact")
         axes.set(xlabel=label("pressed", units[0]), ylabel=label("estimated", units[0]))
     else:
         path = np.stack([truth[:, :2], found[:, :2], np.full((len(truth), 2), np.nan)], 1)
