@@ -6,26 +6,18 @@
 # hysid:own-package, which hysid/_packages.py looks for
 
 import inspect
-from importlib import import_module
 from typing import Any
 
-from hysteresis._lazy import homes as _homes
-
-_HOME = _homes(__file__)
-__all__ = sorted(_HOME)
+from hysteresis._lazy import loaded_late as _loaded_late
 
 
-def __getattr__(name: str) -> Any:
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    found = getattr(import_module(_HOME[name], __name__), name)
-    if inspect.isfunction(found):
-        # late: it loads JAX, and the runtime of this package does without
-        from hysteresis._precision import in_own_precision
+def _in_own_precision(_: str, found: Any) -> Any:
+    if not inspect.isfunction(found):
+        return found
+    # late: it loads JAX, and the runtime of this package does without
+    from hysteresis._precision import in_own_precision
 
-        found = in_own_precision(found)
-    return globals().setdefault(name, found)
+    return in_own_precision(found)
 
 
-def __dir__() -> list[str]:
-    return __all__
+__getattr__, __dir__, __all__ = _loaded_late(__name__, __file__, _in_own_precision)

@@ -22,7 +22,8 @@ from matplotlib.tri import Triangulation
 from hysteresis.preisach import MemoryTree, memory_tree
 from identify import FitResult, ForcDiagram, Identifiability
 
-from .figures._base import BLUE, EDGE, GREY, INK, SQUARE, VERMILLION, single, styled
+from .figures._base import BLUE, EDGE, GREY, INK, SQUARE, VERMILLION, styled
+from .figures._base import single as _single
 from .figures._diagnostics import bands as bands
 from .figures._diagnostics import profiles as profiles
 from .figures._diagnostics import residual_correlation as residual_correlation
@@ -165,7 +166,7 @@ def forc(diagram: ForcDiagram, *, input_unit: str = "1", output_unit: str = "1")
     sides = np.hypot(*(v[mesh.triangles] - np.roll(v[mesh.triangles], 1, 1) for v in (x, y)))
     mesh.set_mask(sides.max(1) > 4 * np.median(sides))  # gaps between the curves stay empty
     peak = float(np.quantile(np.abs(z), 0.999))
-    figure, axes = single(SQUARE)
+    figure, axes = _single(SQUARE)
     colours = axes.tripcolor(mesh, z, cmap=SIGNED, vmin=-peak, vmax=peak, shading="gouraud")
     axes.tricontour(mesh, z, levels=peak * TENTHS, colors=INK, linewidths=0.5)
     axes.axhline(0, color=EDGE, lw=0.6, ls=":")
@@ -248,7 +249,7 @@ def candidates(fit: FitResult) -> Figure:
     """
     names = [candidate.name for candidate in fit.candidates]
     place = np.arange(len(names))[::-1]
-    figure, axes = single((6.4, 0.8 + 0.42 * len(names)))
+    figure, axes = _single((6.4, 0.8 + 0.42 * len(names)))
     held_out = [candidate.score for candidate in fit.candidates]
     axes.barh(place + 0.18, held_out, 0.34, color=BLUE, label="held out in training")
     tests = [candidate.metrics["test"] for candidate in fit.candidates]
@@ -328,7 +329,7 @@ def _keys(figure: Figure, **more: dict[str, Any]) -> None:
 
 def _plane(nodes: Float[np.ndarray, " nodes"], unit: str) -> tuple[Figure, Any]:
     """Axes of the Preisach plane."""
-    figure, axes = single(SQUARE)
+    figure, axes = _single(SQUARE)
     ends = [nodes[0], nodes[-1]]
     axes.plot(ends, ends, color=EDGE, lw=0.8)
     axes.grid(False)

@@ -5,21 +5,6 @@
 
 # hysid:own-package, which hysid/_packages.py looks for
 
-from importlib import import_module
-from typing import Any
+from ._lazy import loaded_late as _loaded_late
 
-from ._lazy import homes as _homes
-
-_HOME = _homes(__file__)
-__all__ = sorted(_HOME)
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    module = import_module(_HOME[name], __name__)
-    return globals().setdefault(name, getattr(module, name, module))
-
-
-def __dir__() -> list[str]:
-    return __all__
+__getattr__, __dir__, __all__ = _loaded_late(__name__, __file__)

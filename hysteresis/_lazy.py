@@ -1,14 +1,33 @@
 """Packages that load a name when it is first used; `__init__.pyi` lists the names, once."""
 
 import ast
+import sys
+from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 
-def homes(file: str) -> dict[str, str]:
-    """The module of each name of a package, by the `.pyi` beside its `__init__`, which is `file`."""
-    return {
+def loaded_late(
+    package: str, file: str, made: Callable[[str, Any], Any] = lambda name, found: found
+) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
+    """`__getattr__`, `__dir__` and `__all__` of a package, by the `.pyi` beside its `__init__`, `file`.
+
+    `made(name, found)` is what users get of a name.
+    """
+    home = {
         alias.name: "." * node.level + (node.module or alias.name)
         for node in ast.parse(Path(file).with_suffix(".pyi").read_text("utf-8")).body
         if isinstance(node, ast.ImportFrom)
         for alias in node.names
     }
+    names = sorted(home)
+
+    def get(name: str) -> Any:
+        if name not in home:
+            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        module = import_module(home[name], package)
+        found = made(name, getattr(module, name, module))
+        return vars(sys.modules[package]).setdefault(name, found)
+
+    return get, lambda: names, names

@@ -28,7 +28,7 @@ EXTRAS = PROJECT["optional-dependencies"]
 WANTED = [*PROJECT["dependencies"], *(one for extra in EXTRAS.values() for one in extra)]
 
 HEAVY = (
-    "jax", "numpy", "scipy", "scipy.stats", "pandas", "matplotlib", "hysteresis", "identify", "compensate",
+    "jax", "numpy", "scipy", "scipy.stats", "pandas", "matplotlib", "identify", "compensate",
 )  # fmt: skip
 
 BROUGHT = {

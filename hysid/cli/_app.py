@@ -12,14 +12,11 @@ from typing import Annotated, Any
 import typer
 
 from .._packages import fault_of_packages
-from ..commands import _asked, _asked_of_sensors
+from ..commands import _asked, _asked_more
 from ..commands._console import INTERRUPTED, USER, Fault, example, explain, stop
-from ._bench import bench
 from ._config_file import FindsConfig
-from ._datasets import datasets
 from ._options import command_of
 from ._remedies import options_here
-from ._studio import studio
 
 SPONGE = "--input 'force (N)' --output 'displacement (mm)' --time 'time (s)'"
 
@@ -47,36 +44,43 @@ for _command, _example in {
     _asked.Compare: "hysid compare sponge foam",
     _asked.Report: "hysid report sponge",
     _asked.Batch: "hysid batch 'data/*.csv' --config sponge.toml --out all",
-    studio: "hysid studio run.csv",
+    _asked_more.Studio: "hysid studio run.csv",
     _asked.Reproduce: "hysid reproduce tsuji2014 --out tsuji2014",
     _asked.Warm: "hysid warm sponge",
-    bench: "hysid bench preisach --quick",
+    _asked_more.Bench: "hysid bench preisach --quick",
 }.items():
     _class = FindsConfig if _command in (_asked.Check, _asked.Fit) else None
-    _function = command_of(_command) if isinstance(_command, type) else _command
-    app.command(epilog=example(_example), cls=_class)(_function)
+    app.command(epilog=example(_example), cls=_class)(command_of(_command))
 for _name, _about, _commands_of in (
     (
         "armor",
         "Contacts on a robot's armor: calibrate, solve, look at them.",
         {
-            _asked_of_sensors.Calibrate: "hysid armor calibrate presses.csv --sponge sponge"
+            _asked_more.Calibrate: "hysid armor calibrate presses.csv --sponge sponge"
             " --shape box.toml --out armor",
-            _asked_of_sensors.Solve: "hysid armor solve wrenches.csv --sponge sponge --shape box.toml"
+            _asked_more.Solve: "hysid armor solve wrenches.csv --sponge sponge --shape box.toml"
             " --out touches",
-            _asked_of_sensors.View: "hysid armor view tsuji2014",
+            _asked_more.View: "hysid armor view tsuji2014",
         },
     ),
     (
         "microchannel",
         "Soft sensors: train one, estimate force and place.",
         {
-            _asked_of_sensors.Train: "hysid microchannel train run.csv --input 'layer 1 (V)'"
+            _asked_more.Train: "hysid microchannel train run.csv --input 'layer 1 (V)'"
             " --force 'force (N)' --time 'time (s)' --test-tail 0.2 --out sensor",
-            _asked_of_sensors.TrainPairs: "hysid microchannel train-pairs run.csv --input 'layer 1 (V)'"
+            _asked_more.TrainPairs: "hysid microchannel train-pairs run.csv --input 'layer 1 (V)'"
             " --input 'layer 2 (V)' --force 'force B (N)' --force 'force D (N)' --time 'time (s)'"
             " --group session --out pair",
-            _asked_of_sensors.Estimate: "hysid microchannel estimate sensor new.csv",
+            _asked_more.Estimate: "hysid microchannel estimate sensor new.csv",
+        },
+    ),
+    (
+        "datasets",
+        "Data sets by third parties: list and download them.",
+        {
+            _asked_more.List: "hysid datasets list",
+            _asked_more.Fetch: "hysid datasets fetch steel-coupon --out steel",
         },
     ),
 ):
@@ -84,7 +88,6 @@ for _name, _about, _commands_of in (
     for _command, _example in _commands_of.items():
         _group.command(epilog=example(_example))(command_of(_command))
     app.add_typer(_group, name=_name)
-app.add_typer(datasets, name="datasets")
 
 
 def _show_version(wanted: bool) -> bool:

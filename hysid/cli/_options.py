@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from ..commands._asked import Command, Fit, fields_of
-from ..commands._console import USER, print_result, start_jax
+from ..commands._console import print_result, start_jax
 from ..intake._selection_options import FIELDS
 from ._config_file import FindsConfig, configure, options_of
 
@@ -32,11 +32,13 @@ def command_of(asked: type[Command]) -> Callable[..., None]:
         if "fit" in known:
             given["fit"] = fit_of(given["config"])
         found = asked(**given)  # says what is wrong before anything is loaded
-        start_jax(double=not getattr(given.get("fit", found), "allow_float32", False))
-        done = found.run()
+        if found.jax:
+            start_jax(double=not getattr(given.get("fit", found), "allow_float32", False))
+        if (done := found.run()) is None:  # a page has been served
+            return
         print_result(done.document, found.as_json, done.lines)
-        if done.failed:
-            raise SystemExit(USER)  # stdout says why; the command itself did not fail
+        if done.status:
+            raise SystemExit(done.status)  # stdout says why; the command itself did not fail
 
     command.__name__, command.__doc__ = name, inspect.getdoc(asked)
     command.__signature__ = inspect.Signature([*chosen.values()])  # type: ignore[attr-defined]
@@ -76,7 +78,7 @@ def _parameter(
     choices = said.get("choices", ())
     known: dict[str, Any] = {
         "help": said["help"], "metavar": said.get("metavar", "|".join(choices) or None),
-        "min": said.get("least"), "max": said.get("most"),
+        "min": said.get("least"), "max": said.get("most"), "show_default": said.get("show_default", True),
         "callback": _one_of(*choices) if choices else None,
     }  # fmt: skip
     if said.get("config"):

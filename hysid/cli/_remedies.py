@@ -32,7 +32,7 @@ def options_here(error: Exception, root: Any, arguments: Sequence[str]) -> Excep
         fix += f" {', '.join(lost)}: see hysid {owner} --help." if owner else ""
     if fix == error.fix:  # type: ignore[attr-defined]
         return error
-    from hysteresis import InputError  # late: it loads JAX
+    from hysteresis import InputError  # late: a foreign package is told before
 
     assert isinstance(error, InputError)
     return InputError(error.code, error.problem, place=error.place, cause=error.cause, fix=fix)

@@ -31,7 +31,7 @@ from ..armor._tables import read_presses, read_wrenches
 from ..armor._touches import FILE as TOUCHES
 from ..armor._touches import VIRTUAL, save_touches, shell_of
 from ..catalogue._synthetic import is_synthetic
-from ._asked_of_sensors import Calibrate, Solve, View
+from ._asked_more import Calibrate, Solve, View
 from ._console import Done, warnings
 
 DOCUMENT, ARRAYS = "calibration.json", "calibration.npz"
@@ -79,10 +79,9 @@ def calibrate(asked: Calibrate) -> Done:
         "presses": len(made.surface), "table": found.calibration.text,
     }  # fmt: skip
     document["armor"]["thickness"] = None if np.isinf(known.thickness) else known.thickness
-    pack: Any = partial(np.savez_compressed, allow_pickle=False, **arrays)
     identify.internal.write_set(
         out, DOCUMENT, document,
-        {ARRAYS: pack},
+        {ARRAYS: arrays},
         remove=(RUNTIME,), check=partial(identify.internal.check_free, out, overwrite, DOCUMENT),
     )  # fmt: skip
     runtime, notes = _exported(found.armor, out / RUNTIME, material)

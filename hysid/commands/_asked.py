@@ -6,9 +6,10 @@ reads it.
 
 from collections.abc import Mapping
 from dataclasses import Field, dataclass, field, fields
+from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, dataclass_transform
 
 import typer
 
@@ -29,40 +30,28 @@ def selecting(*names: str, optional: bool = False, needs_input: bool = False) ->
     return field(default_factory=dict, metadata=said)
 
 
-def _file() -> Any:
-    return option("CSV file of the test rig.", argument=True, metavar="FILE")
+_file = partial(option, "CSV file of the test rig.", argument=True, metavar="FILE")
+_folder = partial(option, "Folder of a fit.", argument=True, metavar="DIR")
+_folders = partial(option, "Folders of fits.", argument=True, metavar="DIR...")
+_config = partial(
+    option,
+    "TOML file of options: [selection], [fit], [parameters]. Options given here override it.",
+    None,
+    config=True,
+)
+_on_new_data = partial(selecting, "where", "nan", "segments", *OF_READING, optional=True)
+overwriting = partial(option, "Overwrite existing results.", False)
+seeding = partial(option, "Seed of every random number.", 0, least=0)
 
 
-def _folder() -> Any:
-    return option("Folder of a fit.", argument=True, metavar="DIR")
-
-
-def _folders() -> Any:
-    return option("Folders of fits.", argument=True, metavar="DIR...")
-
-
-def _config() -> Any:
-    said = "TOML file of options: [selection], [fit], [parameters]. Options given here override it."
-    return option(said, None, config=True)
-
-
-def overwriting() -> Any:
-    return option("Overwrite existing results.", False)
-
-
-def seeding() -> Any:
-    return option("Seed of every random number.", 0, least=0)
-
-
-def _on_new_data() -> Any:
-    return selecting("where", "nan", "segments", *OF_READING, optional=True)
-
-
+@dataclass_transform(kw_only_default=True, frozen_default=True)
 @dataclass(frozen=True, kw_only=True)
 class Command:
-    """What every command has. `does`: its function, where that is not `run` of the module of its name."""
+    """What every command has. `does`: its function, where that is not `run` of the module of its name.
+    `jax`: whether that computes."""
 
     does: ClassVar[str] = ""
+    jax: ClassVar[bool] = True
     as_json: bool = option("Print one JSON object.", False, flag="--json")
 
     @property
@@ -70,22 +59,20 @@ class Command:
         """What asks for it on the command line, without "hysid"."""
         words = [type(self).__name__.lower()]
         for one in fields(self):
-            value = getattr(self, one.name)
-            chosen = "selection" in one.metadata
-            words += (
-                option_words(FIELDS.values(), value)
-                if chosen
-                else option_words([one], {one.name: value})
-            )
+            value, chosen = getattr(self, one.name), "selection" in one.metadata
+            known = FIELDS.values() if chosen else [one]
+            words += option_words(known, value if chosen else {one.name: value})
         return words
+
+    def __init_subclass__(cls) -> None:
+        dataclass(frozen=True, kw_only=True)(cls)
 
     def run(self) -> Done:
         """Do it; this loads what the command needs."""
-        module, function = (self.does or f"_{type(self).__name__.lower()}:run").split(":")
-        return getattr(import_module(f"hysid.commands.{module}"), function)(self)
+        module, function = (self.does or f"commands._{type(self).__name__.lower()}:run").split(":")
+        return getattr(import_module(f"hysid.{module}"), function)(self)
 
 
-@dataclass(frozen=True, kw_only=True)
 class Demo(Command):
     """Run fit, posterior, compensator and report on a shipped record.
 
@@ -98,7 +85,6 @@ class Demo(Command):
         log("hysid demo: loading JAX")  # before anything of it is
 
 
-@dataclass(frozen=True, kw_only=True)
 class Init(Command):
     """Guess columns, units and cycles of a file; write its .toml.
 
@@ -113,7 +99,6 @@ class Init(Command):
     overwrite: bool = overwriting()
 
 
-@dataclass(frozen=True, kw_only=True)
 class Check(Command):
     """Describe a record and what makes a model hard to identify.
 
@@ -125,7 +110,6 @@ class Check(Command):
     config: Path | None = _config()
 
 
-@dataclass(frozen=True, kw_only=True)
 class Fit(FitOptions, Command):
     """Fit models to a record, judge the best one, and write it to a folder.
 
@@ -149,7 +133,6 @@ class Fit(FitOptions, Command):
         return found | {"parameters": parameters_said(self.config, self.parameter)}
 
 
-@dataclass(frozen=True, kw_only=True)
 class Predict(Command):
     """Run a fitted model, or its compensator, over a file.
 
@@ -166,7 +149,6 @@ class Predict(Command):
     )
 
 
-@dataclass(frozen=True, kw_only=True)
 class Qualify(Command):
     """Judge a fit's compensator on data it has not seen.
 
@@ -194,7 +176,6 @@ class Qualify(Command):
     )
 
 
-@dataclass(frozen=True, kw_only=True)
 class Monitor(Command):
     """Run a fit's compensator over a log, and let it recalibrate itself where the input is known.
 
@@ -220,7 +201,6 @@ class Monitor(Command):
     )
 
 
-@dataclass(frozen=True, kw_only=True)
 class Export(Command):
     """Write a fit's compensator as C99, for plain Python, or for a target around the C99.
 
@@ -270,7 +250,6 @@ class Export(Command):
             raise typer.BadParameter("give --float or --fixed, not both")
 
 
-@dataclass(frozen=True, kw_only=True)
 class Sample(Command):
     """Sample the posterior of a fit's parameters."""
 
@@ -286,7 +265,6 @@ class Sample(Command):
     seed: int = seeding()
 
 
-@dataclass(frozen=True, kw_only=True)
 class Design(Command):
     """Find the multisine that would tell the hysteresis of a fitted oscillator best.
 
@@ -306,7 +284,6 @@ class Design(Command):
     seed: int = seeding()
 
 
-@dataclass(frozen=True, kw_only=True)
 class Compare(Command):
     """Rank models of the same data, or test for a change.
 
@@ -318,7 +295,6 @@ class Compare(Command):
     margin: float = option("With --change: the relative difference that counts as a change.", 0.05)
 
 
-@dataclass(frozen=True, kw_only=True)
 class Report(Command):
     """Write an HTML report of one fit or of several.
 
@@ -330,7 +306,6 @@ class Report(Command):
     out: Path | None = option("Folder for the page that compares several fits.", None)
 
 
-@dataclass(frozen=True, kw_only=True)
 class Batch(Command):
     """Fit every file that matches a pattern.
 
@@ -348,7 +323,6 @@ class Batch(Command):
     fit: Fit = field(metadata={"made_of": "config"})
 
 
-@dataclass(frozen=True, kw_only=True)
 class Reproduce(Command):
     """Reproduce a paper's tables with virtual laboratories."""
 
@@ -368,7 +342,6 @@ class Reproduce(Command):
     overwrite: bool = overwriting()
 
 
-@dataclass(frozen=True, kw_only=True)
 class Warm(Command):
     """Compile ahead what these fits and their compensators run; without any, each law alone.
 

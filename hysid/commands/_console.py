@@ -9,9 +9,7 @@ import time
 import traceback
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
-from typing import Annotated, Any, NamedTuple, NoReturn
-
-import typer
+from typing import Any, NamedTuple, NoReturn
 
 from .._compile_cache import keep_compiled
 
@@ -26,15 +24,13 @@ BUG, USER, INTERRUPTED, CLOSED = 1, 2, 130, 141
 SOON = 2.0
 """Seconds of a command before which it says nothing of what is left."""
 
-AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
-
 
 class Done(NamedTuple):
-    """What a command has found: the object of --json, lines for a reader, and whether it says FAIL."""
+    """What a command has found: the object of --json, lines for a reader, and its exit status."""
 
     document: dict[str, Any]
     lines: Iterable[str]
-    failed: bool = False
+    status: int = 0
 
 
 def example(command: str) -> str:

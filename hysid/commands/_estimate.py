@@ -7,7 +7,7 @@ import typer
 from ..intake._selection import Selection
 from ..soft_sensor import _contacts_command, _estimate, _estimate_fit
 from ..soft_sensor._estimate import confusion_lines
-from ._asked_of_sensors import Estimate, TrainPairs
+from ._asked_more import Estimate, TrainPairs
 from ._console import Done, Progress, log, warnings
 
 

@@ -58,7 +58,6 @@ def _written(asked: Fit, out: Path) -> dict[str, Any]:
             )
         run = partial(identify.fit_step, **step_options(options))
     at_once = "" not in records and asked.overwrite and (out / "fit.json").exists()
-    write = identify.internal.stage_set if at_once else identify.internal.write_set
     staged: dict[str, dict[str, Any]] = {}
     for value, (train, test) in records.items():
         if value:
@@ -75,7 +74,7 @@ def _written(asked: Fit, out: Path) -> dict[str, Any]:
             found[value],
             overwrite=asked.overwrite,
             extra=extra,
-            write=write,
+            staged=at_once,
         )
         staged[folders[value]] = written
         if value:

@@ -14,10 +14,9 @@ from hysteresis._format import quantity
 
 from .._invert import exported
 from .._run_in import run_in_of
-from ..intake._columns import for_new_file, selection_of_fit
+from ..intake._columns import for_new_file, known_records, selection_of_fit
 from ..intake._creep_fits import RANGE, later, on_the_clock_of, open_range
 from ..intake._folders import folders_of
-from ..intake._selection import all_of
 from ._asked import Predict
 from ._console import Done, warnings
 
@@ -50,13 +49,8 @@ def run(asked: Predict) -> Done:
     selection, compared, said = for_new_file(selection, source, inverse)
     folders = folders_of(folder, document)
     table, measured_all, found_all, flagged, run_in, bands = [], [], [], 0, None, {}
-    records, faults = selection.records(source)
-    if faults := {value: error for value, error in faults.items() if value in folders}:
-        raise all_of(faults)
     with_range = fitted_on.is_step and not inverse
-    for value, (record, _) in records.items():
-        if value not in folders:
-            continue
+    for value, (record, _) in known_records(selection, source, folders).items():
         fitted = identify.load(folder / folders[value])
         motion = _motion(fitted, inverse, steady)
         if fitted_on.is_step:
@@ -86,12 +80,6 @@ def run(asked: Predict) -> Done:
         table += [row for row in rows if row[1]]  # a step's own row has no line in the file
         measured_all.append(wanted[record.mask])
         found_all.append(np.asarray(values)[record.mask])
-    if not table:
-        raise InputError(
-            "no-match",
-            f"The file has no value of {selection.each} that was fitted: {', '.join(folders)}.",
-            place=str(file),
-        )
     figures = identify.metrics(np.concatenate(measured_all), np.concatenate(found_all))._asdict()
     if not compared:
         figures = dict.fromkeys(figures)

@@ -27,11 +27,10 @@ from hysteresis._format import quantity
 from hysteresis._verdict import Verdict, worst_of
 
 from .._invert import error_of, exported
-from ..intake._columns import for_new_file, selection_of_fit
+from ..intake._columns import for_new_file, known_records, selection_of_fit
 from ..intake._folders import folders_of
-from ..intake._selection import all_of
 from ._asked import Qualify
-from ._console import Done, Progress, warnings
+from ._console import USER, Done, Progress, warnings
 from ._step_time import check_target, step_of
 
 DRAWS, ROWS = 50, 200_000
@@ -70,25 +69,17 @@ def _qualified(asked: Qualify, tell: Tell) -> Done:
     folders = folders_of(folder, document)
     fits = {value: identify.load(folder / name) for value, name in folders.items()}
     fitted_here = any(fit.train.sha256 == source.sha256 for fit in fits.values())
-    records, faults = (narrowed if fitted_here else narrowed.without_hold_out()).records(source)
-    if faults := {value: error for value, error in faults.items() if value in folders}:
-        raise all_of(faults)
+    narrowed = narrowed if fitted_here else narrowed.without_hold_out()
+    records = known_records(narrowed, source, folders)
     found: dict[str, Qualification] = {}
     held: dict[str, float | None] = {}
     for value, (record, held_out) in records.items():
-        if value in folders:
-            place, seen = folder / folders[value], held_out or record
-            step = None if asked.rate is None else step_of(fits[value], asked.target, asked.mhz)
-            part = _of_part(found, records, tell)
-            one = _of_one(fits[value], place, seen, asked, step, part)
-            one, held[value] = _with_band(one, fits[value], seen)
-            found[value] = _seen(one) if fitted_here and held_out is None else one
-    if not found:
-        raise InputError(
-            "no-match",
-            f"The file has no value of {fitted_on.each} that was fitted: {', '.join(folders)}.",
-            place=str(file),
-        )
+        place, seen = folder / folders[value], held_out or record
+        step = None if asked.rate is None else step_of(fits[value], asked.target, asked.mhz)
+        part = _of_part(found, records, tell)
+        one = _of_one(fits[value], place, seen, asked, step, part)
+        one, held[value] = _with_band(one, fits[value], seen)
+        found[value] = _seen(one) if fitted_here and held_out is None else one
     bands = {}
     if asked.guarantee is not None:
         for value in found:
@@ -102,7 +93,7 @@ def _qualified(asked: Qualify, tell: Tell) -> Done:
     more = {value: f"\n{band['text']}" for value, band in bands.items() if band["given"]}
     texts = (head[value] + one.text + more.get(value, "") for value, one in found.items())
     lines = [*warnings(said, "Note"), *texts, result["file"]]
-    return Done(result, lines, failed=result["verdict"]["level"] == "FAIL")
+    return Done(result, lines, USER if result["verdict"]["level"] == "FAIL" else 0)
 
 
 def _of_one(

@@ -28,7 +28,7 @@ from ..soft_sensor._learn import checks_of, learn_places, learn_positions
 from ..soft_sensor._sensor import FORCE, SoftSensor
 from ..soft_sensor._sensor_file import ARRAYS, WORDS, save_sensor
 from ..soft_sensor._sessions import Session, Streams, Targets, read_sessions
-from ._asked_of_sensors import Train
+from ._asked_more import Train
 from ._console import Done, Progress, log, warnings
 from ._estimate import figure_lines
 

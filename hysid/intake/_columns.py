@@ -1,12 +1,13 @@
 """The columns of a fit, and the same ones in another file."""
 
+from collections.abc import Collection
 from dataclasses import replace
 from typing import Any
 
 from hysteresis import InputError, Table
 
 from ._constant_input import CONSTANT
-from ._selection import Selection
+from ._selection import Pair, Selection, all_of
 
 
 def selection_of_fit(document: dict[str, Any]) -> Selection:
@@ -65,3 +66,20 @@ def for_new_file(
         return selection, True, said
     alone = replace(selection, input=driving, output=first, input_unit=None, output_unit=None)
     return alone, False, said
+
+
+def known_records(selection: Selection, table: Table, folders: Collection[str]) -> dict[str, Pair]:
+    """The records of a new file by those values of `each` that were fitted.
+
+    Raises the fault of one of these, and `InputError` `no-match` where the file has none of them.
+    """
+    records, faults = selection.records(table)
+    if faults := {value: error for value, error in faults.items() if value in folders}:
+        raise all_of(faults)
+    if known := {value: pair for value, pair in records.items() if value in folders}:
+        return known
+    raise InputError(
+        "no-match",
+        f"The file has no value of {selection.each} that was fitted: {', '.join(folders)}.",
+        place=str(table.path),
+    )

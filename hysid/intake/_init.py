@@ -46,22 +46,29 @@ def init(
         folder = folder.with_name(f"{folder.name}-fit")
     said = [shell_word(str(p)) for p in (file, config, folder)]
     command = f"hysid fit {said[0]} --config {said[1]} --out {said[2]}"
-    document = {
-        "file": str(config),
-        "source": str(file),
-        "selection": found.selection,
-        "fit": found.fit,
-        "found": [asdict(f) for f in found.found],
-        "alternatives": found.alternatives,
-        "warnings": found.warnings,
-        "columns": found.columns,
-        "rows": found.rows,
-        "sequences": found.sequences,
-        "cycles": found.cycles,
-        "next": command,
-    }
     again = f"hysid init {said[0]}{f' --out {said[1]}' if out else ''} --overwrite"
-    return document | {"lines": _lines(file, config, found, command, again)}
+    lines = _lines(file, config, found, command, again)
+    return _document(file, found, lines, file=str(config), next=command)
+
+
+def _document(source: Path, found: Guess, lines: list[str], **more: Any) -> dict[str, Any]:
+    names = (
+        "selection",
+        "fit",
+        "alternatives",
+        "warnings",
+        "columns",
+        "rows",
+        "sequences",
+        "cycles",
+    )
+    told = {"file": None, "source": str(source), "found": [asdict(f) for f in found.found]}
+    return (
+        told
+        | {name: getattr(found, name) for name in names}
+        | {"next": None, "lines": lines}
+        | more
+    )
 
 
 def begun(file: Path, given: Mapping[str, Any], say: Callable[[str], None]) -> Path:
@@ -96,12 +103,7 @@ def _without_roles(file: Path, found: Guess) -> dict[str, Any]:
         "No configuration was written. The file that is needed has what drives beside what answers; if one"
         " column did drive another, name both (--input COL --output COL).",
     ]
-    return {
-        "file": None, "source": str(file), "selection": found.selection, "fit": found.fit,
-        "found": [asdict(f) for f in found.found], "alternatives": [], "warnings": [],
-        "columns": found.columns, "rows": found.rows, "sequences": 0, "cycles": 0,
-        "no_roles": found.no_roles, "next": None, "lines": lines,
-    }  # fmt: skip
+    return _document(file, found, lines, no_roles=found.no_roles)
 
 
 def toml(file: Path, found: Guess) -> str:

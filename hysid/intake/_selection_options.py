@@ -5,12 +5,16 @@ A new option is one field here. No import of this module loads JAX: `hysid --hel
 
 import re
 from dataclasses import Field, dataclass, fields
+from functools import partial
 from typing import Any
 
 from ._option import option
 
 ASIDE = re.compile(r"\s*\((?=[^()]*--[a-z])[^()]*\)")
 """Brackets of a message that name options, with the blanks before them."""
+
+
+_words = partial(option, default=(), joined=True)
 
 
 @dataclass(frozen=True)
@@ -40,29 +44,18 @@ class SelectionOptions:
     hold: bool = option(
         "Fit creep or relaxation over the longest stretch in which --input is constant.", False
     )
-    group: tuple[str, ...] = option(
-        "Rows with different values are independent sequences of one model.",
-        (),
-        joined=True,
-        metavar="COL[,COL]",
+    group: tuple[str, ...] = _words(
+        "Rows with different values are independent sequences of one model.", metavar="COL[,COL]"
     )
-    condition: tuple[str, ...] = option(
-        "The output depends on this column too: a temperature, a pressure, ...",
-        (),
-        joined=True,
-        metavar="COL[,COL]",
+    condition: tuple[str, ...] = _words(
+        "The output depends on this column too: a temperature, a pressure, ...", metavar="COL[,COL]"
     )
-    turn: tuple[str, ...] = option(
-        "Turn the sign of these columns: a push that the rig counts as a pull.",
-        (),
-        joined=True,
-        metavar="COL[,COL]",
+    turn: tuple[str, ...] = _words(
+        "Turn the sign of these columns: a push that the rig counts as a pull.", metavar="COL[,COL]"
     )
-    rezero: tuple[str, ...] = option(
+    rezero: tuple[str, ...] = _words(
         "Take jumps of the output's zero out: subtract SIZE from the output, from this line of the file to"
         " the end of its sequence. check finds line and size.",
-        (),
-        joined=True,
         metavar="LINE:SIZE[,LINE:SIZE]",
     )
     each: str | None = option("Fit one model for each value of this column.", None, metavar="COL")
@@ -75,11 +68,8 @@ class SelectionOptions:
         None,
         choices=("loading", "unloading", "both"),
     )
-    range: tuple[float, ...] = option(
-        "Count only rows with the input in this range; the others are history.",
-        (),
-        joined=True,
-        metavar="LOW,HIGH",
+    range: tuple[float, ...] = _words(
+        "Count only rows with the input in this range; the others are history.", metavar="LOW,HIGH"
     )
     test_where: tuple[str, ...] = option(
         "Hold out these rows for testing; COL%2=0 holds out even values; repeatable.",
@@ -93,16 +83,12 @@ class SelectionOptions:
     test_tail: float | None = option(
         "Hold out this last fraction of each sequence for testing.", None, metavar="FRACTION"
     )
-    test_lines: tuple[str, ...] = option(
+    test_lines: tuple[str, ...] = _words(
         "Hold out the rows on these lines of the file for testing.",
-        (),
-        joined=True,
         metavar="FIRST-LAST[,FIRST-LAST]",
     )
-    exclude_lines: tuple[str, ...] = option(
+    exclude_lines: tuple[str, ...] = _words(
         "Leave the rows on these lines of the file out of the fit; they still drive the model.",
-        (),
-        joined=True,
         metavar="FIRST-LAST[,FIRST-LAST]",
     )
     nan: str = option(
@@ -118,9 +104,7 @@ class SelectionOptions:
     units_row: int | None = option(
         "Number of the line that holds the units; 0 for none.", None, least=0, metavar="N"
     )
-    na_values: tuple[str, ...] = option(
-        "Words that mean a missing value.", (), joined=True, metavar="WORD[,WORD]"
-    )
+    na_values: tuple[str, ...] = _words("Words that mean a missing value.", metavar="WORD[,WORD]")
     table: int | None = option(
         "Which of the file's tables with different headers; the longest if not given.",
         None,

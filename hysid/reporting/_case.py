@@ -111,6 +111,14 @@ class Case:
         return label(self.output, self.fit.train.output_unit)
 
     @property
+    def time(self) -> str:
+        return plain_name(self.fit.train.time_name, self.fit.train.time_unit)
+
+    @property
+    def time_label(self) -> str:
+        return label(self.time, self.fit.train.time_unit)
+
+    @property
     def units(self) -> tuple[str, str]:
         """Of the input and of the output."""
         return self.fit.train.input_unit, self.fit.train.output_unit

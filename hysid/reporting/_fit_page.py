@@ -11,6 +11,7 @@ import identify
 from hysteresis import Burgers, InputError, LinearSponge, Preisach
 from hysteresis._atomic_file import write_whole
 from hysteresis._escape import shell_word, visible
+from hysteresis._limits import damage_told
 
 from ..catalogue._synthetic import is_synthetic
 from ..figures._format import measured, pretty, quantity
@@ -48,22 +49,12 @@ def write_report(
     Raises `InputError` where the folder holds no fit, or a damaged one, or cannot be written to.
     """
     folder = Path(folder)
-    try:
+    with damage_told("The fit", folder, "Fit again."):
         fitted, document = identify.internal.read_fit(folder)
         named = Path("DIR") if file else folder
         case = Case(named, document, fitted, identify.load_posterior(folder))
         for key in ("candidates", "skipped", "data", "seed", "seconds", "versions"):
             document[key]
-    except InputError:
-        raise
-    except (KeyError, TypeError, ValueError, OSError) as error:
-        raise InputError(
-            "damaged-file",
-            f"The fit cannot be read: {type(error).__name__} {error}.",
-            place=str(folder),
-            cause="fit.json was edited, or written by another version.",
-            fix="Fit again.",
-        ) from error
     of_step = isinstance(case.fit.detail, identify.DiscreteSpectrum)
     of_motion = isinstance(case.fit.detail, identify.Motion)
     makers = [

@@ -1,16 +1,16 @@
 """Report sections on creep and relaxation: the curve, its spectrum, predictions of later times."""
 
-from typing import Any
+from collections.abc import Iterator
 
 import numpy as np
 
-from hysteresis import GeneralizedKelvinVoigt, Record
+from hysteresis import GeneralizedKelvinVoigt
 from identify import DiscreteSpectrum, Spectrum
 
 from ..figures import _base as f
 from ..figures._creep import Range, step_answer
 from ..figures._creep import spectrum as drawn
-from ..figures._format import label, number, plain_name, pretty, quantity
+from ..figures._format import label, number, pretty, quantity
 from ._case import Case, Section, Table
 
 LATER = (1.5, 3.0, 10.0, 30.0, 100.0)
@@ -24,10 +24,7 @@ def curve(case: Case) -> Section:
     """The measured answer, the model and its range, over linear and logarithmic time."""
     found, step = spectrum_of(case), step_of(case)
     drawn = []
-    for record, word, colour in _records(case):
-        rows = record.mask & np.isfinite(record.output)
-        assert record.time is not None
-        t, y = record.time[rows], record.output[rows]
+    for word, colour, t, y in _records(case):
         # Evenly in log time, so that the first seconds of a day are seen.
         picks = np.searchsorted(t, np.geomspace(t[t > 0][0], t[-1], f.MOST // 8))
         at = np.unique(np.append(np.linspace(0, len(t) - 1, min(len(t), 300)).astype(int), picks))
@@ -39,7 +36,7 @@ def curve(case: Case) -> Section:
         t = np.geomspace(found.step, last, 200) if log else np.linspace(found.step, last, 200)
         value, low, high = (step * part for part in found.predict(t))
         figure = step_answer(
-            drawn, Range(t, value, low, high), found.span, time_label(case), case.output_label, log
+            drawn, Range(t, value, low, high), found.span, case.time_label, case.output_label, log
         )
         how = "logarithmic" if log else "linear"
         caption = (
@@ -54,7 +51,7 @@ def curve(case: Case) -> Section:
         ends = sorted((step * low, step * high))
         cells = [quantity(float(x), case.units[1]) for x in (step * value, *ends)]
         table.append((quantity(float(when), case.fit.train.time_unit), *cells))
-    columns = (plain_time(case).capitalize(), "Model", "At least", "At most")
+    columns = (case.time.capitalize(), "Model", "At least", "At most")
     section.tables.append(
         Table("Predictions of later times with their 90 % range.", columns, table)
     )
@@ -118,14 +115,11 @@ def residuals(case: Case) -> Section:
     """Residuals relative to the output, over logarithmic time."""
     found, step = spectrum_of(case), step_of(case)
     curves = []
-    for record, word, colour in _records(case):
-        rows = record.mask & np.isfinite(record.output)
-        assert record.time is not None
-        t, y = record.time[rows], record.output[rows]
+    for word, colour, t, y in _records(case):
         relative = 100 * (step * found.predict(t).value / y - 1)
         at = f.thin(f.MOST // 2, relative)
         curves.append(f.Curve(word, np.log10(np.maximum(t[at], found.step)), relative[at], colour))
-    x_label = f"log10 of {plain_time(case)} ({pretty(case.fit.train.time_unit) or 'no unit'})"
+    x_label = f"log10 of {case.time} ({pretty(case.fit.train.time_unit) or 'no unit'})"
     figure = f.chart(curves, x_label, "predicted / measured − 1 (%)", zero=True)
     noise = found.noise
     text = (
@@ -182,17 +176,14 @@ def step_of(case: Case) -> float:
     return float(case.fit.train.input[-1])
 
 
-def plain_time(case: Case) -> str:
-    return plain_name(case.fit.train.time_name, case.fit.train.time_unit)
-
-
-def time_label(case: Case) -> str:
-    return label(plain_time(case), case.fit.train.time_unit)
-
-
-def _records(case: Case) -> list[tuple[Record, str, Any]]:
+def _records(case: Case) -> Iterator[tuple[str, str, np.ndarray, np.ndarray]]:
+    """Of the training and the held-out rows a word, a colour, times and outputs."""
     both = ((case.fit.train, "training", f.BLUE), (case.fit.test, "held-out", f.GREEN))
-    return [(record, word, colour) for record, word, colour in both if record is not None]
+    for record, word, colour in both:
+        if record is not None:
+            rows = record.mask & np.isfinite(record.output)
+            assert record.time is not None
+            yield word, colour, record.time[rows], record.output[rows]
 
 
 def _span_in_words(case: Case, found: Spectrum) -> str:

@@ -12,7 +12,7 @@ import identify
 from hysteresis import InputError
 
 from ..figures import _diagnostics as f
-from ..figures._format import label, number, plain_name, pretty, quantity
+from ..figures._format import label, number, pretty, quantity
 from ._case import Case, Section, Table
 
 MOST_ROWS = 20_000
@@ -280,9 +280,7 @@ def _predictive(case: Case) -> Section:
     section.tables.append(Table(caption, ("Rows", *levels), rows, strong=len(rows) - 1))
     clock = len(record.labels) == 1 and record.time is not None
     x = record.time[found.rows] if clock and record.time is not None else None
-    x_label = "row"
-    if clock:
-        x_label = label(plain_name(record.time_name, record.time_unit), record.time_unit)
+    x_label = case.time_label if clock else "row"
     usual = int(np.min(np.diff(found.rows), initial=len(record)))
     inside = np.searchsorted(record.starts, found.rows, side="right")
     gaps = np.flatnonzero((np.diff(found.rows) > 2 * usual) | (np.diff(inside) > 0)) + 1

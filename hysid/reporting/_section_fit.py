@@ -7,7 +7,7 @@ import numpy as np
 import identify
 
 from ..figures import _base as f
-from ..figures._format import label, number, plain_name, pretty, quantity
+from ..figures._format import label, number, pretty, quantity
 from ._case import Case, Section, Table
 
 
@@ -88,12 +88,12 @@ def residuals(case: Case) -> Section:
         for word, colour in colours.items()
         if (rows.word == word).any()
     ]
-    x_label = label(plain_name(train.time_name, train.time_unit), train.time_unit)
+    x_label = case.time_label if case.one_clock else "row"
     counted = np.isin(rows.word, ["training", "held-out"])
     most = np.abs(rows.residual[counted]).max()
     left = float(np.abs(rows.residual[~counted & (rows.word != "")]).max(initial=0.0))
     shown = rows.residual[counted if left > 3 * most else rows.word != ""]
-    figure = f.chart(curves, x_label if case.one_clock else "row", y_label, zero=True,
+    figure = f.chart(curves, x_label, y_label, zero=True,
                      limits=(x[rows.word != ""], shown), breaks=x[rows.starts[1:]])  # fmt: skip
     caption = "Residuals should look like noise. A slope means drift, a wave a missing effect."
     if left > 3 * most:

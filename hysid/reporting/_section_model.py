@@ -16,7 +16,7 @@ from .._compensator import with_compensator
 from .._invert import error_of
 from .._run_in import RunIn
 from ..figures import _base as f
-from ..figures._format import label, number, plain_name, pretty, quantity
+from ..figures._format import label, number, pretty, quantity
 from ._case import Case, Section, Table
 
 MEANINGS = {
@@ -174,9 +174,7 @@ def compensator(case: Case) -> Section:
     clock = record.time is not None and len(record.labels) == 1
     x = record.time if clock and record.time is not None else np.arange(len(u), dtype=float)
     path = f.trace(x, trip.estimate - u, trip.counted, starts)
-    x_label = (
-        label(plain_name(record.time_name, record.time_unit), record.time_unit) if clock else "row"
-    )
+    x_label = case.time_label if clock else "row"
     figure = f.chart(
         [f.Curve(word, *path, colour)], x_label, label("estimated − measured", unit), zero=True
     )

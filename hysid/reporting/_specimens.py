@@ -12,6 +12,7 @@ from jaxtyping import Float
 
 import identify
 from hysteresis import InputError
+from hysteresis._limits import damage_told
 from hysteresis.numerics._normal import NORMAL_95
 
 from ..figures._format import quantity
@@ -152,26 +153,17 @@ def opened(found: dict[str, Path]) -> tuple[list[Specimen], dict[str, str]]:
     specimens, failed, first = [], {}, None
     for name, place in found.items():
         try:
-            fitted, document = identify.internal.read_fit(place)
-            one = Specimen(name, place, document, fitted, identify.load_posterior(place))
-            _ = one.judged[1]["nrmse_percent"], one.document["verdict"]["level"]
+            with damage_told("The fit", place, "Fit again."):
+                fitted, document = identify.internal.read_fit(place)
+                one = Specimen(name, place, document, fitted, identify.load_posterior(place))
+                _ = one.judged[1]["nrmse_percent"], one.document["verdict"]["level"]
             specimens.append(one)
-        except (InputError, KeyError, TypeError, ValueError, OSError) as error:
-            wrapped = error if isinstance(error, InputError) else _damaged(place, error)
-            first = first or wrapped
-            failed[name] = str(wrapped)
+        except InputError as error:
+            first = first or error
+            failed[name] = str(error)
     if first is not None and not specimens:
         raise first
     return specimens, failed
-
-
-def _damaged(place: Path, error: Exception) -> InputError:
-    return InputError(
-        "damaged-file",
-        f"The fit cannot be read: {type(error).__name__} {error}.",
-        place=str(place),
-        fix="Fit again.",
-    )
 
 
 def kinds(specimens: Sequence[Specimen]) -> list[list[Specimen]]:

@@ -109,9 +109,8 @@ def train_pairs(
         "versions": versions(("hysid", "jax", "equinox", "optax", "numpy")),
     }  # fmt: skip
     document["structure"], arrays = described(learnt.estimator)
-    pack: Any = partial(np.savez_compressed, allow_pickle=False, **arrays)
     done = identify.internal.write_set(
-        out, DOCUMENT, document, {ARRAYS: pack}, remove=(RUNTIME,),
+        out, DOCUMENT, document, {ARRAYS: arrays}, remove=(RUNTIME,),
         check=partial(identify.internal.check_free, out, overwrite, DOCUMENT),
     )  # fmt: skip
     example = max(held_out or taught, key=lambda one: len(one.time))

@@ -3,11 +3,8 @@
 soft_sensor.json   channels, names, settings       soft_sensor.npz   all arrays
 """
 
-from functools import partial
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from compensate.runtime._file import checksum
 from hysteresis import InputError
@@ -41,8 +38,7 @@ def save_sensor(sensor: SoftSensor, folder: str | Path) -> Path:
         "position_in": [coordinate._asdict() for coordinate in sensor.position_in],
         **parts,
     }  # fmt: skip
-    pack: Any = partial(np.savez_compressed, allow_pickle=False, **arrays)
-    write_set(folder, WORDS, document, {ARRAYS: pack})
+    write_set(folder, WORDS, document, {ARRAYS: arrays})
     return folder
 
 

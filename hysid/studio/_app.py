@@ -166,14 +166,19 @@ class Studio:
 def app_of(studio: Studio, sessions: Sessions) -> Starlette:
     """The web application of a studio, without the guard. What GET asks for changes nothing on the disk."""
     read = {
-        "state": _state, "judged": _judged, "series": _series, "lines": _lines, "curves": _curves,
-        "posterior": _posterior, "summary": _summary, "written": _written,
+        "state": lambda _, asked: studio.state(),
+        "judged": lambda _, asked: studio.measurement(asked.text("name")).judged(),
+        "curves": lambda _, asked: studio.fits.curves(_fit_place(studio, asked)),
+        "posterior": lambda _, asked: studio.fits.posterior_marginals(_fit_place(studio, asked)),
         "link": functools.partial(_link, sessions),
+        "series": _series, "lines": _lines, "summary": _summary, "written": _written,
     }  # fmt: skip
     write = {
-        "look": _look, "change": _change, "again": _again, "brush": _brush, "start": _start,
-        "compare": _compare, "cancel": _cancel, "redraw": _redraw,
-        "enter": functools.partial(_enter, sessions),
+        "look": lambda _, asked: studio.look(asked.text("name")),
+        "compare": lambda _, asked: studio.compare(asked.texts("names")),
+        "enter": lambda _, asked: {"session": sessions.enter(asked.text("token"))},
+        "change": _change, "again": _again, "brush": _brush, "start": _start, "cancel": _cancel,
+        "redraw": _redraw,
     }  # fmt: skip
     routes = [
         Route("/", _page),
@@ -219,26 +224,10 @@ def _answer(studio: Studio, handler: Callable[[Studio, Asked], Any]) -> Any:
     return answer
 
 
-def _enter(sessions: Sessions, studio: Studio, asked: Asked) -> Any:
-    return {"session": sessions.enter(asked.text("token"))}
-
-
 def _link(sessions: Sessions, studio: Studio, asked: Asked) -> Any:
     """The address of a file of the folder, which can be opened without a header."""
     studio.folder.inside(asked.text("name"))
     return {"address": sessions.link(asked.text("name"))}
-
-
-def _state(studio: Studio, asked: Asked) -> Any:
-    return studio.state()
-
-
-def _look(studio: Studio, asked: Asked) -> Any:
-    return studio.look(asked.text("name"))
-
-
-def _judged(studio: Studio, asked: Asked) -> Any:
-    return studio.measurement(asked.text("name")).judged()
 
 
 def _series(studio: Studio, asked: Asked) -> Response:
@@ -308,10 +297,6 @@ def _start(studio: Studio, asked: Asked) -> Any:
     return studio.start(asked.text("kind"), asked.text("name"), options)
 
 
-def _compare(studio: Studio, asked: Asked) -> Any:
-    return studio.compare(asked.texts("names"))
-
-
 def _cancel(studio: Studio, asked: Asked) -> Any:
     studio.jobs.cancel(asked.whole("number"))
     return {}
@@ -325,17 +310,9 @@ def _summary(studio: Studio, asked: Asked) -> Any:
         return studio.fits.summary(place, selection, fit, value, one.file)
 
 
-def _curves(studio: Studio, asked: Asked) -> Any:
-    return studio.fits.curves(_fit_place(studio, asked))
-
-
 def _redraw(studio: Studio, asked: Asked) -> Any:
     values, factors = asked.numbers("values"), asked.numbers("factors")
     return studio.fits.redrawn(_fit_place(studio, asked), values, factors)
-
-
-def _posterior(studio: Studio, asked: Asked) -> Any:
-    return studio.fits.posterior_marginals(_fit_place(studio, asked))
 
 
 def _written(studio: Studio, asked: Asked) -> Any:

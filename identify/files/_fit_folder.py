@@ -8,8 +8,7 @@ fit.npz      residuals, starts, and the normal equations of a grid fit
 import hashlib
 import json
 import time
-import zipfile
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
@@ -30,7 +29,7 @@ from ..records._clocks import Clocks
 from ..results._baseline import Baseline
 from ..results._detail import detail_of
 from ..results._fit_result import Candidate, FitResult, Starts
-from ..storage._file_set import check_unedited, document_in, whole_files, write_set
+from ..storage._file_set import check_unedited, document_in, replace_sets, whole_files, write_set
 from ..storage._json import check_free, read_json
 from ..storage._provenance import versions
 from ._fit_document import checked
@@ -86,11 +85,11 @@ def write_fit(
     *,
     overwrite: bool = False,
     extra: dict[str, Any] | None = None,
-    write: Callable[..., dict[str, Any]] = write_set,
+    staged: bool = False,
 ) -> dict[str, Any]:
     """`save`, from what `to_json` gave; returns what fit.json holds, so that nobody has to read it back.
 
-    `write`: `stage_set` leaves the old fit in force until `replace_fits`.
+    `staged`: the old fit stays in force until `replace_fits`.
     """
     check_free(folder, overwrite)
     structure, arrays = described(fit.model)
@@ -104,7 +103,6 @@ def write_fit(
         for part, record in records.items()
         for name, value in _record_arrays(record).items()
     }
-    files = {"model.npz": arrays, "data.npz": data, "fit.npz": _fit_arrays(fit)}
     document = (
         words
         | channels
@@ -115,14 +113,22 @@ def write_fit(
         | fit.detail.words()
         | (extra or {})
     )
-    return write(
+    return write_set(
         folder,
         "fit.json",
         document,
-        {name: partial(_write_arrays, arrays=arrays) for name, arrays in files.items()},
+        {"model.npz": arrays, "data.npz": data, "fit.npz": _fit_arrays(fit)},
         remove=OF_EARLIER,
         check=partial(check_free, folder, overwrite),
+        staged=staged,
     )
+
+
+def replace_fits(
+    folder: Path, document: dict[str, Any], staged: Mapping[str, Mapping[str, Any]]
+) -> dict[str, Any]:
+    """Write fit.json of several fits, which `write_fit` staged in folders below: all change at once."""
+    return replace_sets(folder, "fit.json", document, staged, OF_EARLIER)
 
 
 def rewrite_fit(folder: Path, files: Mapping[str, bytes], extra: dict[str, Any]) -> dict[str, Any]:
@@ -132,7 +138,7 @@ def rewrite_fit(folder: Path, files: Mapping[str, bytes], extra: dict[str, Any])
         folder,
         "fit.json",
         document | extra,
-        {name: partial(_write_bytes, content=files[name]) for name in document["files"]},
+        {name: files[name] for name in document["files"]},
         remove=OF_EARLIER,
     )
 
@@ -180,9 +186,9 @@ def read_fit(folder: Path) -> tuple[FitResult, dict[str, Any]]:
 
 
 def _load(document: dict[str, Any], files: dict[str, Path]) -> FitResult:
-    data, extra = (_read_arrays(files[name]) for name in ("data.npz", "fit.npz"))
+    data, extra = (load_arrays(files[name]) for name in ("data.npz", "fit.npz"))
     records = {part: _record(part, words, data) for part, words in document["records"].items()}
-    arrays = _read_arrays(files["model.npz"])
+    arrays = load_arrays(files["model.npz"])
     model = rebuilt(document["structure"], arrays)
     starts = {k: extra[f"starts_{k}"] for k in Starts._fields if f"starts_{k}" in extra}
     return FitResult(
@@ -330,7 +336,7 @@ def residuals_of_all(folder: Path) -> tuple[np.ndarray | None, np.ndarray | None
 
     NaN where not counted. None for a fit that was saved without them: they are too many, or it was loaded.
     """
-    arrays = _read_arrays(folder / "fit.npz")
+    arrays = load_arrays(folder / "fit.npz")
     return arrays.get("candidate_residuals"), arrays.get("baseline_residuals")
 
 
@@ -390,22 +396,6 @@ def _record(part: str, words: dict[str, Any], data: dict[str, np.ndarray]) -> Re
 def _notes(said: list[Any]) -> tuple[Note, ...]:
     """A record's history; files of earlier versions hold sentences without codes."""
     return tuple(Note.of(x) if isinstance(x, str) else Note(*x) for x in said)
-
-
-def _write_arrays(file: Path, arrays: dict[str, Any]) -> None:
-    # As np.savez_compressed, in half the time: noise hardly gets smaller by more work.
-    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as packed:
-        for name, array in arrays.items():
-            with packed.open(f"{name}.npy", "w", force_zip64=True) as member:
-                np.lib.format.write_array(member, np.asanyarray(array), allow_pickle=False)
-
-
-def _write_bytes(file: Path, content: bytes) -> None:
-    file.write_bytes(content)
-
-
-def _read_arrays(file: Path) -> dict[str, np.ndarray]:
-    return load_arrays(file)
 
 
 def _blocks(saved: list[float] | None) -> np.ndarray | None:

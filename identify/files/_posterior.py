@@ -60,7 +60,7 @@ def save_posterior(posterior: Posterior, folder: str | Path) -> Path:
     }  # fmt: skip
     files: dict[str, Any] = {
         "posterior.nc": partial(_write_netcdf, posterior),
-        "posterior_models.npz": partial(np.savez_compressed, allow_pickle=False, **arrays),
+        "posterior_models.npz": arrays,
     }
     write_set(folder, "posterior.json", document, files)
     return folder / "posterior.nc"

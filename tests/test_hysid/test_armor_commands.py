@@ -14,7 +14,7 @@ from compensate import invert
 from compensate.armor import Armor, Box, ContactSolver, Cover, WristSensor, planned_presses
 from compensate.runtime import load_armor
 from hysid.armor._view import view
-from hysid.commands._asked_of_sensors import Calibrate, Solve
+from hysid.commands._asked_more import Calibrate, Solve
 from hysteresis import InputError, LinearSponge, Units, conversion, with_units
 from tests.test_hysid.command import example, run
 

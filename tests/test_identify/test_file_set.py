@@ -20,7 +20,6 @@ from identify.storage._file_set import (
     edited,
     replace_sets,
     sealed,
-    stage_set,
     whole_files,
     write_set,
 )
@@ -50,7 +49,8 @@ def several_written(folder: Path, word: str) -> None:
     """Two sets, and the table of both."""
     files = {name: lambda place: place.write_text(word) and None for name in NAMES}
     staged = {
-        below: stage_set(folder / below, "fit.json", {"word": word}, files) for below in ("a", "b")
+        below: write_set(folder / below, "fit.json", {"word": word}, files, staged=True)
+        for below in ("a", "b")
     }
     replace_sets(folder, "fit.json", {"word": word, "files": {}}, staged, ["report.html"])
 
@@ -105,8 +105,8 @@ def test_several_sets_change_at_once(moment: int, tmp_path: Path, monkeypatch: p
 
 def test_what_another_process_has_staged_is_not_taken_over(tmp_path: Path):
     several_written(tmp_path, "old")
-    staged = {"a": stage_set(tmp_path / "a", "fit.json", {"word": "new"}, {})}
-    stage_set(tmp_path / "a", "fit.json", {"word": "another"}, {})
+    staged = {"a": write_set(tmp_path / "a", "fit.json", {"word": "new"}, {}, staged=True)}
+    write_set(tmp_path / "a", "fit.json", {"word": "another"}, {}, staged=True)
     with pytest.raises(InputError, match="another process") as caught:
         replace_sets(tmp_path, "fit.json", {"word": "new", "files": {}}, staged)
     assert caught.value.code == "cannot-write"

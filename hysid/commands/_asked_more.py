@@ -1,37 +1,36 @@
-"""What `hysid armor` and `hysid microchannel` are asked for, as in `_asked`."""
+"""What commands about sensors, data sets and the page are asked for, as in `_asked`."""
 
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import typer
 
+from ..catalogue._catalogue import SHIPPED
 from ..intake._option import option
 from ._asked import Command, overwriting, seeding, selecting
 
+BENCHMARKS = (
+    "preisach", "viscoelastic", "accuracy", "identification", "recovery", "compensation", "armor",
+    "microchannel", "reading", "studio", "ruggedness",
+)  # fmt: skip
+"""Modules of `benchmarks` that judge the package, in the order in which they are run."""
+_catalogue = partial(
+    option,
+    "Another catalogue, for example the one of your laboratory.",
+    SHIPPED,
+    metavar="FILE",
+    show_default=False,
+)
+_sponge = partial(option, "Fit of the cover, in either direction.", metavar="DIR")
+_shape = partial(option, "The shell: a TOML file, or a mesh (STL, OBJ, ...).", metavar="FILE")
+_shape_unit = partial(
+    option, "Unit of the shape's lengths (default: the TOML's, else m).", None, metavar="UNIT"
+)
+_sessions = partial(option, "CSV files; each is one session.", argument=True, metavar="FILE...")
+_epochs = partial(option, "Epochs per network (default: 20,000 steps of 64 rows).", None, least=1)
 
-def _sponge(*default: None) -> Any:
-    return option("Fit of the cover, in either direction.", *default, metavar="DIR")
 
-
-def _shape(*default: None) -> Any:
-    return option("The shell: a TOML file, or a mesh (STL, OBJ, ...).", *default, metavar="FILE")
-
-
-def _shape_unit() -> Any:
-    said = "Unit of the shape's lengths (default: the TOML's, else m)."
-    return option(said, None, metavar="UNIT")
-
-
-def _sessions() -> Any:
-    return option("CSV files; each is one session.", argument=True, metavar="FILE...")
-
-
-def _epochs() -> Any:
-    return option("Epochs per network (default: 20,000 steps of 64 rows).", None, least=1)
-
-
-@dataclass(frozen=True, kw_only=True)
 class Calibrate(Command):
     """Calibrate sensor, cover and frame with presses at known points.
 
@@ -40,7 +39,7 @@ class Calibrate(Command):
     `hysid armor solve --armor DIR`, and armor.json, which runs without JAX.
     """
 
-    does: ClassVar[str] = "_armor:calibrate"
+    does = "commands._armor:calibrate"
     file: Path = option("Presses at known points.", argument=True, metavar="PRESSES.csv")
     out: Path = option("Folder for the results.")
     sponge: Path = _sponge()
@@ -49,7 +48,6 @@ class Calibrate(Command):
     overwrite: bool = overwriting()
 
 
-@dataclass(frozen=True, kw_only=True)
 class Solve(Command):
     """Find the contacts behind wrenches: points, covariances and statuses.
 
@@ -57,7 +55,7 @@ class Solve(Command):
     without JAX.
     """
 
-    does: ClassVar[str] = "_armor:solve"
+    does = "commands._armor:solve"
     file: Path = option(
         "Columns Fx, Fy, Fz, Mx, My, Mz, time.", argument=True, metavar="WRENCHES.csv"
     )
@@ -75,11 +73,10 @@ class Solve(Command):
     overwrite: bool = overwriting()
 
 
-@dataclass(frozen=True, kw_only=True)
 class View(Command):
     """Write DIR/armor.html, a replay of the contacts in 3D."""
 
-    does: ClassVar[str] = "_armor:view"
+    does = "commands._armor:view"
     folder: Path = option(
         "Folder with touches.json, as hysid armor solve and hysid reproduce write it.",
         argument=True,
@@ -87,7 +84,6 @@ class View(Command):
     )
 
 
-@dataclass(frozen=True, kw_only=True)
 class Train(Command):
     """Train a soft sensor on CSV files; write it to a folder.
 
@@ -139,7 +135,6 @@ class Train(Command):
             raise typer.BadParameter("--range is LOW HIGH, with LOW below HIGH")
 
 
-@dataclass(frozen=True, kw_only=True)
 class TrainPairs(Command):
     """Train an estimator of the forces on several places at once; write it to a folder.
 
@@ -147,7 +142,7 @@ class TrainPairs(Command):
     The folder also gets runtime.json, which runs without JAX.
     """
 
-    does: ClassVar[str] = "_estimate:train_pairs"
+    does = "commands._estimate:train_pairs"
     files: list[Path] = _sessions()
     out: Path = option("Folder for the estimator.")
     selection: dict[str, Any] = selecting(
@@ -166,7 +161,6 @@ class TrainPairs(Command):
     overwrite: bool = overwriting()
 
 
-@dataclass(frozen=True, kw_only=True)
 class Estimate(Command):
     """Run a trained sensor, or a fit between a force and a reading, over a file.
 
@@ -174,7 +168,7 @@ class Estimate(Command):
     its forces have the deviation of the rows that it held out, and are limited to its range.
     """
 
-    does: ClassVar[str] = "_estimate:estimate"
+    does = "commands._estimate:estimate"
     folder: Path = option(
         "Folder of a trained sensor, of pairs, or of a fit of a force.",
         argument=True,
@@ -186,3 +180,52 @@ class Estimate(Command):
     runtime: Path | None = option(
         "Of a fit: write a file for compensate.runtime too.", None, metavar="FILE.json"
     )
+
+
+class Studio(Command):
+    """Show a page in the browser to look at measurements, fit them and export compensators.
+
+    The page is on this machine alone, and its address opens it once; opening it again prints another. It
+    works on one folder, on the same files as the other commands; nothing is uploaded anywhere.
+    """
+
+    does, jax = "studio._run:run", False
+    files: list[Path] | None = option(
+        "Files of one folder, or a folder (default: the current one).",
+        None,
+        argument=True,
+        metavar="[FILE...]",
+    )
+    port: int = option("Port of the page; 0 for any that is free.", 0, least=0, most=65535)
+    browser: bool = option("Open the page in a browser.", True, flag="--browser/--no-browser")
+
+
+class Bench(Command):
+    """Run the benchmarks, all or by name."""
+
+    jax = False
+    names: list[str] | None = option(
+        f"{', '.join(BENCHMARKS)}.", None, argument=True, metavar="[NAME]..."
+    )
+    quick: bool = option("Run reduced sizes, a few minutes each.", False)
+
+
+class List(Command):
+    """List every data set with its size, licence and kind."""
+
+    does, jax = "commands._datasets:listed", False
+    catalogue: Path = _catalogue()
+
+
+class Fetch(Command):
+    """Download a data set and check it.
+
+    hysid writes a CSV file and a configuration for hysid fit.
+    """
+
+    does, jax = "commands._datasets:fetch", False
+    name: str = option("Name, as hysid datasets list prints it.", argument=True, metavar="NAME")
+    out: Path = option("Folder for NAME.csv and NAME.toml.", Path("."))
+    accept: bool = option("Accept files whose checksum is not known.", False)
+    overwrite: bool = option("Overwrite existing files.", False)
+    catalogue: Path = _catalogue()
