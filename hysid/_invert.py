@@ -8,13 +8,7 @@ from typing import Any
 import numpy as np
 
 import identify
-from compensate import (
-    AbstractCompensator,
-    CalibratedCompensator,
-    LeftOut,
-    Past,
-    calibrated,
-)
+from compensate import AbstractCompensator, CalibratedCompensator, LeftOut, Past, calibrated
 from compensate import invert as invert_model
 from compensate.guards._guarded import longest_step
 from compensate.uncertainty._band_words import in_words, of_words

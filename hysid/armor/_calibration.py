@@ -9,14 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import identify
-from compensate.armor import (
-    Armor,
-    Bumps,
-    Presses,
-    PressResiduals,
-    UncertainArmor,
-    with_slip,
-)
+from compensate.armor import Armor, Bumps, Presses, PressResiduals, UncertainArmor, with_slip
 from compensate.armor._calibration import without_each
 
 from ._left_out import spread_of_unseen

@@ -4,7 +4,6 @@ import inspect
 import re
 from collections.abc import Callable
 from dataclasses import MISSING, Field, fields
-from functools import cache
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -23,7 +22,7 @@ def command_of(asked: type[Command]) -> Callable[..., None]:
     name = re.sub("(?<=[a-z])(?=[A-Z])", "-", asked.__name__).lower()
     for one in [*(one for one in known.values() if one.name != "as_json"), known["as_json"]]:
         for option in one.metadata.get("selection", ()):
-            chosen[option] = _parameter(FIELDS[option], **_how(one))
+            chosen[option] = _parameter(FIELDS[option], **one.metadata["how"])
         if "help" in one.metadata:
             chosen[one.name] = _parameter(one)
 
@@ -46,21 +45,11 @@ def command_of(asked: type[Command]) -> Callable[..., None]:
     return command
 
 
-@cache
-def fit_command() -> Any:
-    """`hysid fit`, by itself."""
-    alone = typer.Typer(add_completion=False)
-    alone.command("fit", cls=FindsConfig)(command_of(Fit))
-    return typer.main.get_command(alone)
-
-
 def fit_of(config: Path) -> Fit:
     """What `hysid fit --config FILE` is asked for, of a file that is named later."""
-    return Fit(**fields_of(Fit, options_of(config, fit_command())))
-
-
-def _how(one: Field[Any]) -> dict[str, bool]:
-    return {name: one.metadata[name] for name in ("optional", "needs_input")}
+    alone = typer.Typer(add_completion=False)
+    alone.command("fit", cls=FindsConfig)(command_of(Fit))
+    return Fit(**fields_of(Fit, options_of(config, typer.main.get_command(alone))))
 
 
 def _parameter(

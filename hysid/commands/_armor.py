@@ -11,13 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import identify
-from compensate.armor import (
-    Armor,
-    ContactStatus,
-    UncertainArmor,
-    UncertainContact,
-    export_armor,
-)
+from compensate.armor import Armor, ContactStatus, UncertainArmor, UncertainContact, export_armor
 from hysteresis import AbstractModel, InputError, conversion
 from hysteresis._atomic_file import write_table
 from hysteresis._limits import damage_told, load_arrays

@@ -26,8 +26,8 @@ def selecting(*names: str, optional: bool = False, needs_input: bool = False) ->
 
     `optional`: nothing has a default, and only what was given is in it. `needs_input`: `--input` has to be.
     """
-    said = {"selection": names or tuple(FIELDS), "optional": optional, "needs_input": needs_input}
-    return field(default_factory=dict, metadata=said)
+    how = {"optional": optional, "needs_input": needs_input}
+    return field(default_factory=dict, metadata={"selection": names or tuple(FIELDS), "how": how})
 
 
 _file = partial(option, "CSV file of the test rig.", argument=True, metavar="FILE")
@@ -358,7 +358,7 @@ def fields_of(asked: type[Command], values: Mapping[str, Any]) -> dict[str, Any]
     for one in fields(asked):
         if (names := one.metadata.get("selection")) is not None:
             given = as_fields({name: values[name] for name in names})
-            optional = one.metadata["optional"]
+            optional = one.metadata["how"]["optional"]
             found[one.name] = {k: v for k, v in given.items() if v or not optional}
         elif one.name in values:
             found[one.name] = _value(one, values[one.name])

@@ -83,8 +83,7 @@ def run(asked: Monitor) -> Done:
         )
     target = folder / f"monitored-{file.stem}.csv"
     _write(target, record, known, found, str(fitted_on.input))
-    units = fitted.train.input_unit, fitted.train.output_unit
-    document, lines = _summary(own, record, known, found, *units)
+    document, lines = _summary(own, record, known, found, fitted.train)
     document |= {"notes": notes, "file": str(target)}
     return Done(document, [*warnings(notes, "Note"), *lines, str(target)])
 
@@ -107,14 +106,10 @@ def _followed(own: AdaptiveCompensator, record: Record, known: np.ndarray) -> Re
 
 
 def _summary(
-    own: AdaptiveCompensator,
-    record: Record,
-    known: np.ndarray,
-    found: Recalibrated,
-    unit: str,
-    other: str,
+    own: AdaptiveCompensator, record: Record, known: np.ndarray, found: Recalibrated, train: Record
 ) -> tuple[dict[str, Any], list[str]]:
     """The document, and lines for a reader."""
+    unit, other = train.input_unit, train.output_unit
     error = (np.asarray(found.value) - known)[np.isfinite(known)]
     last = Advice(int(found.advice[-1]))
     lines = [SAID[last]]

@@ -160,13 +160,8 @@ def guarantee_of(fitted: identify.FitResult, record: Record, guarantee: float) -
             f"Cannot guarantee {100 * guarantee:g} %: that needs {needed} runs or cycles, and the file has"
             f" {len(scores)}, which can guarantee {100 * most:.3g} % at most."
         )
-        return known | {
-            "given": False,
-            "runs": len(scores),
-            "factor": None,
-            "half_width": None,
-            "text": text,
-        }
+        none = dict.fromkeys(("factor", "half_width"))
+        return known | {"given": False, "runs": len(scores), **none, "text": text}
     band = guaranteed(compensator, applied, guarantee)
     found = estimate(band, applied)
     half = (np.asarray(found.high) - np.asarray(found.low))[applied.mask] / 2

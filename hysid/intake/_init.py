@@ -52,23 +52,8 @@ def init(
 
 
 def _document(source: Path, found: Guess, lines: list[str], **more: Any) -> dict[str, Any]:
-    names = (
-        "selection",
-        "fit",
-        "alternatives",
-        "warnings",
-        "columns",
-        "rows",
-        "sequences",
-        "cycles",
-    )
-    told = {"file": None, "source": str(source), "found": [asdict(f) for f in found.found]}
-    return (
-        told
-        | {name: getattr(found, name) for name in names}
-        | {"next": None, "lines": lines}
-        | more
-    )
+    told = {k: v for k, v in asdict(found).items() if k != "text" and (v or k != "no_roles")}
+    return {"file": None, "source": str(source), **told, "next": None, "lines": lines, **more}
 
 
 def begun(file: Path, given: Mapping[str, Any], say: Callable[[str], None]) -> Path:
@@ -103,7 +88,7 @@ def _without_roles(file: Path, found: Guess) -> dict[str, Any]:
         "No configuration was written. The file that is needed has what drives beside what answers; if one"
         " column did drive another, name both (--input COL --output COL).",
     ]
-    return _document(file, found, lines, no_roles=found.no_roles)
+    return _document(file, found, lines)
 
 
 def toml(file: Path, found: Guess) -> str:

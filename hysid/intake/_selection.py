@@ -186,10 +186,7 @@ class Selection(SelectionOptions):
         limits: Any = self.range or None
         branch: Any = self.branch
         train, test = self._split(record)
-        return (
-            train.select(branch, limits),
-            None if test is None else test.select(branch, limits),
-        )
+        return (train.select(branch, limits), None if test is None else test.select(branch, limits))
 
     def _split(self, record: Record) -> Pair:
         if self.test_cycles is not None:

@@ -12,9 +12,7 @@ from ._fit_page import write_report
 
 @in_own_precision
 def report(
-    fit: identify.FitResult,
-    path: str | Path = TARGET,
-    posterior: identify.Posterior | None = None,
+    fit: identify.FitResult, path: str | Path = TARGET, posterior: identify.Posterior | None = None
 ) -> Path:
     """Write the report of a fit, and of its posterior, as one HTML file that needs no other.
 

@@ -27,10 +27,7 @@ SESSIONS, LENGTH = 28, 2025
 """56,700 readings in records that begin with the sensor at rest, as the loops to be judged on do."""
 
 READING: Final = {"thresholds": (0.1, 0.2, 0.4, 0.8), "lags": (0.03, 0.06, 0.12, 0.25, 1.0, 5.0)}
-FORCE: Final = {
-    "thresholds": (0.1, 0.2, 0.35, 0.6, 1.0, 1.6, 2.6),
-    "lags": (0.02, 0.2, 1.0, 8.0),
-}
+FORCE: Final = {"thresholds": (0.1, 0.2, 0.35, 0.6, 1.0, 1.6, 2.6), "lags": (0.02, 0.2, 1.0, 8.0)}
 """What each network sees: half widths of plays in V or N, delays in s; chosen on another seed's sensor."""
 
 HIGH_N, NOISE_V, DELAY = 8.5, 0.0205, 10

@@ -10,12 +10,7 @@ import numpy as np
 import optax
 from jaxtyping import Array, Float
 
-from compensate.microchannel import (
-    ForceNetwork,
-    MotionFilter,
-    MultiContactEstimator,
-    windows,
-)
+from compensate.microchannel import ForceNetwork, MotionFilter, MultiContactEstimator, windows
 from hysteresis.networks import StaircaseNetwork
 from identify import Trained, train
 

@@ -19,11 +19,7 @@ from ..intake._selection_options import FIELDS
 
 
 def equivalents(
-    file: Path,
-    folder: Path,
-    selection: Selection | None,
-    fit: Mapping[str, Any],
-    value: str = ".",
+    file: Path, folder: Path, selection: Selection | None, fit: Mapping[str, Any], value: str = "."
 ) -> dict[str, dict[str, str]]:
     """Step -> {"command", "python"}, for a terminal and an interpreter that run in the studio's folder.
 

@@ -228,8 +228,7 @@ def _time(
         )
         return None
     best = max(
-        clocks,
-        key=lambda c: (len(words_of(c.name)) <= 2, c.missing == 0, -len(words_of(c.name))),
+        clocks, key=lambda c: (len(words_of(c.name)) <= 2, c.missing == 0, -len(words_of(c.name)))
     )
     sure = LIKELY if best.kind.name == "time" else GUESS
     sure = SURE if best.kind.name == "time" and best.kind.sure == 1.0 else sure
