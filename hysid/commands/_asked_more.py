@@ -142,7 +142,7 @@ class TrainPairs(Command):
     The folder also gets runtime.json, which runs without JAX.
     """
 
-    does = "commands._estimate:train_pairs"
+    does = "commands._pairs:train_pairs"
     files: list[Path] = _sessions()
     out: Path = option("Folder for the estimator.")
     selection: dict[str, Any] = selecting(

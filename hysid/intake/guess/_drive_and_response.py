@@ -62,18 +62,21 @@ class Choice(NamedTuple):
     alternatives: list[str]
 
 
-def choose(
-    table: Table,
-    columns: list[Column],
-    still: list[Column],
-    time: str | None,
-    options: Mapping[str, Any],
-    given: Mapping[str, Any],
-) -> Choice:
+class Seen(NamedTuple):
+    """A table, its clock, the options that were found, and those that were given."""
+
+    table: Table
+    time: str | None
+    options: Mapping[str, Any]
+    given: Mapping[str, Any]
+
+
+def choose(seen: Seen, columns: list[Column], still: list[Column]) -> Choice:
     """Input and output among the columns that change; `still` are those that do not.
 
     Raises `InputError` `cannot-decide`, `no-column`.
     """
+    table, time, _, given = seen
     place = table.path
     inputs: list[str] = list(given.get("input") or ())
     for name in [*inputs, *([given["output"]] if given.get("output") else [])]:
@@ -84,12 +87,12 @@ def choose(
     if not columns and _results(table).any():
         raise NothingDrivenError(SPECTRUM)
     if given.get("step") or all(c.name == given.get("output") for c in columns):
-        return _step(table, columns, still, time, given)
+        return _step(seen, columns, still)
     asked_in, asked_out = inputs[0] if inputs else None, given.get("output")
     usable = [c for c in columns if c.name in (asked_in, asked_out)]
     usable += duplicates([c for c in columns if c not in usable])
     if len(usable) < 2 and asked_in is None:
-        return _step(table, columns, still, time, given)
+        return _step(seen, columns, still)
     usable = _sampled(table, usable, {asked_in, asked_out})
     if any(note.code == "no-header" for note in table.notes) and not (asked_in and asked_out):
         usable = by_shape(table, usable, time, {asked_in, asked_out} - {None})
@@ -110,7 +113,7 @@ def choose(
         why = {"input": "given", "output": "given"}
         return Choice(by_name[asked_in], by_name[asked_out], "sure", why, {}, [])
     if not found:
-        return _unknown(table, usable, time, options, given)
+        return _unknown(seen, usable)
     best = found[0]
     second = next(
         (
@@ -128,7 +131,7 @@ def choose(
         "sure" if clear and read and best.score > 0.7 else "likely" if best.score > 0.3 else "guess"
     )
     best = _reading(table, best, found, asked_out)
-    choice = _directed(table, best, options, asked_in, asked_out, time)
+    choice = _directed(seen, best, asked_in, asked_out)
     if sure == "sure":
         sure = choice.sure
     more = [_said(p.input.name, p.output.name) for p in found[1:4] if p.score > 0.3 * best.score]
@@ -199,14 +202,7 @@ def _results(table: Table) -> np.ndarray:
     return np.logical_and.reduce(moduli) if len(moduli) > 1 else np.zeros(len(table.line), bool)
 
 
-def _directed(
-    table: Table,
-    pair: Pair,
-    options: Mapping[str, Any],
-    asked_in: str | None,
-    asked_out: str | None,
-    time: str | None,
-) -> Choice:
+def _directed(seen: Seen, pair: Pair, asked_in: str | None, asked_out: str | None) -> Choice:
     """A pair with its input and output chosen.
 
     A model with memory describes a loop whose output lags its input. The pair is turned if the usual
@@ -214,12 +210,8 @@ def _directed(
     """
     a, b = pair.input, pair.output
     why = {"input": "the usual input of this pair", "output": "the usual output of this pair"}
-    record, other = _record(table, a, b, options), _record(table, b, a, options)
-    votes = (
-        []
-        if asked_in == a.name or asked_out == b.name
-        else _votes(table, a, b, time, record, other)
-    )
+    record, other = _record(seen, a, b), _record(seen, b, a)
+    votes = [] if asked_in == a.name or asked_out == b.name else _votes(seen, a, b, record, other)
     for_b, total = max(votes, default=_NONE), sum(vote.bits for vote in votes)
     for_a = min(votes, default=_NONE)
     if total > USUAL:
@@ -246,9 +238,7 @@ class _Vote(NamedTuple):
 _NONE = _Vote(0.0, "")
 
 
-def _votes(
-    table: Table, a: Column, b: Column, time: str | None, record: Record, other: Record
-) -> list[_Vote]:
+def _votes(seen: Seen, a: Column, b: Column, record: Record, other: Record) -> list[_Vote]:
     """What speaks for either column as the drive: gaps of the other, that a rig commanded it (`commanded`),
     and of a load and what it deforms that it goes one way while the other turns back (a test to failure),
     that it determines the other better (a slack specimen: the force rests while it moves), and that it is
@@ -257,7 +247,7 @@ def _votes(
         gaps = f"{a.name!r} has gaps ({a.missing:.0%}), and an input must be complete"
         return [_Vote(SURELY, gaps)]
     for sign, one, rest in ((1, b, a), (-1, a, b)):
-        if how := _driven(table, one, rest, time):
+        if how := _driven(seen, one, rest):
             return [_Vote(sign * SURELY, f"{one.name!r} {how}, so the rig commanded it")]
     if b.kind.name not in DEFORMED:
         return []
@@ -285,10 +275,10 @@ def _votes(
     return found
 
 
-def _driven(table: Table, column: Column, other: Column, time: str | None) -> str:
+def _driven(seen: Seen, column: Column, other: Column) -> str:
     """How the rig drove a column and not the other one, in words; "" where that does not show."""
     good = np.isfinite(column.x) & np.isfinite(other.x)
-    clock = table.columns[time][good][:MOST] if time else None
+    clock = seen.table.columns[seen.time][good][:MOST] if seen.time else None
     return commanded(column.x[good][:MOST], other.x[good][:MOST], clock)
 
 
@@ -296,13 +286,12 @@ def _falls(record: Record) -> bool:
     return correlation(record.input, record.output) < 0
 
 
-def _record(
-    table: Table, a: Column, b: Column, options: Mapping[str, Any], most: int = MOST
-) -> Record:
+def _record(seen: Seen, a: Column, b: Column) -> Record:
     """Rows where both are numbers, in their sequences, without a clock."""
+    table, options = seen.table, seen.options
     keys = [*(options.get("group") or ()), *([options["each"]] if options.get("each") else [])]
     keys = [k for k in keys if k in table.text]
-    good = np.flatnonzero(np.isfinite(a.x) & np.isfinite(b.x))[:most]
+    good = np.flatnonzero(np.isfinite(a.x) & np.isfinite(b.x))[:MOST]
     cells = [
         table.text[k][good].tolist() for k in keys
     ]  # text is read anew whenever it is asked for
@@ -310,14 +299,9 @@ def _record(
     return Record.from_arrays(a.x[good], b.x[good], groups=parts)
 
 
-def _step(
-    table: Table,
-    columns: list[Column],
-    still: list[Column],
-    time: str | None,
-    given: Mapping[str, Any],
-) -> Choice:
+def _step(seen: Seen, columns: list[Column], still: list[Column]) -> Choice:
     """Creep or relaxation: a constant input, and the output over time."""
+    table, time, _, given = seen
     asked = given.get("output")
     found = [c for c in columns if asked in (None, c.name) and c.kind.name != "unknown"] or [
         c for c in columns if asked in (None, c.name)
@@ -394,15 +378,9 @@ def _channels(
     return Choice(by_name[inputs[0]], by_name[output], "sure", why, {"input": inputs}, [])
 
 
-def _unknown(
-    table: Table,
-    columns: list[Column],
-    time: str | None,
-    options: Mapping[str, Any],
-    given: Mapping[str, Any],
-) -> Choice:
+def _unknown(seen: Seen, columns: list[Column]) -> Choice:
     """Two columns with unknown names: the rig commanded one, or the loop shows which one lags."""
-    place = table.path
+    given, place = seen.given, seen.table.path
     asked = {given.get("output"), *(given.get("input") or ())} - {None}
     if len(columns) > 2 and not asked and all(c.kind.name != "unknown" for c in columns):
         kinds = ", ".join(dict.fromkeys(c.kind.name for c in columns))
@@ -417,10 +395,10 @@ def _unknown(
         "output": "it lags the input",
     }
     if not asked:
-        record = _record(table, a, b, options)
+        record = _record(seen, a, b)
         way = loop_direction(record)
         nameless = a.kind.name == b.kind.name == "unknown"
-        theirs, ours = _driven(table, b, a, time), _driven(table, a, b, time)
+        theirs, ours = _driven(seen, b, a), _driven(seen, a, b)
         if nameless and (how := theirs or ours):
             a, b = (b, a) if theirs else (a, b)
             why = {

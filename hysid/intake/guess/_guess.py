@@ -14,7 +14,7 @@ from hysteresis.records._units import written_unit
 from .._selection import all_of, selection_of
 from .._selection_options import HELD_OUT, OF_READING
 from ._column_pairs import Column, columns_of, held, rank_correlation
-from ._drive_and_response import FOLLOWS, Choice, choose
+from ._drive_and_response import FOLLOWS, Choice, Seen, choose
 from ._exceptions import NothingDrivenError
 from ._hold_out import hold_out
 from ._number_format import HEAD, reading
@@ -127,13 +127,14 @@ def _guess(file: Path, given: Mapping[str, Any]) -> Guess:
     still = {n for n, c in columns.items() if np.nanmax(c.x) == np.nanmin(c.x)}
     measured = _measured(table, columns, sequences, {*still, time or ""}, given)
     constant = [columns[n] for n in still]
+    seen = Seen(table, time, out.selection, given)
     try:
-        choice = choose(table, measured, constant, time, out.selection, given)
+        choice = choose(seen, measured, constant)
     except (InputError, NothingDrivenError) as nothing:
         # A ratio, an area or a temperature is no reading beside one; alone with its input it is.
         both = _with_aside(table, columns, sequences, {*still, time or ""})
         if not given and len(measured) < 2 and len(both) == 2:
-            choice = choose(table, both, constant, time, out.selection, given)
+            choice = choose(seen, both, constant)
         elif isinstance(nothing, NothingDrivenError):
             out.no_roles = str(nothing)
             return out

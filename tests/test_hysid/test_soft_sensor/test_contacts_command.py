@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from compensate.runtime import FileError, load_contacts
-from hysid.soft_sensor._contacts_command import load_contact_training
+from hysid.commands._pairs import load_contact_training
 from tests.test_hysid.command import refused, run
 
 DATA = Path(__file__).parents[3] / "datasets" / "skin-two-places.csv"

@@ -1,7 +1,7 @@
 """`hysid microchannel train-pairs`, and `estimate` of its folder: forces on several places at once."""
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -25,11 +25,13 @@ from identify.internal import versions
 from ..figures._format import plain_name
 from ..intake._folders import check_writable
 from ..intake._selection import Selection
-from ._contacts import UPDATES, ContactTraining, train_contacts
-from ._force_networks import updates_of
-from ._force_records import ForceRecord
-from ._learn import AT_REST
-from ._sensor import lengthened
+from ..soft_sensor._contacts import UPDATES, ContactTraining, train_contacts
+from ..soft_sensor._force_networks import updates_of
+from ..soft_sensor._force_records import ForceRecord
+from ..soft_sensor._learn import AT_REST
+from ..soft_sensor._sensor import lengthened
+from ._asked_more import TrainPairs
+from ._console import Done, Progress, log, warnings
 
 DOCUMENT, ARRAYS, RUNTIME = "contacts.json", "contacts.npz", "runtime.json"
 SCHEMA = 1
@@ -44,23 +46,27 @@ class Stretch(NamedTuple):
     force: Float[np.ndarray, "samples places"]
 
 
-def train_pairs(
-    files: Sequence[Path], selection: Selection, forces: Sequence[str], out: Path, *,
-    noise: float = 0.0, high: float | None = None, epochs: int | None = None, seed: int = 0,
-    overwrite: bool = False, say: Callable[[str], None] = lambda _: None,
-    progress: Callable[[int, int, str], None] = lambda done, total, words: None,
-) -> dict[str, Any]:  # fmt: skip
+def train_pairs(asked: TrainPairs) -> Done:
+    """An estimator of the forces on several places."""
+    with Progress("training") as progress:
+        document = _trained(asked, asked.out, progress)
+    lines = [*warnings(document["notes"]), *contact_lines(document["metrics"])]
+    return Done(document, [*lines, f"Estimator: {asked.out}"])
+
+
+def _trained(asked: TrainPairs, out: Path, progress: Progress) -> dict[str, Any]:
     """Learn each place from the sequences that press it alone; judge on those that press several.
 
-    `forces`: a column for each place. Returns contacts.json's object.
+    Returns contacts.json's object.
 
     Raises `InputError` for files and columns that cannot be used, a place that no sequence presses alone,
     results that are there already, and as `hysid.train_contacts` does.
     """
-    identify.internal.check_free(out, overwrite, DOCUMENT)
+    forces, selection = asked.force, Selection(**asked.selection, output=asked.force[0])
+    identify.internal.check_free(out, asked.overwrite, DOCUMENT)
     check_writable(out)
     taught, held_out, table, record = [], [], None, None
-    for file in files:
+    for file in asked.files:
         table = selection.read(file)
         train, test = selection.records(table)[0][""]
         record = train
@@ -86,15 +92,20 @@ def train_pairs(
             held_out.append(one)
     if alone := [name for name, found in places.items() if not found]:
         raise InputError(
-            "too-few-presses", f"No sequence presses {alone[0]} alone.", place=str(files[0]),
+            "too-few-presses", f"No sequence presses {alone[0]} alone.", place=str(asked.files[0]),
             cause="Sequences are not told apart, or all places are always pressed together.",
             fix="Name the column that numbers them (--group COL), and press each place by itself.",
         )  # fmt: skip
-    say(f"learning {' and '.join(names)}")
+    log(f"learning {' and '.join(names)}")
     rows = min(sum(len(one.time) for one in found) for found in places.values())
-    updates = UPDATES if epochs is None else updates_of(epochs, rows)
+    updates = UPDATES if asked.epochs is None else updates_of(asked.epochs, rows)
     learnt = train_contacts(
-        places, noise=noise, high_force=high, seed=seed, tell=progress, updates=updates
+        places,
+        noise=asked.noise,
+        high_force=asked.high,
+        seed=asked.seed,
+        tell=progress,
+        updates=updates,
     )
     units = list(record.channels.values()) or [record.input_unit]
     channels = list(record.channels) or [record.input_name]
@@ -104,14 +115,14 @@ def train_pairs(
         "forces": list(forces), "names": names, "selection": selection.as_json(),
         "taught": {name: len(found) for name, found in places.items()},
         "off": learnt.off.tolist(), "judged": len(held_out),
-        "metrics": judged(learnt.estimator, held_out, names), "seed": seed,
+        "metrics": judged(learnt.estimator, held_out, names), "seed": asked.seed,
         "motion": {k: getattr(learnt.estimator.motion, k) for k in ("high", "turn", "turns")},
         "versions": versions(("hysid", "jax", "equinox", "optax", "numpy")),
     }  # fmt: skip
     document["structure"], arrays = described(learnt.estimator)
     done = identify.internal.write_set(
         out, DOCUMENT, document, {ARRAYS: arrays}, remove=(RUNTIME,),
-        check=partial(identify.internal.check_free, out, overwrite, DOCUMENT),
+        check=partial(identify.internal.check_free, out, asked.overwrite, DOCUMENT),
     )  # fmt: skip
     example = max(held_out or taught, key=lambda one: len(one.time))
     runtime = export_contacts(
@@ -121,6 +132,15 @@ def train_pairs(
     return identify.internal.plain(
         {**done, "runtime": str(runtime), "notes": _notes(held_out, learnt)}
     )
+
+
+def contact_lines(found: dict[str, Any] | None) -> list[str]:
+    """Errors of each place's force."""
+    return [
+        f"{name}: {of['rmse']:.3g} N rms, {of['nrmse_percent']:.3g} % of the range; 90 % bands hold"
+        f" {100 * of['coverage_of_90_percent_bands']:.0f} % of the rows"
+        for name, of in (found or {}).items()
+    ]
 
 
 def _notes(held_out: list[Stretch], learnt: ContactTraining) -> list[str]:
