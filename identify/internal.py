@@ -2,15 +2,6 @@
 
 These functions are documented and tested, and hysid uses them. They are not part of the public interface:
 they may change with any release.
-
-- Files: `residuals_of_all`, `plain`, `read_json`, `write_json`, `sealed`, `check_free`, `read_document`,
-  `read_fit`, `write_fit`, `replace_fits`, `write_set`, `whole_files`, `check_unedited`,
-  `to_json`, `posterior_json`, `versions`.
-- Units: `check_unit`.
-- Errors in blocks of rows, and the difference of two: `block_errors`, `root_difference`.
-- Simple inverses, with which a compensator is compared: `backwards`.
-- The models of a fit without each cycle of its rows: `models_without_groups`.
-- Creep and relaxation: `stepped`, `is_at_first_row`, `kind_of`, `told_by_the_change`, `way_of`.
 """
 
 from hysteresis._format import plain as plain
