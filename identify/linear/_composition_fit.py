@@ -51,7 +51,7 @@ from ._cross_validation import (
 )
 from ._cross_validation import STRENGTHS as PRIOR_STRENGTHS
 from ._linear_fit import LinearFit
-from ._sliders import LEVELS, PLACE_STOPS, SPAN_STOPS, STOPS
+from ._sliders import PLACE_STOPS, SPAN_STOPS, STOPS
 from ._unknown_vectors import relative
 
 Samples = Float[np.ndarray, " samples"]
@@ -102,14 +102,8 @@ def path_of(
     whole, memory = _begun(whole, record, parts, leadings, weights)
     paths, floors = [], (None, *slack(record))
     for leading in leadings:
-        free, *floored = (
-            _path(
-                Problem(
-                    record, parts, whole._replace(leading=leading, floor=floor), memory, weights
-                )
-            )
-            for floor in floors
-        )
+        each = (whole._replace(leading=leading, floor=floor) for floor in floors)
+        free, *floored = (_path(Problem(record, parts, one, memory, weights)) for one in each)
         # Friction, too, keeps an output on a level for long.
         paths += [free, *(path for path in floored if _better(free[-1], path[-1]))]
     path = min(paths, key=lambda path: path[-1].blocks.mean())
@@ -173,14 +167,15 @@ def unknowns_for(
     times = relaxation_times(record, np.isin(parts.label, parts.fitted))
     speed, step = usual_speed(record)
     duration = longest_sequence(record)
-    some = tuple(p for p in some if times or p not in (MAXWELL, STRENGTHS))
-    some = tuple(p for p in some if duration > 0 or p != TIME_DRIFT)
-    some = tuple(p for p in some if speed > 0 or p != FRICTION)
     # At one amplitude the place and the history go together: what either does, another one would tell. At
     # one rate, too, the speed follows from the place and the direction.
-    if not amplitudes_differ(record):
-        some = tuple(p for p in some if p not in LEVELS or len(LEVELS[p]) == 1)
-        some = tuple(p for p in some if p != FRICTION or rates_differ(record))
+    several = amplitudes_differ(record)
+    told = {
+        MAXWELL: bool(times), STRENGTHS: bool(times), TIME_DRIFT: duration > 0,
+        PLACE_STOPS: several, SPAN_STOPS: several,
+        FRICTION: speed > 0 and (several or rates_differ(record)),
+    }  # fmt: skip
+    some = tuple(p for p in some if told.get(p, True))
     return CompositionUnknowns(
         some, float(u.min()), float(u.max()), float(np.ptp(y)) * (-1 if output_falls(record) else 1),
         times, False, initial, rest=float(np.median(record.input[record.starts])), speed=speed, step=step,
