@@ -1,13 +1,12 @@
 """What a baseline reads of the past of an input: its direction, stop operators, slow states, lags."""
 
-from collections.abc import Callable, Iterator
-from itertools import pairwise
+from collections.abc import Callable
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from hysteresis import Record
-from hysteresis.numerics._blocked_recurrences import relaxed
+from hysteresis.numerics import _input_memory as input_memory
 from hysteresis.records._cycles import noise_level
 
 from ..records._run_model import same_inputs
@@ -71,22 +70,10 @@ def stops(
     radii: Float[np.ndarray, " stops"],
     out: Float[np.ndarray, "samples stops"] | None = None,
 ) -> Float[np.ndarray, "samples stops"]:
-    """Stop operators of these radii: the input less the play operator of the same radius.
-
-        play_k = max(u_k - r, min(u_k + r, play_(k-1))),  play before the first row = its input
-
-    Source: Brokate and Sprekels, Hysteresis and Phase Transitions (1996), section 2.1.
-    """
+    """Stop operators of these radii, of every sequence."""
     found = np.empty((len(record), len(radii))) if out is None else out
     for _, rows in record.sequences():
-        u = record.input[rows, None]
-        play = np.repeat(u[:1], len(radii), axis=1)
-        for run in _monotone(u[:, 0]):
-            # On a monotone run the play of each row follows from the one before the run.
-            at = u[run]
-            reached = np.minimum(np.maximum(play, at - radii), at + radii)
-            found[rows.start + run.start : rows.start + run.stop] = at - reached
-            play = reached[-1:]
+        input_memory.stops(record.input[rows], radii, found[rows])
     return found
 
 
@@ -95,20 +82,11 @@ def slow_states(
     times: Float[np.ndarray, " states"],
     out: Float[np.ndarray, "samples states"] | None = None,
 ) -> Float[np.ndarray, "samples states"]:
-    """The input less its exponential averages over these times, which begin at the first input.
-
-    x' = (u - x) / time, exact for an input that is constant over each step.
-    """
+    """The input less its exponential averages over these times, of every sequence."""
     assert record.time is not None
     found = np.empty((len(record), len(times))) if out is None else out
     for _, rows in record.sequences():
-        u, t = record.input[rows], record.time[rows]
-        step, rise = np.diff(t, prepend=t[0]), np.diff(u, prepend=u[0])
-        for k, time in enumerate(times):  # one after the other: each takes six columns of memory
-            keep = np.exp(-step / time)[:, None]
-            # What is left over of each rise of the input.
-            drive = (keep[:, 0] * rise)[:, None, None]
-            found[rows, k] = relaxed(keep, drive, np.zeros((1, 1)))[:, 0, 0]
+        input_memory.slow_states(record.input[rows], record.time[rows], times, found[rows])
     return found
 
 
@@ -126,14 +104,3 @@ def lags(
             found[rows, k][:back] -= u[0]
             found[rows, k][back:] -= u[:-back]
     return found
-
-
-def _monotone(u: Float[np.ndarray, " rows"]) -> Iterator[slice]:
-    """Runs in which an input goes one way; each begins behind the end of the one before."""
-    step = np.sign(np.diff(u))
-    moves = np.flatnonzero(step)
-    turns = moves[1:][step[moves[1:]] != step[moves[:-1]]] if len(moves) else moves
-    edges = [0, *(turns + 1).tolist(), len(u)]
-    for begin, end in pairwise(edges):
-        if end > begin:
-            yield slice(begin, end)
