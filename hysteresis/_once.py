@@ -1,5 +1,6 @@
 """What is made of a module's numbers, once."""
 
+import weakref
 from collections.abc import Callable
 from typing import Any, TypeVar
 
@@ -13,14 +14,16 @@ Made = TypeVar("Made")
 def once(make: Callable[[Any], Made]) -> Made:
     """A property that is made at the first use, of a module whose fields never change. While JAX traces the
     numbers, it is made at every use."""
-    name = f"once {make.__qualname__}"
+    # Beside the modules: JAX takes one with something in it for a module of another structure.
+    known: dict[int, Made] = {}
 
     def get(module: Any) -> Made:
-        made = vars(module).get(name)
+        made = known.get(id(module))
         if made is None:
             made = make(module)
             if all(map(is_concrete, jax.tree.leaves(made))):
-                vars(module)[name] = made
+                known[id(module)] = made
+                weakref.finalize(module, known.pop, id(module))
         return made
 
     return property(get, doc=make.__doc__)  # type: ignore[return-value]

@@ -146,7 +146,9 @@ def _turns(u: np.ndarray) -> float:
 
 def _clock(record: AbstractRecord) -> dict[str, Any] | None:
     """The steps of time within sequences, None where there is none."""
-    steps = np.diff([] if record.time is None else record.time)
+    if record.time is None:
+        return None
+    steps = np.diff(record.time)
     if len(record.starts) > 1:
         steps = np.delete(steps, record.starts[1:] - 1)
     if not steps.size:

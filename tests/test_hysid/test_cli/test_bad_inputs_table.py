@@ -422,7 +422,7 @@ def record() -> Record:
 class NeverANumber(LinearSponge):
     """A root of what is negative for every K."""
 
-    def _line(self, u: Any) -> Any:
+    def curve(self, u: Any) -> Any:
         return jnp.sqrt(-1 - self.K**2) * u
 
 
