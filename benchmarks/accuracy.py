@@ -65,6 +65,7 @@ DAMPER_TEST = "run=a_30lb_0.25Hz_1in,a_30lb_0.5Hz_1in,a_30lb_1Hz_1in"
 SEAL_RUNS = "run=" + ",".join(f"Circle_{bar}bar" for bar in (1, 2, 3, 4, 6, 7))
 SLEEVE_STRIPS = tuple(f"resistance {k} (-)" for k in range(1, 6))
 SLEEVE_SESSIONS = "session=S1_2_squat,S3_4_squat,S5_6_squat,S7_8_squat,S9_10_squat"
+SKIN_CHANNELS = tuple(f"channel {k} (V)" for k in range(16))
 EFLESH_CHANNELS = tuple(f"s{k:02d}" for k in range(15))
 
 TASKS = (
@@ -189,6 +190,11 @@ TASKS = (
         Selection(SLEEVE_STRIPS, "angle (deg)", "time (s)", group=("session",),
                   where=(SLEEVE_SESSIONS,), test_where=("session=S9_10_squat",)),
         8.04, (11.3, 10.05, 12.99),
+    ),
+    Task(
+        "hydrogel skin, sixteen channels -> load, the last 30 per cent", "hydrogel-skin/tidy.csv",
+        Selection(SKIN_CHANNELS, "load cells (V)", "time (s)", test_tail=0.3),
+        8.5, (19.04, 30.24, 8.86),
     ),
     Task(
         "laminate, force -> displacement, later cycles", "gfrp-fatigue-loops/tidy.csv",
