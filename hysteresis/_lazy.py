@@ -16,7 +16,7 @@ def loaded_late(
     `made(name, found)` is what users get of a name.
     """
     home = {
-        alias.name: "." * node.level + (node.module or alias.name)
+        alias.name: ("." * node.level + (node.module or alias.name), node.module is None)
         for node in ast.parse(Path(file).with_suffix(".pyi").read_text("utf-8")).body
         if isinstance(node, ast.ImportFrom)
         for alias in node.names
@@ -26,8 +26,9 @@ def loaded_late(
     def get(name: str) -> Any:
         if name not in home:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        module = import_module(home[name], package)
-        found = made(name, getattr(module, name, module))
+        path, is_module = home[name]
+        module = import_module(path, package)
+        found = made(name, module if is_module else getattr(module, name))
         return vars(sys.modules[package]).setdefault(name, found)
 
     return get, lambda: names, names

@@ -20,7 +20,7 @@ from typing import Any, TypeVar, overload
 
 from ._errors import InputError
 from ._model import AbstractModel
-from .laws import announce
+from .laws import announce, withdraw
 
 GROUP = "hysid.models"
 OURS = ("hysteresis", "compensate")
@@ -147,12 +147,6 @@ def register(
             f"{model!r} cannot be registered.",
             fix="register a class that is not abstract, of a model or of a part with fields.",
         )
-    if law is not None:
-        from .running._law import forget  # no model needs these until it runs
-        from .running._marks import Marked
-
-        forget()
-        Marked().marked(announce(law), "move")
     key = class_key(model)
     if key.partition(":")[0] not in OURS:
         _load_ours()
@@ -162,15 +156,29 @@ def register(
     if known is not None:
         guess, name = guess or known.guess, name or known.name
     entry = Registered(name or model.__name__, model, guess)
+    other = _BY_NAME.get(entry.name.casefold()) if entry.is_model else None
+    if other is not None and not _is_same(other.kind, model):
+        raise _taken(entry.name, other.kind)
+    if law is not None:
+        _announce(law)
     if entry.is_model:
-        other = _BY_NAME.get(entry.name.casefold())
-        if other is not None and not _is_same(other.kind, model):
-            raise _taken(entry.name, other.kind)
         if known is not None:
             _BY_NAME.pop(known.name.casefold(), None)
         _BY_NAME[entry.name.casefold()] = entry
     _BY_CLASS[key] = entry
     return model
+
+
+def _announce(law: ModuleType) -> None:
+    """Make a law known that can be translated."""
+    from .running._marks import Marked  # no model needs it until it runs
+
+    kind = announce(law)
+    try:
+        Marked().marked(kind, "move")
+    except InputError:
+        withdraw(kind)
+        raise
 
 
 def class_key(kind: type) -> str:

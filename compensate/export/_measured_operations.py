@@ -8,7 +8,7 @@ from functools import cache
 from types import FrameType
 from typing import NamedTuple
 
-from hysteresis.laws import KINDS, _search, announced, module_of
+from hysteresis.laws import FORGET, KINDS, _search, announced, module_of
 from hysteresis.laws._tree import Tree
 
 from ..runtime._compensator import Compensator
@@ -78,3 +78,6 @@ def _costs(further: tuple[str, ...]) -> dict[str, dict[int, int]]:
                 if isinstance(node, ast.stmt) and node is not function:
                     lines[node.lineno] = lines.get(node.lineno, 0) + OwnCount().of(node)
     return found
+
+
+FORGET.append(_costs.cache_clear)

@@ -320,7 +320,7 @@ class Batch(Command):
     scheduler: str | None = option("Dask scheduler that runs the fits.", None, metavar="ADDRESS")
     jobs: int = option("Processes on this machine.", 1, least=1)
     resume: bool = option("Skip files that are fitted already.", True, flag="--resume/--no-resume")
-    fit: Fit = field(metadata={"made_of": "config"})
+    fit: Fit  # made of the file `config`
 
 
 class Reproduce(Command):

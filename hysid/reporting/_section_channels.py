@@ -13,19 +13,19 @@ def channels(case: Case) -> Section:
     nodes, values = np.asarray(combined.nodes), np.asarray(combined.values)
     names = [plain_name(*of) for of in zip(combined.names, combined.units, strict=True)]
     axes = [label(*of) for of in zip(names, combined.units, strict=True)]
-    memory = (
-        "" if combined.memory is None else " and of what each leaves behind (stops, slow states)"
+    what = (
+        f"the {case.output} would be without memory"
+        if combined.memory is None
+        else "the channels tell with a memory, stops and slow states, of their own"
     )
     section = Section("Channels", [
-        f"The input is a sum of curves, one for each of {len(names)} channels{memory}, in the unit of the"
-        f" {case.output}: what the {case.output} would be without memory."
-        " Beyond its ends a curve keeps its end value. Falling curves next to rising ones cancel effects"
-        f" that the channels measure and the {case.output} does not contain."
+        f"The input is a sum of curves, one for each of {len(names)} channels, in the unit of the"
+        f" {case.output}: what {what}. Beyond its ends a curve keeps its end value. Falling curves next to"
+        f" rising ones cancel effects that the channels measure and the {case.output} does not contain."
     ])  # fmt: skip
     figure = f.panels(axes, nodes, values, label("part of the input", unit))
-    caption = (
-        "Contribution of each channel over its fitted range; a flat curve contributes nothing."
-    )
+    also = "" if combined.memory is None else " but its memory"
+    caption = f"Contribution of each channel over its fitted range; a flat curve contributes nothing{also}."
     section.draw(figure, f"Curves of {len(names)} channels", caption)
     share = np.ptp(values, axis=1)
     rows = [

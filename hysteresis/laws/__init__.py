@@ -13,6 +13,7 @@ arithmetic, `math`, if, while, for over a range. `compensate.export._python_to_c
 word, comments included. A law that names no source is ours. One of another distribution is announced.
 """
 
+from collections.abc import Callable
 from importlib import import_module
 from types import ModuleType
 
@@ -25,6 +26,9 @@ KINDS = (
 """Of nodes of a tree."""
 
 _ANNOUNCED: dict[str, ModuleType] = {}
+
+FORGET: list[Callable[[], None]] = []
+"""What empties each store of things made of laws: one that is announced again may have been edited."""
 
 
 def announce(law: ModuleType) -> str:
@@ -49,7 +53,14 @@ def announce(law: ModuleType) -> str:
     if kind in KINDS or _ANNOUNCED.get(kind, law).__name__ != law.__name__:
         raise ValueError(f"another law is called {kind!r}: rename {law.__name__}")
     _ANNOUNCED[kind] = law
+    for forget in FORGET:
+        forget()
     return kind
+
+
+def withdraw(kind: str) -> None:
+    """Announced it is no more."""
+    _ANNOUNCED.pop(kind, None)
 
 
 def announced() -> tuple[str, ...]:

@@ -6,7 +6,7 @@ from math import nan
 from types import CodeType
 from typing import Any, NamedTuple, get_type_hints
 
-from . import KINDS, announced, module_of
+from . import FORGET, KINDS, announced, module_of
 from ._nodes import WITHOUT, Node, functions_of
 from ._types import check_fields
 
@@ -102,6 +102,9 @@ def _numbered(tree: Tree, trees: list[Tree]) -> Node:
 @lru_cache(100)
 def _code(root: Node) -> CodeType:
     return compile(functions_of(root), "<tree>", "exec")
+
+
+FORGET.append(_code.cache_clear)
 
 
 def begun(tree: Tree, states: Iterator[Tree]) -> Tree:

@@ -27,8 +27,10 @@ class ChannelMap(eqx.Module):
         s = ... + sum_c (sum_j m_cj stop_j(v_c) + sum_k m_ck (v_c - average_k(v_c)))
 
     with stop operators of some `radii` and exponential averages over some `times`, which begin with the
-    first row. The scalar has the unit of the output. Each curve converts its channel's
-    unit to that unit, so channels may have different units.
+    first row. These go on with the channel beyond its fitted range.
+
+    The scalar has the unit of the output. Each curve converts its channel's unit to that unit, so channels
+    may have different units.
 
     A curve may rise or fall. A sensor's channels also respond to other quantities than the wanted one
     (a loop, a sideways pull, warmth); those responses cancel where some curves fall. The next stage
@@ -76,6 +78,20 @@ class ChannelMap(eqx.Module):
                 f" {len(self.units)} units.",
                 fix="give each channel a name, a unit and as many values as nodes, at least two.",
             )
+        memories = len(self.radii) + len(self.times)
+        wanted = (shapes[0][0], memories) if memories else None
+        if (None if self.memory is None else self.memory.shape) != wanted:
+            raise InputError(
+                "length-mismatch",
+                f"memory of shape {None if self.memory is None else self.memory.shape}, not {wanted}.",
+                fix="give each channel a weight for every radius and time.",
+            )
+        if min((*self.radii, *self.times), default=1.0) <= 0:
+            raise InputError(
+                "parameter-out-of-bounds",
+                f"radii = {self.radii}, times = {self.times}.",
+                fix="keep them above 0.",
+            )
         if is_concrete(self.nodes) and not np.all(np.diff(np.asarray(self.nodes)) > 0):
             raise InputError(
                 "parameter-out-of-bounds", f"nodes = {self.nodes}.", fix="keep them increasing."
@@ -86,11 +102,22 @@ class ChannelMap(eqx.Module):
         x: Float[Array, "samples channels"] | Any,
         time: Float[np.ndarray, " samples"] | None = None,
     ) -> Float[Array, " samples"]:
-        """The scalar at every sample of one sequence; `time` is needed where there are `times`."""
+        """The scalar at every sample of one sequence; `time` is needed where there are `times`.
+
+        Raises `InputError` `no-time` where they are and it is not given.
+        """
+        return self.curves(x) if self.memory is None else self.curves(x) + self.left(x, time)
+
+    def curves(self, x: Float[Array, "samples channels"] | Any) -> Float[Array, " samples"]:
+        """The offset and the curves' part of the scalar; a function of JAX."""
         each = jax.vmap(jnp.interp, in_axes=(1, 0, 0))
-        found = self.offset + each(jnp.asarray(x, float), self.nodes, self.values).sum(0)
-        if self.memory is None:
-            return found
+        return self.offset + each(jnp.asarray(x, float), self.nodes, self.values).sum(0)
+
+    def left(
+        self, x: Float[Array, "samples channels"] | Any, time: Float[np.ndarray, " samples"] | None
+    ) -> Float[np.ndarray, " samples"]:
+        """What the channels of one sequence leave behind, in NumPy: no part of a JAX program."""
+        found = np.zeros(len(x))
         for v, weights in zip(self.parts_of_range(x).T, np.asarray(self.memory), strict=True):
             found += memory_columns(v, time, self.radii, self.times) @ weights
         return found

@@ -102,16 +102,19 @@ class Law:
         body = function.body[bool(ast.get_docstring(function)) :]
         nodes = [n for statement in body for n in ast.walk(statement)]
         names = {n.id for n in nodes if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
-        names |= {*kinds, *self.functions, *MATHS, "int", "range"}
+        names |= {*kinds, *self.functions, "int", "range"}
+        names |= {x for x in MATHS if hasattr(self.module, x)}
         for node in (n for n in nodes if isinstance(n, ast.stmt | ast.expr)):
             match node:
                 case (
                     ast.Assign(targets=[ast.Name() | ast.Attribute() | ast.Subscript()])
                     | ast.Expr(value=ast.Call()) | ast.Return() | ast.If() | ast.IfExp() | ast.Subscript()
                     | ast.For(target=ast.Name(), iter=ast.Call(args=[_] | [_, _]), orelse=[])
-                    | ast.Constant(value=int() | float()) | ast.Call(func=ast.Name(), keywords=[])
+                    | ast.Call(func=ast.Name(), keywords=[])
                 ):  # fmt: skip
                     known = True
+                case ast.Constant(value=int() | float() as value):
+                    known = abs(value) < float("inf")
                 case (
                     ast.BinOp(op=op) | ast.UnaryOp(op=op) | ast.BoolOp(op=op) | ast.Compare(ops=[op])
                 ):  # fmt: skip
@@ -171,20 +174,11 @@ class Law:
         return law(kind) if is_law else None
 
 
-KEPT: list[Any] = []
-
-
 def kept(function: Made) -> Made:
-    """A function whose results are kept, until a law is registered again: its file may have changed."""
+    """A function whose results are kept until a law is announced again."""
     made: Any = cache(function)
-    KEPT.append(made)
+    laws.FORGET.append(made.cache_clear)
     return made
-
-
-def forget() -> None:
-    """What was made of the laws so far."""
-    for made in KEPT:
-        made.cache_clear()
 
 
 @kept

@@ -2,7 +2,7 @@
 
 The map is linear in the rises of its curves over their cells and in the weights of what each channel leaves
 behind, so all of them are found at once, by least squares with a prior whose strengths are chosen group by
-group on left-out parts, see `_group_strengths`. The channels have a memory where that takes away a part of
+group on held-out parts, see `_group_strengths`. The channels have a memory where that takes away a part of
 the held-out error. So are first cycles left out of the map: those of a sample that still settles.
 The scalar model is fitted to all rows.
 
@@ -56,7 +56,7 @@ def fit_channel_map(record: Record, keep_conditioning: bool = False) -> tuple[Ch
 
     Its history says what was done. `keep_conditioning` leaves no cycle out of the map.
 
-    Raises `InputError` where no channel changes, or there are fewer rows than channels.
+    Raises `InputError` where no channel changes, nor the output, or there are fewer rows than channels.
     """
     moving = [name for name in record.channels if np.ptp(record.columns[name][record.mask]) > 0]
     rows = int(record.mask.sum())
@@ -66,6 +66,13 @@ def fit_channel_map(record: Record, keep_conditioning: bool = False) -> tuple[Ch
             f"None of the {len(record.channels)} channels changes in the rows that count.",
             place=record.source,
             fix="choose other columns (--input COL), or drive the rig.",
+        )
+    if not np.ptp(record.output[record.mask]):
+        raise InputError(
+            "constant-output",
+            f"Output {record.output_name!r} is the same in every row; nothing to identify.",
+            place=record.source,
+            fix="choose another column (--output COL), or look at the sensor.",
         )
     if rows < len(moving):
         raise InputError(

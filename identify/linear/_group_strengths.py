@@ -1,4 +1,4 @@
-"""Groups of columns whose prior strengths are those that predict left-out rows best.
+"""Groups of columns whose prior strengths are those that predict held-out rows best.
 
 The weights of every group g are small as far as its strength s_g says, and neighbours are alike:
 
@@ -10,7 +10,7 @@ fold and trial, and the gradient by log s_g is one more solution,
 
     d log e / d log s_g = 2 (A^-1 r)_g' P_g w_g / e,   A = X'X + P,  r = X't (X_t w - y_t)
 
-over the trained rows and the left-out rows t. Residuals here are errors of the model, not noise: left-out
+over the trained rows and the held-out rows t. Residuals here are errors of the model, not noise: held-out
 rows tell more of a strength than the likelihood of all rows does. Columns are of unit variance, and each
 group is turned to where its prior is a multiple of the identity.
 

@@ -24,9 +24,11 @@ def combine(record: Record, channels: ChannelMap | None) -> Record:
     if channels is None:
         problem = f"Fitted to one input, and the record has {len(record.channels)} channels."
         raise InputError("wrong-channels", problem, fix="give the input it was fitted to.")
-    x, combined = columns_of(record, channels), np.empty(len(record))
-    for _, rows in record.sequences():
-        combined[rows] = channels(x[rows], None if record.time is None else record.time[rows])
+    x = columns_of(record, channels)
+    # Curves of all rows at once: JAX compiles for each length.
+    combined = np.array(channels.curves(x))
+    for _, rows in record.sequences() if channels.memory is not None else ():
+        combined[rows] += channels.left(x[rows], None if record.time is None else record.time[rows])
     return replace(
         record,
         input=combined,
