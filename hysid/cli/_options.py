@@ -1,7 +1,6 @@
 """The options of a command, made from the fields of what it is asked for."""
 
 import inspect
-import re
 from collections.abc import Callable
 from dataclasses import MISSING, Field, fields
 from pathlib import Path
@@ -19,7 +18,6 @@ def command_of(asked: type[Command]) -> Callable[..., None]:
     """The function for typer that makes an `asked` of its options, has it done, and prints."""
     chosen: dict[str, inspect.Parameter] = {}
     known = {one.name: one for one in fields(asked)}
-    name = re.sub("(?<=[a-z])(?=[A-Z])", "-", asked.__name__).lower()
     for one in [*(one for one in known.values() if one.name != "as_json"), known["as_json"]]:
         for option in one.metadata.get("selection", ()):
             chosen[option] = _parameter(FIELDS[option], **one.metadata["how"])
@@ -39,7 +37,7 @@ def command_of(asked: type[Command]) -> Callable[..., None]:
         if done.status:
             raise SystemExit(done.status)  # stdout says why; the command itself did not fail
 
-    command.__name__, command.__doc__ = name, inspect.getdoc(asked)
+    command.__name__, command.__doc__ = asked.title(), inspect.getdoc(asked)
     command.__signature__ = inspect.Signature([*chosen.values()])  # type: ignore[attr-defined]
     command.__annotations__ = {name: one.annotation for name, one in chosen.items()}
     return command

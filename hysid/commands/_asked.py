@@ -4,6 +4,7 @@
 reads it.
 """
 
+import re
 from collections.abc import Mapping
 from dataclasses import Field, dataclass, field, fields
 from functools import partial
@@ -54,10 +55,15 @@ class Command:
     jax: ClassVar[bool] = True
     as_json: bool = option("Print one JSON object.", False, flag="--json")
 
+    @classmethod
+    def title(cls) -> str:
+        """Its name on the command line."""
+        return re.sub("(?<=[a-z])(?=[A-Z])", "-", cls.__name__).lower()
+
     @property
     def words(self) -> list[str]:
-        """What asks for it on the command line, without "hysid"."""
-        words = [type(self).__name__.lower()]
+        """What asks for it on the command line, without "hysid" and the name of its group."""
+        words = [self.title()]
         for one in fields(self):
             value, chosen = getattr(self, one.name), "selection" in one.metadata
             known = FIELDS.values() if chosen else [one]

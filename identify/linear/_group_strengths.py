@@ -122,8 +122,12 @@ class Strengths:
         folds: Sequence[Fold],
         held: dict[int, NormalEquations] | None = None,
     ) -> None:
-        self.columns, self.normal, self.folds = columns, normal, folds
-        self.held = normal if held is None else held
+        self.columns, self.normal = columns, normal
+        held = normal if held is None else held
+        self.sides = [
+            (total(normal[p] for p in fold.train), total(held[p] for p in fold.test))
+            for fold in folds
+        ]
         self.before = np.where(columns.expected, EXPECTED, CENTRE)
         self.logs = minimize(
             self.objective, self.before, jac=True, method="L-BFGS-B", options={"maxiter": STEPS},
@@ -144,10 +148,8 @@ class Strengths:
         precision = self._precision(logs)
         away = (logs - self.before) / WIDTH
         value, slope = away @ away / 2, away / WIDTH
-        share = FOLDS_TELL / len(self.folds)
-        for fold in self.folds:
-            normal = total(self.normal[p] for p in fold.train)
-            held = total(self.held[p] for p in fold.test)
+        share = FOLDS_TELL / len(self.sides)
+        for normal, held in self.sides:
             factor = scipy.linalg.cho_factor(
                 normal.H + np.diag(precision), lower=True, check_finite=False
             )

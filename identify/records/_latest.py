@@ -5,7 +5,7 @@ import numpy as np
 from hysteresis import Record
 
 from ._folds import Fold, Parts
-from ._speeds import rates_differ
+from ._speeds import ALIKE, rates_differ
 
 FEWEST = 6
 """Cycles that a record needs for some of them to be enough."""
@@ -15,9 +15,6 @@ SEVERAL = 4
 
 LEAST = 3
 """Cycles that are always learnt from."""
-
-ALIKE = 0.15
-"""By how much of their median the ranges of cycles that repeat each other may differ."""
 
 
 def repeats(record: Record, fewest: int = SEVERAL) -> bool:

@@ -15,7 +15,7 @@ VARIED = 1.5
 """Ratio of the rates of cycles from which on a lag between the clocks is not just another loop."""
 
 ALIKE = 0.15
-"""By how much ranges of one amplitude differ."""
+"""By which part of their size ranges of one amplitude may differ."""
 
 WHOLE = 0.9
 """Part of a cycle's rows that count, against the cycle with the greatest one, if it is a whole one."""
