@@ -63,8 +63,7 @@ def _side_by_side(record: Any, loading: np.ndarray, unloading: np.ndarray) -> An
             labels.append(f"{label} {name}".strip())
     said = Note("selected", "The loading and the unloading branch count, side by side.")
     index = np.concatenate(rows)
-    t = None if record.time is None else record.time[index]
-    whole = record._take(index, said, time=t, starts=np.array(starts), labels=tuple(labels))
+    whole = record._take(index, said, starts=np.array(starts), labels=tuple(labels))
     return whole._narrow(
         np.concatenate(mask), "selected", "Turning samples count in both branches."
     )

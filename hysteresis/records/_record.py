@@ -364,11 +364,8 @@ class Record(AbstractRecord):
         if not kept:
             raise InputError("no-rows", "No sequence is left.", place=self.source)
         rows = np.concatenate([np.arange(s.start, s.stop) for _, s in kept])
-        starts = np.cumsum([0, *(s.stop - s.start for _, s in kept[:-1])])
         said = Note("sequences", f"Kept {len(kept)} of {len(self.labels)} sequences.")
-        t = None if self.time is None else self.time[rows]
-        labels = tuple(x for x, _ in kept)
-        return self._take(rows, said, time=t, starts=starts, labels=labels)
+        return self._in_order(rows, said)
 
     def take_rows(self, first: int, stop: int) -> "Record":
         """Rows `first` to `stop` - 1, a record that begins in the middle of a history where `first` > 0.
@@ -378,15 +375,20 @@ class Record(AbstractRecord):
         rows = np.arange(len(self))[first:stop]
         if not len(rows):
             raise InputError("no-rows", f"No row from {first:,} to {stop:,}.", place=self.source)
-        kept = [(x, s) for x, s in self.sequences() if s.start <= rows[-1] and s.stop > rows[0]]
         said = Note("rows", f"Kept rows {rows[0]:,} to {rows[-1]:,} of {len(self):,}.")
-        t = None if self.time is None else self.time[rows]
-        starts = np.array([max(s.start - rows[0], 0) for _, s in kept])
-        labels = tuple(x for x, _ in kept)
-        return self._take(rows, said, time=t, starts=starts, labels=labels)
+        return self._in_order(rows, said)
+
+    def _in_order(self, rows: np.ndarray, said: Note, **changes: Any) -> "Record":
+        """Rows by their rising numbers, in the sequences that have some."""
+        firsts = np.append(np.searchsorted(rows, self.starts), len(rows))
+        some = np.diff(firsts) > 0
+        labels = tuple(x for x, any_ in zip(self.labels, some, strict=True) if any_)
+        return self._take(rows, said, starts=firsts[:-1][some], labels=labels, **changes)
 
     def _take(self, rows: np.ndarray, said: Note, **changes: Any) -> "Record":
         taken = {k: getattr(self, k)[rows] for k in ("input", "output", "mask", "line")}
+        if self.time is not None:
+            taken["time"] = self.time[rows]
         columns = {name: column[rows] for name, column in self.columns.items()}
         return self.noted(said.code, said, **(taken | {"columns": columns} | changes))
 

@@ -7,6 +7,7 @@ fit.npz      residuals, starts, and the normal equations of a grid fit
 
 import hashlib
 import json
+import os
 import time
 from collections.abc import Mapping
 from datetime import UTC, datetime
@@ -265,10 +266,13 @@ def read_document(folder: str | Path) -> dict[str, Any]:
 def _date_of(record: Record) -> str | None:
     """The day, ISO 8601, on which the record's file was written; None where that file is not at hand."""
     try:
-        file = Path(record.source)
-        if not record.sha256 or hashlib.sha256(file.read_bytes()).hexdigest() != record.sha256:
-            return None
-        return datetime.fromtimestamp(file.stat().st_mtime, UTC).date().isoformat()
+        with Path(record.source).open("rb") as file:
+            if (
+                not record.sha256
+                or hashlib.file_digest(file, "sha256").hexdigest() != record.sha256
+            ):
+                return None
+            return datetime.fromtimestamp(os.fstat(file.fileno()).st_mtime, UTC).date().isoformat()
     except OSError:
         return None
 

@@ -15,6 +15,7 @@ from ..records._conditions import condition_parts, name_of_condition
 from ..records._folds import Parts, block_errors, parts
 from ..records._orientation import initial_states, orientations, output_falls
 from ..records._speeds import rates_differ
+from ..records._thinned import thinned
 from ..results._baseline import Baseline
 from ..results._fit_result import FitResult
 from ..results._metrics import metrics
@@ -103,8 +104,8 @@ def training_data(
     """
     channels = None
     if record.channels:
-        channels, record = fit_channel_map(record, keep_conditioning=keep_conditioning)
-        test = None if test is None else combine(test, channels)
+        channels, record = fit_channel_map(thinned(record), keep_conditioning=keep_conditioning)
+        test = None if test is None else combine(thinned(test), channels)
         say(record.history[-1])
     warnings = tuple(check_identifiable(record))
     condition = name_of_condition(record)
@@ -113,7 +114,8 @@ def training_data(
         record, condition = record.noted("constant-condition", said, conditions={}), None
     updates_late = not keep_clocks and record.time is not None and is_held(record)
     clocks = Clocks(interpolated=updates_late)
-    record = clocks.applied(record)
+    record = thinned(clocks.applied(record))
+    test = None if test is None else thinned(clocks.applied(test))
     falls, leadings, initials = output_falls(record), orientations(record), initial_states(record)
     cut = (
         parts(record, keep_conditioning=keep_conditioning)

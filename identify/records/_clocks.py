@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from hysteresis import Record
+from hysteresis.records._arrays import pieces
 
 
 class Clocks(NamedTuple):
@@ -64,8 +65,8 @@ def shifted(record: Record, lag: float) -> Record:
 
 def is_held(record: Record) -> bool:
     """Whether the input repeats each reading for several rows while the output goes on."""
-    moving = [n for runs in _runs(record) for n in runs if n < 50]
-    return len(moving) > 20 and float(np.median(moving)) >= HELD
+    moves, usual = _moves(record)
+    return moves > 20 and usual >= HELD
 
 
 def interpolated(record: Record) -> Record:
@@ -76,7 +77,7 @@ def interpolated(record: Record) -> Record:
     if record.time is None:
         return record
     u = record.input.copy()
-    usual = int(np.median([n for runs in _runs(record) for n in runs if n < 50]))
+    usual = int(_moves(record)[1])
     for _, rows in record.sequences():
         t, v = record.time[rows], record.input[rows]
         change = np.flatnonzero(np.diff(v, prepend=np.nan) != 0)
@@ -86,13 +87,19 @@ def interpolated(record: Record) -> Record:
     return record.noted(INTERPOLATED, "input made linear between its updates", input=u)
 
 
-def _runs(record: Record) -> list[np.ndarray]:
-    """Lengths of runs of equal inputs, of each sequence."""
-    found = []
+def _moves(record: Record) -> tuple[int, float]:
+    """How many runs of equal inputs, of fewer than 50 rows each, another one ends; their median length."""
+    counts = np.zeros(50, int)
     for _, rows in record.sequences():
-        change = np.flatnonzero(np.diff(record.input[rows], prepend=np.nan) != 0)
-        found.append(np.diff(change))
-    return found
+        u, since = record.input[rows], 0
+        for piece in pieces(len(u)):
+            changes = np.flatnonzero(np.diff(u[max(piece.start - 1, 0) : piece.stop]))
+            lengths = np.diff(changes := changes + max(piece.start, 1), prepend=since)
+            counts += np.bincount(lengths[lengths < 50], minlength=50)
+            since = changes[-1] if len(changes) else since
+    moves, upto = int(counts.sum()), np.cumsum(counts)
+    middle = np.searchsorted(upto, [max(moves - 1, 0) // 2, moves // 2], side="right")
+    return moves, float(middle.mean())
 
 
 def least_at(objective: Callable[[float], float], step: float, most: float) -> tuple[float, float]:
