@@ -44,6 +44,10 @@ class ParameterInfo:
         return " ".join(units)
 
 
+KEPT = "kept"
+"""Metadata of a field of models that stay as they are: none of their numbers is a parameter."""
+
+
 def parameter(
     default: Any = MISSING,
     *,
@@ -113,6 +117,7 @@ def parameters(model: eqx.Module) -> Iterator[tuple[str, ParameterInfo, Any]]:
         info = field.metadata.get("parameter")
         if info is not None:
             yield field.name, info, value
+        if info is not None or field.metadata.get(KEPT):
             continue
         parts = {field.name: value}
         if isinstance(value, tuple):

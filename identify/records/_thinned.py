@@ -1,4 +1,4 @@
-"""Fewer rows of a long record: every k-th one counts, and those stay that the input's path needs.
+"""Fewer rows of a long record: one in k counts, and those stay that the input's path needs.
 
     |u - line through the kept rows beside it| <= tolerance, at every row
 
@@ -14,6 +14,8 @@ from hysteresis._format import quantity
 from hysteresis.records._arrays import pieces
 from hysteresis.records._cycles import noise_level
 
+from ._folds import thinned as thinned_rows
+
 MOST = 1_000_000
 """Rows that a fit works on: a minute of work, and a gigabyte."""
 
@@ -26,33 +28,30 @@ NOISE = 8.0
 
 
 def thinned(record: Record) -> Record:
-    """A record of at most `MOST` rows, half of them or fewer for the path alone; a shorter one as it is.
+    """A record of at most `MOST` rows, of which half or fewer count; a shorter one as it is.
 
     The rows kept for the path do not count. A record whose path needs more rows, say of ten to a cycle, is
     given back whole.
     """
     if len(record) <= MOST:
         return record
-    each, u = -(-2 * len(record) // MOST), record.input
+    u, counted = record.input, np.zeros(len(record), bool)
+    counted[thinned_rows(np.flatnonzero(record.mask), MOST // 2)] = True
     tolerance, most = _tolerance(u), COARSE * float(np.ptp(u))
-    while (rows := _kept(record, each, tolerance)).size > MOST:
+    while (rows := _kept(record, counted, tolerance)).size > MOST:
         if (tolerance := 2 * tolerance) > most:
             return record
     said = (
-        f"Of {len(record):,} rows one in {each} counts; {len(rows):,} rows keep the input's path "
+        f"Of {record.mask.sum():,} rows {counted.sum():,} count; {len(rows):,} keep the input's path "
         f"to {quantity(tolerance, record.input_unit)}."
     )
-    since = rows - record.starts[np.searchsorted(record.starts, rows, side="right") - 1]
-    counted = record.mask[rows] & (since % each == 0)
-    return record._in_order(rows, Note("thinned", said), mask=counted)
+    return record._in_order(rows, Note("thinned", said), mask=counted[rows])
 
 
-def _kept(record: Record, each: int, tolerance: float) -> np.ndarray:
+def _kept(record: Record, counted: np.ndarray, tolerance: float) -> np.ndarray:
     """The rows that count and those that the path needs, rising; more than `MOST` where it needs more."""
-    kept = np.zeros(len(record), bool)
-    for _, rows in record.sequences():
-        kept[rows.start : rows.stop : each] = True
-    kept[record.starts - 1] = True  # the last row of each sequence
+    kept = counted.copy()
+    kept[record.starts] = kept[record.starts - 1] = True  # the first and the last row of a sequence
     while np.count_nonzero(kept) <= MOST:
         beyond = _furthest(record, np.flatnonzero(kept), tolerance)
         if not beyond.size:
