@@ -51,6 +51,7 @@ from .models._duhem import DuhemOperator as DuhemOperator
 from .models._extrapolation import extended as extended
 from .models._foam_curve import FoamCurve as FoamCurve
 from .models._linear_sponge import LinearSponge as LinearSponge
+from .models._mixture import Mixture as Mixture
 from .models._modulated_stops import ModulatedStops as ModulatedStops
 from .models._nonlinear_maxwell import NonlinearMaxwell as NonlinearMaxwell
 from .models._prandtl_ishlinskii import PrandtlIshlinskii as PrandtlIshlinskii

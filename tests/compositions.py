@@ -9,6 +9,7 @@ from hysteresis import (
     CyclicDrift,
     DegradingBoucWen,
     LinearSponge,
+    Mixture,
     ModulatedStops,
     MonotoneCurve,
     NonlinearMaxwell,
@@ -113,6 +114,10 @@ def scaled(rng: np.random.Generator) -> Scaled:
     return Scaled(Burgers(*rng.uniform(1, 40, 4)), -rng.uniform(0.5, 2), rng.normal())
 
 
+def mixed(rng: np.random.Generator) -> Mixture:
+    return Mixture([in_series(rng), added(rng)], rng.uniform(0.2, 1, 2), rng.normal())
+
+
 def degrading(rng: np.random.Generator) -> DegradingBoucWen:
     """Losing strength at half the speed at which the output could fall."""
     alpha = rng.uniform(0.05, 0.5)
@@ -160,7 +165,7 @@ def degraded(model: AbstractModel) -> Known:
 
 MAKERS = {
     "nonlinear-maxwell": nonlinear_maxwell, "softening": softening, "sum": added,
-    "series": in_series, "scaled": scaled, "friction": friction,
+    "series": in_series, "scaled": scaled, "mixture": mixed, "friction": friction,
 }  # fmt: skip
 
 
@@ -196,6 +201,8 @@ def jumped(model: AbstractModel) -> Known:
 def _held(model: AbstractModel, t: np.ndarray, u: float) -> np.ndarray:
     if isinstance(model, Scaled):
         return float(model.offset) + float(model.factor) * _held(model.inner, t, u)
+    if isinstance(model, Mixture):
+        return _held(model.whole, t, u)
     if isinstance(model, Sum):
         return np.sum([_held(part, t, u) for part in model.parts], 0)
     if isinstance(model, Series):

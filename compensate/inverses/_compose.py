@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 from hysteresis import (
     AbstractModel,
     InputError,
+    Mixture,
     Scaled,
     Series,
     Sum,
@@ -101,6 +102,19 @@ def _(model: Sum) -> AbstractCompensator:
     if any(map(_falls, model.parts)):
         check_rises(model)
     return LawCompensator(model) if has_laws(model) else BracketedCompensator(model, *ends)
+
+
+@inverse_of.register
+def _(model: Mixture) -> AbstractCompensator:
+    if len(model.models) == 1:
+        return inverse_of(model.whole.parts[0])
+    if any(map(_falls, model.models)):
+        check_rises(model)
+    return (
+        LawCompensator(model)
+        if has_laws(model)
+        else BracketedCompensator(model, *search_range(model))
+    )
 
 
 def _falls(model: AbstractModel) -> bool:

@@ -11,6 +11,7 @@ from hysteresis import (
     Conditioned,
     CyclicDrift,
     InputError,
+    Mixture,
     MonotoneCurve,
     PrandtlIshlinskii,
     Preisach,
@@ -99,6 +100,11 @@ def _(model: Sum) -> Split:
         sign, inner, floor = _split(one)
         parts += inner if sign > 0 and floor is None else [Part(one)]
     return Split(1.0, tuple(parts))
+
+
+@_split.register
+def _(model: Mixture) -> Split:
+    return _split(model.whole)
 
 
 @_split.register

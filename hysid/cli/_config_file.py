@@ -12,6 +12,7 @@ from typer.core import TyperCommand
 
 from ..commands._asked import as_fields
 from ..commands._console import log, start_jax
+from ..intake._fit_options import FIT_FIELDS
 from ..intake._selection_options import FIELDS, HELD_OUT
 
 if TYPE_CHECKING:
@@ -38,7 +39,10 @@ MOST_USED = (
 """What stands first in its group of a command's help."""
 
 WORDS = {int: "a whole number", float: "a number", str: "text", bool: "true or false"}
-JOINED = (*(name for name, one in FIELDS.items() if one.metadata.get("joined")), "model")
+JOINED = (
+    *(name for name, one in (FIELDS | FIT_FIELDS).items() if one.metadata.get("joined")),
+    "model",
+)
 """Options that hold several words, separated by commas; a TOML file may also have a list."""
 
 

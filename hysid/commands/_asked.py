@@ -136,7 +136,12 @@ class Fit(FitOptions, Command):
         from ..intake._parameters import parameters_said  # late: it loads NumPy
 
         found = {name: getattr(self, name) for name in FIT_FIELDS if name != "parameter"}
-        return found | {"parameters": parameters_said(self.config, self.parameter)}
+        found["parameters"] = parameters_said(self.config, self.parameter)
+        if self.like:
+            from identify import load  # late: it loads JAX
+
+            found["like"] = [load(folder) for folder in self.like]
+        return found
 
 
 class Predict(Command):

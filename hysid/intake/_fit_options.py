@@ -56,6 +56,11 @@ class FitOptions:
         (),
         repeated=True,
     )
+    like: tuple[str, ...] = option(
+        "Fits of earlier specimens of the same kind, FOLDER[,FOLDER]: few cycles tell the rest.",
+        (),
+        joined=True,
+    )
     starts: int = option("Random starts for non-linear parameters.", 32, least=1)
     seed: int = option("Seed of every random number.", 0, least=0, of_step=True)
     purpose: str = option(

@@ -13,6 +13,7 @@ from ..preisach._initial import staircase
 from ._compose import Scaled, Series, Sum
 from ._conditioned import Conditioned
 from ._curves import AbstractCurve
+from ._mixture import Mixture
 
 
 @in_own_precision
@@ -26,8 +27,8 @@ def extended(model: Any, low: float, high: float) -> Any:
     for them: outputs in the old range are the same, and continuous where it ends. R goes on with its
     outermost slopes.
 
-    Parts of a `Sum`, a `Scaled`, a `Conditioned` and stages behind curves are widened in their places.
-    Other models, and grids with a fitted first state, are given back as they are.
+    Parts of a `Sum`, a `Scaled`, a `Conditioned`, a `Mixture` and stages behind curves are widened in their
+    places. Other models, and grids with a fitted first state, are given back as they are.
 
     **Example:**
 
@@ -42,7 +43,7 @@ def extended(model: Any, low: float, high: float) -> Any:
 def _extended(model: Any, low: float, high: float) -> Any:
     if isinstance(model, Sum):
         return Sum([extended(part, low, high) for part in model.parts])
-    if isinstance(model, Conditioned):
+    if isinstance(model, Conditioned | Mixture):
         return replace(model, models=tuple(extended(one, low, high) for one in model.models))
     if isinstance(model, Scaled):
         return replace(model, inner=extended(model.inner, low, high))

@@ -60,7 +60,7 @@ INSTEAD = {
         ("MonotoneCurve", "MonotoneSpline", "PolynomialCurve"),
         (CURVE, COMPOSITION, ", which begins with a rising curve"),
     ),
-    **dict.fromkeys(("Sum", "Series", "Scaled"), (WHOLE, COMPOSITION, "")),
+    **dict.fromkeys(("Sum", "Series", "Scaled", "Mixture"), (WHOLE, COMPOSITION, "")),
     "Conditioned": (WHOLE, COMPOSITION, ", and name the column of the condition"),
     "BoucWenForce": (INSIDE, "Oscillator(BoucWen)", ""),
     "DuhemForce": (INSIDE, "Oscillator(Duhem)", ""),

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from hysteresis import InputError, Record
+from hysteresis import InputError, Mixture, Record
 from hysteresis._note import ProgressNote
 from hysteresis.numerics._compiled import forget_compiled
 
@@ -18,6 +18,8 @@ from ..results._fit_result import FitResult
 from ..results._repeatability import with_repeatability
 from ._candidate import Candidate, Options, Report, Said, Trial
 from ._candidates import Asked, candidates
+from ._like import like as mixture_of
+from ._like import tells_little
 from ._oscillator import fit_oscillator, oscillator_asked
 from ._training_data import TrainingData, training_data
 from ._verdict import check_purpose, judge
@@ -44,6 +46,7 @@ def fit(
     drift: str = "auto",
     noise: str = "auto",
     parameters: Said | None = None,
+    like: Sequence[FitResult] = (),
     starts: int = 32,
     seed: int = 0,
     purpose: str = "predict",
@@ -89,6 +92,10 @@ def fit(
       the evidence choose, and believes it where it leaves nothing that is coloured or follows the input.
     - `parameters`: what is known of the parameters of one model of few: name -> {"start", "bounds",
       "prior", "fixed", "tied"}, such as {"E1": {"prior": "log-normal(2, 1.5)"}, "offset": {"fixed": 0}}.
+    - `like`: fits of earlier specimens of the same kind. A `Mixture` of their models is tried too: few
+      cycles tell its weights. It is ranked like every model; but where the record has a single cycle, or
+      inputs of a smaller range than theirs, it is taken if the first cycle of each of them tells its later
+      ones by the others better than by a curve.
     - `starts`, `seed`: how many random starts for non-linear parameters, and their seed.
     - `purpose`: what the verdict is for: "predict"; "compensate", which also needs a compensator that is
       better than a straight line (`hysid.fit` tries it); or "constants", which also needs a standard error
@@ -159,11 +166,13 @@ def fit(
             if one.kind is not None and one not in suited
         }
         asked = suited
+    if like:
+        asked = (mixture_of(like), *asked)
     options = Options(
         initial, starts, seed, noise, parameters or {}, len(asked) == 1, say, drift == "keep"
     )
     tried, skipped = _tried(asked, data, options)
-    chosen, *others = _ranked(tried)
+    chosen, *others = _ranked(tried, mixed=tells_little(data, like))
     best = with_repeatability(chosen.fit if options.alone else chosen.with_noise(noise, data))
     fits = [best, *(one.fit for one in others)]
     del tried, chosen, others  # the searches, which hold every row
@@ -217,10 +226,13 @@ def _tried(
     return tried, skipped
 
 
-def _ranked(tried: list[Trial]) -> list[Trial]:
-    """The one to take, which is the simplest one as good as the best, then the others, best first."""
+def _ranked(tried: list[Trial], mixed: bool) -> list[Trial]:
+    """The one to take, which is the simplest one as good as the best, then the others, best first; with
+    `mixed` the mixture of earlier specimens."""
     ranked = sorted(tried, key=lambda one: one.fit.score)
     good = [one for one in tried if _as_good(one.fit, ranked[0].fit)]
+    if mixed:
+        good = [one for one in tried if isinstance(one.fit.model, Mixture)] or good
     chosen = min(good, key=lambda one: _complexity(one.fit))
     return [chosen, *(one for one in ranked if one is not chosen)]
 

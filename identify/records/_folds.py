@@ -38,6 +38,7 @@ class Parts(NamedTuple):
     - `conditioning`: the part that a fit may leave out as conditioning, if any: the first cycle.
     - `how`: in words.
     - `kept`: the parts that the fit at last learns from; None for all, see `latest`.
+    - `by_cycles`: whole cycles or sequences are held out, not pieces of one.
     """
 
     label: Int[np.ndarray, " samples"]
@@ -45,6 +46,7 @@ class Parts(NamedTuple):
     conditioning: int | None
     how: str
     kept: tuple[int, ...] | None = None
+    by_cycles: bool = True
 
     @property
     def all(self) -> tuple[int, ...]:
@@ -82,7 +84,7 @@ class Parts(NamedTuple):
         )
         conditioning = None if self.conditioning is None else new.get(self.conditioning)
         kept = None if self.kept is None else tuple(sorted({new[p] for p in self.kept}))
-        return Parts(label, folds, conditioning, self.how, kept)
+        return Parts(label, folds, conditioning, self.how, kept, self.by_cycles)
 
 
 def parts(record: Record, keep_conditioning: bool = False, most: int = 5) -> Parts:
@@ -146,9 +148,10 @@ def parts(record: Record, keep_conditioning: bool = False, most: int = 5) -> Par
             label[rows[branch == leg]] = (piece + leg * GROUPS // 2) % GROUPS
         folds = tuple(Fold(tuple(p for p in range(GROUPS) if p != k), (k,)) for k in range(GROUPS))
         how = "pieces of every branch, held out in turn, as each branch is passed once"
-        return Parts(label, folds, None, how)
+        return Parts(label, folds, None, how, by_cycles=False)
     label[rows] = late
-    return Parts(label, (Fold((0,), (1,)),), None, "the last quarter of the training rows held out")
+    how = "the last quarter of the training rows held out"
+    return Parts(label, (Fold((0,), (1,)),), None, how, by_cycles=False)
 
 
 def _branches(u: Float[np.ndarray, " samples"]) -> Int[np.ndarray, " samples"]:

@@ -1,0 +1,146 @@
+"""A specimen like earlier ones: a mixture of their models, with a prior from how those make up each other.
+
+    y = offset + sum_k w_k f_k[u],   w_k ~ normal(1 / J, s),   s^2 = mean of (w_jk - 1 / (J - 1))^2
+
+f_k is the model of the earlier fit k, of J. w_jk are the weights of least squares, none below 0, with which
+the others make up the record of fit j. So a cycle of a new specimen tells J + 1 numbers, not a whole model.
+J (J - 1) records are simulated once.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy
+from jaxtyping import Float
+
+from hysteresis import InputError, Mixture, Record
+
+from ..baselines._curves import MonotoneBaseline, replay
+from ..baselines._input_memory import branches_of
+from ..baselines._linear import cubic_per_branch
+from ..records._folds import KIND
+from ..records._run_model import predict
+from ..results._fit_result import FitResult
+from ._candidate import Options, Trial
+from ._parametric import ParametricCandidate
+from ._training_data import TrainingData
+
+
+@dataclass(frozen=True)
+class LikeCandidate(ParametricCandidate):
+    """A mixture of the models of earlier fits."""
+
+    earlier: tuple[FitResult, ...] = ()
+
+    def fitted(self, data: TrainingData, options: Options) -> list[Trial]:
+        """Raises `InputError` `unlike` where one cycle of an earlier specimen tells its later ones worse by
+        the others than by a curve through it, and the new record cannot try that."""
+        for one in self.earlier:
+            _check_quantities(one, data.record)
+        others = [_Others(one.train, self.earlier[:k] + self.earlier[k + 1 :])
+                  for k, one in enumerate(self.earlier) if len(self.earlier) > 1]  # fmt: skip
+        if others and tells_little(data, self.earlier):
+            _check_alike(others)
+        weights = _Others(data.record, self.earlier).weights(data.record.mask)
+        used = np.flatnonzero(weights[:-1] > 0)
+        models = [self.earlier[k].model for k in used]
+        said = dict(options.parameters)
+        if others:
+            spread = _spread([one.weights(one.record.mask)[:-1] for one in others])
+            prior = {"prior": f"normal({1 / len(self.earlier):.6g}, {spread:.6g})"}
+            said = {f"weights.{k}": prior for k in range(len(used))} | said
+        mixed = replace(self, template=Mixture(models, weights[used], weights[-1]), earlier=())
+        return ParametricCandidate.fitted(mixed, data, options._replace(parameters=said, starts=1))
+
+
+def like(earlier: Sequence[FitResult]) -> LikeCandidate:
+    """The candidate that mixes the models of earlier fits."""
+    count = len(earlier)
+    name = f"mixture of {count} earlier fit{'s'[: count > 1]}"
+    return LikeCandidate(name, Mixture, earlier=tuple(earlier))
+
+
+def tells_little(data: TrainingData, earlier: Sequence[FitResult]) -> bool:
+    """Whether rows held out from a record do not ask what earlier specimens tell: of a single cycle they
+    are pieces, and where its inputs are of a smaller range they say nothing of larger ones."""
+    if not earlier:
+        return False
+    wide = float(np.median([np.ptp(one.trained) for one in earlier]))
+    span = float(np.ptp(data.record.input[data.record.mask]))
+    return not data.parts.by_cycles or span < (1 - KIND) * wide
+
+
+class _Others:
+    """The outputs of other specimens' models over a record, and a column of ones for the offset."""
+
+    def __init__(self, record: Record, fits: Sequence[FitResult]) -> None:
+        self.record = record
+        outputs = [predict(one.model, record) for one in fits]
+        self.columns = np.column_stack([*outputs, np.ones(len(record))])
+
+    def weights(self, rows: np.ndarray) -> Float[np.ndarray, " weights_and_offset"]:
+        """Of least squares in these rows, none but the offset below 0."""
+        low = np.append(np.zeros(self.columns.shape[1] - 1), -np.inf)
+        x, y = self.columns[rows], self.record.output[rows]
+        # Bounded-variable least squares is exact: a weight at its bound is 0.
+        return scipy.optimize.lsq_linear(x, y, (low, np.inf), method="bvls").x
+
+
+def _spread(weights: Sequence[np.ndarray]) -> float:
+    """Root mean square of weights about the one that all would have if specimens did not differ."""
+    off = np.concatenate(weights) - 1 / len(weights[0])
+    return max(float(np.sqrt(np.mean(off**2))), LEAST)
+
+
+LEAST = 1e-6
+"""A spread: specimens that are the same to rounding."""
+
+
+def _check_alike(others: Sequence[_Others]) -> None:
+    """Do the first cycles of the earlier specimens tell their later cycles better by the other specimens
+    than by the best curve through that cycle, in the mean of the logarithms?"""
+    ratios = []
+    for one in others:
+        record = one.record
+        _, first = next(record.sequences())
+        cycle = np.zeros(len(record), bool)
+        cycle[first] = record.cycle[first] <= 1
+        seen, later = record.mask & cycle, record.mask & ~cycle
+        if seen.sum() < 2 or not later.any():
+            continue
+        mixed = one.columns[later] @ one.weights(seen) - record.output[later]
+        ratios.append(np.sqrt(np.mean(mixed**2)) / _best_curve(replace(record, mask=seen), later))
+    if ratios and np.exp(np.mean(np.log(ratios))) > 1:
+        raise InputError(
+            "unlike",
+            "the earlier specimens do not tell each other's later cycles from the first one: their errors"
+            f" are {np.exp(np.mean(np.log(ratios))):.2g} times those of a curve through that cycle.",
+            cause="other loads, or specimens that change with use.",
+            fix="measure more cycles of the new specimen, or leave --like out.",
+        )
+
+
+def _best_curve(first: Record, later: np.ndarray) -> float:
+    """The least rms error, over later rows, of curves through the rows that count."""
+    branches, rows = branches_of(first), np.flatnonzero(first.mask)
+    errors = []
+    for one in (MonotoneBaseline(), cubic_per_branch(first, branches), replay(first, branches)):
+        seen = one.prepared(first)
+        found = one.predicted(seen, one.fitted(seen, first.output, rows))
+        errors.append(float(np.sqrt(np.mean((found - first.output)[later] ** 2))))
+    return min(errors)
+
+
+def _check_quantities(fit: FitResult, record: Record) -> None:
+    """Raises `InputError` `other-quantities` where an earlier fit has other units, or not one input."""
+    had, has = ((one.input_unit, one.output_unit) for one in (fit.train, record))
+    if had == has and fit.channels is None and fit.condition is None:
+        return
+    raise InputError(
+        "other-quantities",
+        f"the earlier fit is of {had[1]} over {had[0]}, the record of {has[1]} over {has[0]}"
+        f"{'' if had != has else ', and it has several channels or a condition'}.",
+        place=fit.train.source,
+        fix="give fits of one input, in the units of the record.",
+    )
