@@ -28,7 +28,7 @@ from hysteresis import InputError
 
 from . import _measured_data as data
 from . import _other_rigs
-from ._accuracy import creep, lags, motions
+from ._accuracy import creep, lags, motions, specimens
 from ._accuracy.verdicts import Judged, calibration, is_beaten
 from ._measure import Row, judged, noted, options, report, said
 
@@ -289,6 +289,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         verdicts += one.verdicts
     if (chosen.only or "") in CREEP:
         found += map(said, creep.rows(data_folder()))
+    if (chosen.only or "") in specimens.LIKE:
+        found += map(said, specimens.rows(data_folder()))
     if (chosen.only or "") in lags.LAGS:
         found += map(said, lags.rows())
     if (chosen.only or "") in _other_rigs.VIRTUAL:

@@ -20,6 +20,7 @@ from .._parameter import KEPT, Scalar, parameter
 from .._registry import register
 from ..trees import common_range, looked_for, part_tree, search_range
 from ._compose import AbstractComposite, Over, Scaled, Sum
+from ._curves import Values
 
 
 @register
@@ -45,9 +46,7 @@ class Mixture(AbstractComposite[tuple[Any, ...], Float[Array, "samples models"]]
     """
 
     models: tuple[AbstractModel, ...] = eqx.field(converter=tuple, metadata={KEPT: True})
-    weights: Float[Array, " models"] = parameter(
-        unit="1", bounds=(0.0, np.inf), meaning="weights of the models"
-    )
+    weights: Values = parameter(unit="1", bounds=(0.0, np.inf), meaning="weights of the models")
     offset: Scalar = parameter(0.0, unit="output", meaning="constant of the output")
 
     def __check_init__(self) -> None:

@@ -6,7 +6,7 @@ from copy import deepcopy
 from dataclasses import replace
 from difflib import get_close_matches
 from inspect import signature
-from itertools import pairwise
+from itertools import compress, pairwise
 from numbers import Integral, Real
 from typing import Any, Literal
 
@@ -381,14 +381,12 @@ class Record(AbstractRecord):
     def _in_order(self, rows: np.ndarray, said: Note, **changes: Any) -> "Record":
         """Rows by their rising numbers, in the sequences that have some."""
         firsts = np.append(np.searchsorted(rows, self.starts), len(rows))
-        some = np.diff(firsts) > 0
-        labels = tuple(x for x, any_ in zip(self.labels, some, strict=True) if any_)
+        labels = tuple(compress(self.labels, some := np.diff(firsts) > 0))
         return self._take(rows, said, starts=firsts[:-1][some], labels=labels, **changes)
 
     def _take(self, rows: np.ndarray, said: Note, **changes: Any) -> "Record":
-        taken = {k: getattr(self, k)[rows] for k in ("input", "output", "mask", "line")}
-        if self.time is not None:
-            taken["time"] = self.time[rows]
+        every = ("input", "output", "mask", "line", *(() if self.time is None else ("time",)))
+        taken = {k: getattr(self, k)[rows] for k in every}
         columns = {name: column[rows] for name, column in self.columns.items()}
         return self.noted(said.code, said, **(taken | {"columns": columns} | changes))
 

@@ -16,6 +16,7 @@ from jaxtyping import Float
 
 from hysteresis import InputError, Mixture, Record
 
+from ..baselines._contract import AbstractBaseline
 from ..baselines._curves import MonotoneBaseline, replay
 from ..baselines._input_memory import branches_of
 from ..baselines._linear import cubic_per_branch
@@ -34,8 +35,8 @@ class LikeCandidate(ParametricCandidate):
     earlier: tuple[FitResult, ...] = ()
 
     def fitted(self, data: TrainingData, options: Options) -> list[Trial]:
-        """Raises `InputError` `unlike` where one cycle of an earlier specimen tells its later ones worse by
-        the others than by a curve through it, and the new record cannot try that."""
+        """Raises `InputError` `not-comparable` where one cycle of an earlier specimen tells its later ones
+        worse by the others than by a curve through it, and the new record cannot try that."""
         for one in self.earlier:
             _check_quantities(one, data.record)
         others = [_Others(one.train, self.earlier[:k] + self.earlier[k + 1 :])
@@ -45,11 +46,11 @@ class LikeCandidate(ParametricCandidate):
         weights = _Others(data.record, self.earlier).weights(data.record.mask)
         used = np.flatnonzero(weights[:-1] > 0)
         models = [self.earlier[k].model for k in used]
-        said = dict(options.parameters)
+        said = {}
         if others:
             spread = _spread([one.weights(one.record.mask)[:-1] for one in others])
             prior = {"prior": f"normal({1 / len(self.earlier):.6g}, {spread:.6g})"}
-            said = {f"weights.{k}": prior for k in range(len(used))} | said
+            said = {f"weights.{k}": prior for k in range(len(used))}
         mixed = replace(self, template=Mixture(models, weights[used], weights[-1]), earlier=())
         return ParametricCandidate.fitted(mixed, data, options._replace(parameters=said, starts=1))
 
@@ -113,7 +114,7 @@ def _check_alike(others: Sequence[_Others]) -> None:
         ratios.append(np.sqrt(np.mean(mixed**2)) / _best_curve(replace(record, mask=seen), later))
     if ratios and np.exp(np.mean(np.log(ratios))) > 1:
         raise InputError(
-            "unlike",
+            "not-comparable",
             "the earlier specimens do not tell each other's later cycles from the first one: their errors"
             f" are {np.exp(np.mean(np.log(ratios))):.2g} times those of a curve through that cycle.",
             cause="other loads, or specimens that change with use.",
@@ -124,8 +125,9 @@ def _check_alike(others: Sequence[_Others]) -> None:
 def _best_curve(first: Record, later: np.ndarray) -> float:
     """The least rms error, over later rows, of curves through the rows that count."""
     branches, rows = branches_of(first), np.flatnonzero(first.mask)
+    curves: list[AbstractBaseline] = [MonotoneBaseline(), cubic_per_branch(first, branches)]
     errors = []
-    for one in (MonotoneBaseline(), cubic_per_branch(first, branches), replay(first, branches)):
+    for one in [*curves, replay(first, branches)]:
         seen = one.prepared(first)
         found = one.predicted(seen, one.fitted(seen, first.output, rows))
         errors.append(float(np.sqrt(np.mean((found - first.output)[later] ** 2))))
@@ -133,12 +135,12 @@ def _best_curve(first: Record, later: np.ndarray) -> float:
 
 
 def _check_quantities(fit: FitResult, record: Record) -> None:
-    """Raises `InputError` `other-quantities` where an earlier fit has other units, or not one input."""
+    """Raises `InputError` `wrong-unit` where an earlier fit has other units, or not one input."""
     had, has = ((one.input_unit, one.output_unit) for one in (fit.train, record))
     if had == has and fit.channels is None and fit.condition is None:
         return
     raise InputError(
-        "other-quantities",
+        "wrong-unit",
         f"the earlier fit is of {had[1]} over {had[0]}, the record of {has[1]} over {has[0]}"
         f"{'' if had != has else ', and it has several channels or a condition'}.",
         place=fit.train.source,
