@@ -46,13 +46,32 @@ class LikeCandidate(ParametricCandidate):
         weights = _Others(data.record, self.earlier).weights(data.record.mask)
         used = np.flatnonzero(weights[:-1] > 0)
         models = [self.earlier[k].model for k in used]
-        said = {}
+        said, note = (
+            {},
+            "One earlier fit does not tell how specimens differ: its weight has a wide prior.",
+        )
         if others:
             spread = _spread([one.weights(one.record.mask)[:-1] for one in others])
-            prior = {"prior": f"normal({1 / len(self.earlier):.6g}, {spread:.6g})"}
-            said = {f"weights.{k}": prior for k in range(len(used))}
+            prior = f"normal({1 / len(self.earlier):.6g}, {spread:.6g})"
+            said = {f"weights.{k}": {"prior": prior} for k in range(len(used))}
+            note = f"Prior of the weights: {prior}, from how the earlier fits make up each other's records"
+            note += ", which two tell badly." if len(others) < MANY else "."
         mixed = replace(self, template=Mixture(models, weights[used], weights[-1]), earlier=())
-        return ParametricCandidate.fitted(mixed, data, options._replace(parameters=said, starts=1))
+        known = options._replace(parameters=said, starts=1)
+        return [_noted(one, note) for one in ParametricCandidate.fitted(mixed, data, known)]
+
+
+MANY = 3
+"""Specimens whose scatter is more than a guess: that of two is known within a factor of three."""
+
+
+def _noted(trial: Trial, note: str) -> Trial:
+    """The trial with a note on its fit."""
+    explained = trial.explained
+    assert explained is not None
+    return Trial(
+        replace(trial.fit, notes=(note,)), lambda noise: replace(explained(noise), notes=(note,))
+    )
 
 
 def like(earlier: Sequence[FitResult]) -> LikeCandidate:

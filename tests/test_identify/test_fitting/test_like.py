@@ -22,7 +22,7 @@ from tests.test_hysid.command import run
 NOISE = 0.003
 
 
-def pressed(stiff: float, lossy: float, cycles: float = 6.0, seed: int = 0) -> Record:
+def pressed(stiff: float, lossy: float, cycles: float = 4.0, seed: int = 0) -> Record:
     """Cycles of a specimen that is a stiffening curve and a loop, each of its own size."""
     t = np.arange(0.0, cycles, 0.01)
     u = 2.0 - 2.0 * np.cos(2 * np.pi * t)
@@ -52,6 +52,7 @@ def test_half_a_cycle_and_earlier_specimens_tell_the_whole_loop() -> None:
     alone, mixed = fit(few, "Composition"), fit(few, "Composition", like=earlier())
     assert isinstance(mixed.model, Mixture)
     assert mixed.name == "mixture of 3 earlier fits"
+    assert "Prior of the weights" in mixed.notes[0]
     assert error(mixed, whole) < 2 * NOISE  # the mixture of the three is exact but for their noise
     assert error(mixed, whole) < 0.3 * error(alone, whole)
 
