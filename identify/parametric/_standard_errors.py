@@ -8,7 +8,7 @@ from hysteresis.numerics._normal import NORMAL_95
 
 from ..parameters._settings import numbers_of
 from ..parameters._transform import Transform, transform_for
-from ..results._fit_result import Parameter, Status
+from ..results._parameters import Parameter, Status, with_ties
 from ._interval_skewness import Skewness
 
 UNCERTAIN = 2.0
@@ -98,7 +98,7 @@ def reported(
         low, high = (float(bounds.to_values(end)[k]) for end in ends)
         stderr = float(error[k]) * abs(float(slope[k]))
         found.append(Parameter(name, value, unit, stderr, known, low, high))
-    return tuple(found)
+    return with_ties(tuple(found), {name: (source, factor) for name, source, factor in bounds.ties})
 
 
 def _least(model: AbstractModel, record: Record) -> dict[str, float]:

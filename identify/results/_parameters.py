@@ -1,5 +1,6 @@
 """Fitted parameters: what is told of each, one by its name, and how they are correlated."""
 
+from collections.abc import Mapping
 from difflib import get_close_matches
 from typing import Literal, NamedTuple
 
@@ -8,13 +9,14 @@ from jaxtyping import Float
 
 from hysteresis import InputError
 
-Status = Literal["free", "fixed", "at bound", "unidentified", "inseparable"]
+Status = Literal["free", "fixed", "tied", "at bound", "unidentified", "inseparable"]
 
 
 class Parameter(NamedTuple):
     """A fitted parameter: value, unit, standard error, status.
 
-    - `stderr`: None for a parameter that is fixed, at a bound, unidentified or inseparable.
+    - `stderr`: None for a parameter that is fixed, at a bound, unidentified or inseparable. A tied one has
+      that of the parameter that it is a multiple of, times the factor.
     - `low`, `high`: its 90 % interval. Skewed like the posterior under the user's prior if one was given,
       otherwise under a flat prior on the unconstrained scale; clipped at the bounds. Of one that is
       "inseparable" from others, the ends between which the data leave it open; None where there is none.
@@ -84,11 +86,32 @@ def named(parameters: tuple[Parameter, ...], name: str) -> Parameter:
     )
 
 
+def with_ties(
+    parameters: tuple[Parameter, ...], ties: Mapping[str, tuple[str, float]]
+) -> tuple[Parameter, ...]:
+    """The parameters, of which those that are a factor times another one have that one's errors."""
+    sources = {p.name: p for p in parameters}
+
+    def tied(p: Parameter, source: Parameter, factor: float) -> Parameter:
+        first, second, *sizes = (
+            None if x is None else factor * x
+            for x in (source.low, source.high, source.stderr, source.repeatability)
+        )
+        ends = (first, second) if factor > 0 else (second, first)
+        stderr, repeatability = (None if x is None else abs(x) for x in sizes)
+        return Parameter(p.name, p.value, p.unit, stderr, "tied", *ends, repeatability)
+
+    return tuple(
+        tied(p, sources[ties[p.name][0]], ties[p.name][1]) if p.name in ties else p
+        for p in parameters
+    )
+
+
 def correlated(
     parameters: tuple[Parameter, ...], covariance: Float[np.ndarray, "free free"]
 ) -> dict[str, dict[str, float]]:
     """Correlations of the parameters that have a standard error, by their names."""
-    fitted = [p for p in parameters if p.status not in ("fixed", "inseparable")]
+    fitted = [p for p in parameters if p.status not in ("fixed", "tied", "inseparable")]
     known = [k for k, p in enumerate(fitted) if p.stderr and len(fitted) == len(covariance)]
     among = covariance[np.ix_(known, known)]
     size = np.sqrt(np.diagonal(among))

@@ -19,6 +19,7 @@ from hysteresis import Record, parameter_at
 from ..parameters._settings import numbers_of
 from ._detail import Parametric
 from ._fit_result import FitResult
+from ._parameters import with_ties
 
 LEAST = 3
 """Cycles, or sequences, that tell how much they differ."""
@@ -110,7 +111,8 @@ def with_repeatability(fit: FitResult) -> FitResult:
         if misfit:
             low, high = np.clip([p.value - half, p.value + half], *limits[name]).tolist()
             told[name] = p._replace(low=low, high=high)
-    return replace(fit, parameters=tuple(told.values()))
+    ties = {name: one.tied for name, one in fit.settings.items() if one.tied is not None}
+    return replace(fit, parameters=with_ties(tuple(told.values()), ties))
 
 
 def groups_of(record: Record, used: np.ndarray) -> Int[np.ndarray, " samples"]:

@@ -84,7 +84,10 @@ def test_tied_and_fixed_parameters_stay_so() -> None:
     assert float(model.eta2) == pytest.approx(8 * float(model.E2), rel=1e-12)
     assert float(model.offset) == 0.3
     found = {p.name: p for p in result.parameters}
-    assert found["eta2"].status == "fixed"
+    source, tied = found["E2"], found["eta2"]
+    assert tied.status == "tied"
+    assert tied.stderr == pytest.approx(8 * source.stderr, rel=1e-12)  # type: ignore[operator]
+    assert (tied.low, tied.high) == pytest.approx((8 * source.low, 8 * source.high), rel=1e-12)  # type: ignore[operator]
     assert found["offset"].status == "fixed"
     assert found["E1"].stderr is not None
     assert found["E1"].low < found["E1"].value < found["E1"].high  # type: ignore[operator]
