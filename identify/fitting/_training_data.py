@@ -114,7 +114,9 @@ def training_data(
         record, condition = record.noted("constant-condition", said, conditions={}), None
     updates_late = not keep_clocks and record.time is not None and is_held(record)
     clocks = Clocks(interpolated=updates_late)
-    record = thinned(clocks.applied(record))
+    rows, record = len(record), thinned(clocks.applied(record))
+    if len(record) < rows:
+        say(record.history[-1])
     test = None if test is None else thinned(clocks.applied(test))
     falls, leadings, initials = output_falls(record), orientations(record), initial_states(record)
     cut = (
