@@ -118,24 +118,25 @@ LEAST = 1e-6
 
 
 def _check_alike(others: Sequence[_Others]) -> None:
-    """Do the first cycles of the earlier specimens tell their later cycles better by the other specimens
-    than by the best curve through that cycle, in the mean of the logarithms?"""
-    ratios = []
+    """Does the first cycle of every earlier specimen tell its later cycles better by the other specimens
+    than by the best curve through that cycle?"""
+    ratios = [0.0]
     for one in others:
         record = one.record
-        _, first = next(record.sequences())
-        cycle = np.zeros(len(record), bool)
-        cycle[first] = record.cycle[first] <= 1
-        seen, later = record.mask & cycle, record.mask & ~cycle
-        if seen.sum() < 2 or not later.any():
-            continue
-        mixed = one.columns[later] @ one.weights(seen) - record.output[later]
-        ratios.append(np.sqrt(np.mean(mixed**2)) / _best_curve(replace(record, mask=seen), later))
-    if ratios and np.exp(np.mean(np.log(ratios))) > 1:
+        _, rows = next(record.sequences())
+        ends = np.flatnonzero(record.cycle[rows] == 1)
+        begin = np.arange(len(record)) <= (ends[-1] if len(ends) else rows.stop - 1)
+        seen, later = record.mask & begin, record.mask & ~begin
+        if seen.any() and later.any():
+            mixed = (one.columns @ one.weights(seen) - record.output)[later]
+            curve = _best_curve(replace(record, mask=seen), later)
+            ratios.append(float(np.sqrt(np.mean(mixed**2))) / curve)
+    if bad := sum(ratio > 1 for ratio in ratios):
         raise InputError(
             "not-comparable",
-            "the earlier specimens do not tell each other's later cycles from the first one: their errors"
-            f" are {np.exp(np.mean(np.log(ratios))):.2g} times those of a curve through that cycle.",
+            f"the later cycles of {bad} of {len(others)} earlier specimens are"
+            " told worse from their first one by the other specimens than by a curve through it, up to"
+            f" {max(ratios):.2g} times.",
             cause="other loads, or specimens that change with use.",
             fix="measure more cycles of the new specimen, or leave --like out.",
         )
