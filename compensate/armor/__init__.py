@@ -1,5 +1,6 @@
 """Where a robot under a soft cover is touched, from the wrench at its base."""
 
+from ..runtime._contact import Touch as Touch
 from ..runtime._contact_status import ContactStatus as ContactStatus
 from ._armor import Armor as Armor
 from ._box import Box as Box
@@ -22,7 +23,6 @@ from ._mesh import Mesh as Mesh
 from ._shape import AbstractShape as AbstractShape
 from ._solver import ContactSolver as ContactSolver
 from ._stream import ContactStream as ContactStream
-from ._touch import Touch as Touch
 from ._uncertain import Alternative as Alternative
 from ._uncertain import UncertainArmor as UncertainArmor
 from ._uncertain import UncertainContact as UncertainContact

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float, Int
 
 from hysteresis import InputError
 
@@ -29,15 +29,6 @@ class Faces(NamedTuple):
     edge: Float[Array, "faces edges 3"]
     limit: Float[Array, "faces edges"]
     surface: Int[Array, " faces"]
-
-    @property
-    def real(self) -> Bool[Array, " faces"]:
-        """Which are faces, and do not only fill the list."""
-        return self.surface > 0
-
-    def outside(self, points: Float[Array, "faces 3"]) -> Float[Array, " faces"]:
-        """How far each face's point lies beyond that face's edges, m; not above 0 within."""
-        return (dots(self.edge, points[:, None, :]) - self.limit).max(axis=1)
 
 
 def dots(a: Array, b: Array) -> Array:

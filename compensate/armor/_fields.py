@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike
 
 from hysteresis import Scalar, parameter
 
-from ._faces import dots
+from .. import _traced as traced
+from ..runtime._armor_fields import bilinear, bump
 
 
 class AbstractField(eqx.Module):
@@ -68,9 +69,8 @@ class Bumps(AbstractField):
     base: Any = parameter(0.0, meaning="value far from a bump")
 
     def __call__(self, surface: Int[Array, ""], point: Float[Array, "3"]) -> Float[Array, ""]:
-        away = (point - self.centre[surface - 1]) / self.width
-        bump = jnp.exp(-dots(away, away) / 2)
-        return _of(self.base, surface) + _of(self.amplitude, surface) * bump
+        base, amplitude = _of(self.base, surface), _of(self.amplitude, surface)
+        return bump(traced, base, amplitude, self.width, self.centre[surface - 1], point)
 
     def greatest(self) -> Float[Array, ""]:
         return jnp.max(self.base) + jnp.maximum(jnp.max(self.amplitude), 0)
@@ -97,16 +97,7 @@ class Grid(AbstractField):
 
     def __call__(self, surface: Int[Array, ""], point: Float[Array, "3"]) -> Float[Array, ""]:
         k = surface - 1
-        axes, away = self.axes[k], point - self.centre[k]
-        along = dots(axes, jnp.stack([away, away])) / dots(axes, axes)
-        cells = jnp.asarray([n - 1 for n in self.values.shape[1:]])
-        at = (jnp.clip(along, -1, 1) + 1) / 2 * cells.astype(along.dtype)
-        cell = jnp.minimum(jnp.floor(at).astype(cells.dtype), cells - 1)
-        (i, j), (u, v) = cell, at - cell.astype(at.dtype)
-        near, far = self.values[k, i], self.values[k, i + 1]
-        low = near[j] * (1 - u) + far[j] * u
-        high = near[j + 1] * (1 - u) + far[j + 1] * u
-        return low * (1 - v) + high * v
+        return bilinear(traced, self.values[k], self.centre[k], self.axes[k], point)
 
     def greatest(self) -> Float[Array, ""]:
         return jnp.max(self.values)

@@ -6,20 +6,19 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array
 from numpy.typing import ArrayLike
 
 from hysteresis import InputError, Scalar, is_concrete, parameter
 from hysteresis._parameter import as_float
 
+from .. import _traced as traced
+from ..runtime._contact import Limits, Solver, Touch, solved, touched
 from ..runtime._contact_status import ContactStatus
-from ._choice import Candidates, Limits, candidates_of, contact_at, judged, likeliest
 from ._contact import Contact
 from ._cover import Cover, Material, as_cover
 from ._faces import dots
-from ._line import Crossing, Line, crossing_of, line_of
 from ._shape import AbstractShape
-from ._touch import Touch
 
 CHUNK = 8192
 """Contacts solved at a time: what they need in between stays in the cache."""
@@ -223,54 +222,27 @@ class ContactSolver(eqx.Module):
     def limits(self) -> Limits:
         """What contacts are judged by."""
         rounding = ROUNDING[jnp.finfo(jnp.result_type(self.tolerance)).bits] * self.shape.longest()
-        return Limits(self.threshold, self.tolerance, self.spin_limit, rounding)
+        return Limits(
+            self.threshold, self.release, self.tolerance, self.spin_limit, rounding, self.same_place,
+            self.recovery,
+        )  # fmt: skip
 
-    def cross(self, line: Line, near: Array | None) -> Crossing:
-        """Where a line meets the planes of the faces `near`; of all, if that is None."""
-        return crossing_of(self.shape.faces(near), line)
+    def _text(self) -> Solver:
+        return Solver(traced, Contact, self.cover, self.limits(), TURNS)
 
-    def settle(
-        self,
-        crossing: Crossing,
-        pressed: Float[Array, " faces"],
-        beyond: Bool[Array, " faces"],
-    ) -> tuple[Float[Array, " faces"], Bool[Array, " faces"]]:
-        """d_n of each face, from the material's g(F_n), and whether it is beyond what is known.
+    def _virgin(self, force: Array, moment: Array, doubt: Any, near: Array | None) -> Any:
+        """Of one wrench, on a cover that was never touched."""
+        first, text = self.cover.init(), self._text()
 
-        d_n depends on the place P^i, and P^i lies aside by d_n tan(angle between F and n). A fixed-point
-        iteration solves this: each round shrinks the error by |grad d_n| tan(angle), which is
-        0.02 for a frame that sags by 1.5 mm within 60 mm, pushed at 45 degrees, and 0.15 with a
-        threshold's 1.5 of 15 N.
-        """
-        force = jnp.maximum(crossing.along, 0)
+        def held(surface: Any, along: Array, point: Any) -> tuple[Any, Array, Array]:
+            """Under a force that has been held for the dwell time."""
+            state, pressed, beyond = self.cover.press(first, 0.0, along)
+            for t in () if self.dwell is None else (self.dwell * DWELL).tolist():
+                state, pressed, beyond = self.cover.press(state, t, along)
+            return state, pressed, beyond
 
-        def at(displacement: Array) -> Array:
-            place = crossing.point + displacement[:, None] * crossing.aside
-            return jax.vmap(self.cover.displacement)(pressed, force, crossing.faces.surface, place)
-
-        found = at(jnp.zeros_like(pressed))
-        for _ in range(0 if self.cover.is_even else TURNS):
-            found = at(found)
-        return found, beyond | (found > self.cover.thickness)
-
-    def _held(self, virgin: Any, force: Float[Array, ""]) -> tuple[Array, Array]:
-        """g of a virgin place under a force that has been held for the dwell time."""
-        state, pressed, beyond = self.cover.press(virgin, 0.0, force)
-        for t in () if self.dwell is None else (self.dwell * DWELL).tolist():
-            state, pressed, beyond = self.cover.press(state, t, force)
-        return pressed, beyond
-
-    def _virgin(
-        self, force: Array, moment: Array, near: Array | None
-    ) -> tuple[Line, Crossing, Candidates]:
-        """The result of every face for one wrench on a cover that was never touched."""
-        line = line_of(force, moment)
-        crossing = self.cross(line, near)
-        pushing = jnp.maximum(crossing.along, 0)
-        virgin = self.cover.init()
-        pressed, beyond = jax.vmap(lambda normal: self._held(virgin, normal))(pushing)
-        found = candidates_of(crossing, *self.settle(crossing, pressed, beyond), self.limits())
-        return line, crossing, found
+        faces, threshold = self.shape.faces(near), text.limits.threshold
+        return solved(text, faces, force, moment, doubt, threshold, first, held)
 
 
 def _nearby(solver: ContactSolver, force: Array, moment: Array) -> Array | None:
@@ -285,11 +257,8 @@ def _nearby(solver: ContactSolver, force: Array, moment: Array) -> Array | None:
 def _solve(
     solver: ContactSolver, force: Array, moment: Array, doubt: Any, near: Array | None
 ) -> Contact:
-    def one(force: Array, moment: Array, doubt: Array, near: Array | None) -> Contact:
-        line, crossing, found = solver._virgin(force, moment, near)
-        limits = solver.limits()
-        best = likeliest(crossing, found, limits)
-        return judged(best, crossing, found, line, limits, doubt)
+    def one(*wrench: Any) -> Contact:
+        return solver._virgin(*wrench)[1]
 
     # Each contact needs a row for every face in between. For a large batch these leave the cache, so
     # `lax.map` solves it in chunks, one after the other.
@@ -305,70 +274,18 @@ def _solve(
     return jax.tree.map(lambda a: a.reshape(leading + a.shape[1:]), contact)
 
 
-def _touched(
-    solver: ContactSolver, state: Touch, t: Array, force: Array, moment: Array, doubt: Any,
-    near: Array | None,
-) -> tuple[Touch, Contact]:  # fmt: skip
-    """`ContactSolver.step` on the faces `near`.
-
-    Every face makes a trial of its own normal force; the state of the touched one is kept.
-    """
-    limits = solver.limits()
-    # Two thresholds: with one, noise at the threshold would end and begin the contact again and again.
-    least = jnp.where(state.touching, solver.release, limits.threshold)
-    limits = limits._replace(threshold=least)
-    line = line_of(force, moment)
-    crossing = solver.cross(line, near)
-    moved = crossing.point - state.place[None]
-    far = dots(moved, moved) > solver.same_place**2
-    late = t - state.time > solver.recovery
-    elsewhere = crossing.faces.surface != state.surface
-    fresh = elsewhere | (~state.touching & (far | late))
-    virgin = solver.cover.init()
-
-    def trial(is_fresh: Array, along: Array) -> tuple[Any, Array, Array]:
-        before = jax.tree.map(lambda v, kept: jnp.where(is_fresh, v, kept), virgin, state.cover)
-        return solver.cover.press(before, t, along)
-
-    # Which face is touched depends on how far each is pressed in, and that on the history of the cover. So
-    # every face presses its own copy first; the choice follows, and the other copies are dropped.
-    covers, pressed, beyond = jax.vmap(trial)(fresh, jnp.maximum(crossing.along, 0))
-    found = candidates_of(crossing, *solver.settle(crossing, pressed, beyond), limits)
-    best = likeliest(crossing, found, limits)
-    contact = judged(best, crossing, found, line, limits, doubt)
-    touching = contact.surface > 0
-    # Without contact nothing bears on the place that was touched last: it recovers as its model does.
-    rested = solver.cover.press(state.cover, t, jnp.zeros_like(t))[0]
-    after = Touch(
-        touching,
-        jnp.where(touching, contact.surface, state.surface),
-        jnp.where(touching, contact.touched, state.place),
-        jnp.where(touching, t, state.time),
-        jax.tree.map(lambda trials, rest: jnp.where(touching, trials[best], rest), covers, rested),
-        contact,
-    )
-    # A sample that cannot be used leaves everything as it was.
-    usable = line.finite & jnp.isfinite(t) & (doubt != int(ContactStatus.INVALID))
-    invalid = jnp.full_like(contact.status, int(ContactStatus.INVALID))
-    held = state.contact._replace(status=invalid)
-    after = jax.tree.map(lambda new, old: jnp.where(usable, new, old), after, state)
-    return after, jax.tree.map(lambda new, old: jnp.where(usable, new, old), contact, held)
-
-
 @eqx.filter_jit
 def _step(
     solver: ContactSolver, state: Touch, t: Array, force: Array, moment: Array, doubt: Any,
     near: Array | None,
 ) -> tuple[Touch, Contact]:  # fmt: skip
-    return _touched(solver, state, t, force, moment, doubt, near)
+    faces = solver.shape.faces(near)
+    return touched(solver._text(), faces, state, t, force, moment, doubt)
 
 
 @eqx.filter_jit
-def _stream(solver: ContactSolver, samples: tuple[Array | None, ...]) -> Contact:
-    def step(state: Touch, sample: Any) -> tuple[Touch, Contact]:
-        return _touched(solver, state, *sample)
-
-    return jax.lax.scan(step, solver.init(), samples)[1]
+def _stream(solver: ContactSolver, samples: tuple[Any, ...]) -> Contact:
+    return jax.lax.scan(lambda own, now: _step(solver, own, *now), solver.init(), samples)[1]
 
 
 @eqx.filter_jit
@@ -381,10 +298,16 @@ def _most(cover: Cover, force: Array, cosines: Array) -> Array:
 
 @eqx.filter_jit
 def _listed(solver: ContactSolver, force: Array, moment: Array, near: Array | None) -> Contact:
-    line, crossing, found = solver._virgin(force, moment, near)
-    limits = solver.limits()
-    order = jnp.lexsort((-crossing.along, found.cost(limits)))
-    return jax.vmap(lambda k: contact_at(k, crossing, found, line, limits))(order)
+    *_, found, told = solver._virgin(force, moment, _SURE, near)
+
+    def alone(one: Any) -> Contact:
+        known = jnp.where(one.far, int(ContactStatus.EXTRAPOLATED), int(ContactStatus.OK))
+        missed = jnp.where(one.pushed, int(ContactStatus.MISSED), int(ContactStatus.NO_CONTACT))
+        contact = told(one, known)
+        return contact._replace(status=jnp.where(contact.surface > 0, known, missed))
+
+    order = jnp.lexsort((-found.along, found.cost))
+    return jax.vmap(alone)(jax.tree.map(lambda a: a[order], found))
 
 
 _SURE = np.zeros((), int)

@@ -7,14 +7,13 @@ from typing import Any, NamedTuple
 
 from hysteresis.laws._tree import Running, node_of
 
-from ._armor_geometry import Vector, cross, crossing, dot, field, moved, outside, square
+from . import _arithmetic as plain
+from ._armor_fields import Vector, field
+from ._contact import NONE, Limits, Solver, Touch, cross, dot, square, touched
 from ._contact_status import ContactStatus
 from ._file import READING_MISSING, replayed
 
 KIND = "hysid armor"
-
-_ZERO: Vector = (0.0, 0.0, 0.0)
-_STATUSES = tuple(ContactStatus)
 
 
 class Motion(NamedTuple):
@@ -40,6 +39,16 @@ class ArmorContact(NamedTuple):
     outside: float
 
 
+class _Face(NamedTuple):
+    """As one of `compensate.armor.Faces`."""
+
+    normal: list[float]
+    offset: float
+    edge: list[list[float]]
+    limit: list[float]
+    surface: int
+
+
 class Armor:
     """Contacts on a robot under a soft cover, reading by reading, without JAX.
 
@@ -57,24 +66,23 @@ class Armor:
     def __init__(self, document: dict[str, Any]):
         self.title: str = document["title"]
         self._faces = [
-            (tuple(normal), offset, [(*edge, limit) for edge, limit in sides], surface)
+            _Face(normal, offset, [edge for edge, _ in sides], [end for _, end in sides], surface)
             for surface, (normal, offset, sides) in enumerate(document["faces"], start=1)
         ]
-        self._limits: dict[str, float] = {
-            k: inf if v is None else float(v) for k, v in document["limits"].items()
-        }
+        given = (document["limits"][name] for name in Limits._fields)
+        limits = Limits(*(inf if v is None else float(v) for v in given))
+        cover = document["cover"]
+        self._solver = Solver(plain, ArmorContact, _Cover(cover), limits, cover["turns"])
         self._sensor = _Sensor(document["sensor"]) if document["sensor"] else None
-        self._cover = _Cover(document["cover"])
         self.reset()
 
     def reset(self) -> None:
         """As before the first reading."""
         if self._sensor:
             self._sensor.reset()
-        self._cover.reset()
-        self._touching, self._surface, self._place, self._time = False, 0, _ZERO, -inf
-        self._now = 0.0
-        self._contact = ArmorContact(_ZERO, 0, 0.0, ContactStatus.NO_CONTACT, 0.0, _ZERO, 0.0, 0.0)
+        none = ArmorContact(NONE, 0, 0.0, ContactStatus.NO_CONTACT, 0.0, NONE, 0.0, 0.0)
+        self._now, virgin = 0.0, self._solver.cover.init()
+        self._touch = Touch(False, 0, NONE, -inf, virgin, none)
 
     def step(
         self, dt: float, reading: Collection[float] | None = None, motion: Motion | None = None
@@ -96,109 +104,15 @@ class Armor:
         if self._sensor:
             reading, doubt = self._sensor.step(t, reading, motion)
         fx, fy, fz, mx, my, mz = reading
-        if doubt == ContactStatus.INVALID or not isfinite(t + fx + fy + fz + mx + my + mz):
-            return self._contact._replace(status=ContactStatus.INVALID)
-        contact = self._found(t, (fx, fy, fz), (mx, my, mz), doubt)
-        self._contact, self._touching = contact, contact.surface > 0
-        return contact
-
-    def _found(self, t: float, force: Vector, moment: Vector, doubt: int) -> ArmorContact:
-        limits, cover = self._limits, self._cover
-        threshold = limits["release"] if self._touching else limits["threshold"]
-        fx, fy, fz = force
-        strength = fx * fx + fy * fy + fz * fz
-        size = sqrt(strength)
-        if not strength:
-            cover.rest(t)
-            return self._none(ContactStatus.NO_CONTACT, 0.0)
-        mx, my, mz = moment
-        foot = (
-            (fy * mz - fz * my) / strength,
-            (fz * mx - fx * mz) / strength,
-            (fx * my - fy * mx) / strength,
+        force, moment = (fx, fy, fz), (mx, my, mz)
+        self._touch, contact = touched(
+            self._solver, self._faces, self._touch, t, force, moment, doubt
         )
-        spin = (fx * mx + fy * my + fz * mz) / size
-        least = 1e-9 * size
-        found: list[Any] = []
-        for normal, offset, sides, surface in self._faces:
-            nx, ny, nz = normal
-            along = nx * fx + ny * fy + nz * fz
-            if along < threshold or along <= least:
-                continue
-            point, ahead, aside = crossing(normal, offset, force, foot, along)
-            is_fresh = surface != self._surface or (
-                not self._touching
-                and (
-                    square(point, self._place) > limits["same_place"] ** 2
-                    or t - self._time > limits["recovery"]
-                )
-            )
-            pressed = cover.trial(t, along, is_fresh)
-            d = cover.settled(pressed, along, surface, point, aside)
-            far = cover.is_beyond(d)
-            touched = moved(point, d, aside)
-            beyond = outside(sides, touched)
-            point = moved(point, d, ahead)
-            found.append((beyond, along, surface, point, d, normal, touched, is_fresh, far))
-        rounding = limits["rounding"]
-        costs = [0.0 if f[0] <= rounding else f[0] for f in found]
-        cost = min(costs, default=inf)
-        if not found or cost > max(limits["tolerance"], rounding):
-            cover.rest(t)
-            weak = size < threshold / 10
-            code = self._missed(force, foot, size, threshold, bool(found))
-            if doubt and not weak:
-                code = doubt
-            none = self._none(ContactStatus.NO_CONTACT if weak else _STATUSES[code], spin)
-            if not found:
-                return none
-            best = max(zip(costs, found, strict=True), key=lambda c: (-c[0], c[1][1]))[1]
-            return none._replace(
-                point=best[3], displacement=best[4], normal=best[5], normal_force=best[1],
-                outside=best[0],
-            )  # fmt: skip
-        best = max((f for f, c in zip(found, costs, strict=True) if c <= cost), key=lambda f: f[1])
-        beyond, along, surface, point, d, normal, touched, is_fresh, far = best
-        cover.keep(t, along, is_fresh)
-        self._surface, self._place, self._time = surface, touched, t
-        if doubt:
-            status = _STATUSES[doubt]
-        elif abs(spin) > limits["spin"] * along:
-            status = ContactStatus.SECOND_SUPPORT
-        elif any(
-            f[0] <= rounding and square(f[3], point) > (f[4] + d + rounding) ** 2 for f in found
-        ):
-            status = ContactStatus.AMBIGUOUS
-        elif far:
-            status = ContactStatus.EXTRAPOLATED
-        else:
-            status = ContactStatus.OK
-        return ArmorContact(point, surface, d, status, spin, normal, along, beyond)
-
-    def _missed(
-        self, force: Vector, foot: Vector, size: float, threshold: float, is_pushed: bool
-    ) -> int:
-        """Why there is no contact, for a force that is not 0."""
-        if size < threshold:
-            return ContactStatus.BELOW_THRESHOLD
-        faced, least = False, 1e-9 * size
-        for normal, offset, sides, _ in self._faces:
-            along = dot(normal, force)
-            faced = faced or along > least
-            if along <= -threshold and along < -least:
-                point, _, _ = crossing(normal, offset, force, foot, along)
-                if outside(sides, point) <= self._limits["tolerance"]:
-                    return ContactStatus.PULLING
-        if not faced:
-            return ContactStatus.PULLING
-        return ContactStatus.MISSED if is_pushed else ContactStatus.BELOW_THRESHOLD
-
-    def _none(self, status: ContactStatus, spin: float) -> ArmorContact:
-        return ArmorContact(_ZERO, 0, 0.0, status, spin, _ZERO, 0.0, 0.0)
+        return contact
 
 
 class _Cover:
-    """`compensate.armor.Cover` with the state of the place that was touched last."""
+    """`compensate.armor.Cover` whose states are plain data."""
 
     def __init__(self, document: dict[str, Any]):
         self._tree, self._is_inverse = document["tree"], document["inverse"]
@@ -206,65 +120,37 @@ class _Cover:
         # Files of earlier versions have neither of the following.
         self._force_scale: float = document.get("force_scale", 1.0)
         self._time_scale: float = document.get("time_scale", 1.0)
-        self._thickness, self._most = (
+        self.thickness, self._most = (
             inf if document.get(key) is None else float(document[key])
             for key in ("thickness", "most")
         )
-        self._factor, self._factor_even = field(document["factor"])
-        self._compliance, self._compliance_even = field(document["compliance"])
-        self._turns: int = document["turns"]
-        self.reset()
-
-    def reset(self) -> None:
-        """As before the first touch."""
+        (self._factor, even), (self._compliance, stiff) = (
+            field(document[name]) for name in ("factor", "compliance")
+        )
+        self.is_even = even and stiff
         self._states: list[Any] = []
         self._node: Running | None = node_of(self._tree, self._states) if self._tree else None
-        self._virgin = self._kept = _copied(self._states)
-        self._since, self._is_used, self.beyond = nan, False, False
+        self._virgin = _copied(self._states), nan
 
-    def is_beyond(self, d: float) -> bool:
-        """Whether the last trial is beyond the fit, or this displacement beyond the thickness."""
-        return self.beyond or d > self._thickness
+    def init(self) -> Any:
+        """What a place that was never touched remembers, and when a force was last there."""
+        return self._virgin
 
-    def trial(self, t: float, force: float, is_fresh: bool) -> float:
-        """g(F_n) in metres; the state stays."""
+    def press(self, state: Any, t: float, force: float) -> tuple[Any, float, bool]:
+        """The state after a force, g(F_n) in metres, and whether that is beyond the fit."""
         if self._node is None:
-            return 0.0
-        found = self._moved(t, force, is_fresh)
-        _put(self._states, self._kept)
-        return found
-
-    def keep(self, t: float, force: float, is_fresh: bool) -> None:
-        """The state goes on to this force."""
-        if self._node is not None:
-            self._moved(t, force, is_fresh)
-            self._kept, self._since, self._is_used = _copied(self._states), t, True
-
-    def rest(self, t: float) -> None:
-        """The state goes on without a force, if anything was touched yet."""
-        if self._is_used:
-            self.keep(t, 0.0, False)
-
-    def _moved(self, t: float, force: float, is_fresh: bool) -> float:
-        assert self._node is not None
-        if is_fresh:
-            _put(self._states, self._virgin)
-        dt = 0.0 if is_fresh or isnan(self._since) else t - self._since
+            return state, 0.0, False
+        states, since = state
+        _put(self._states, states)
         move = self._node.find if self._is_inverse else self._node.move
-        own = self._force_scale * force
+        own, dt = self._force_scale * force, 0.0 if isnan(since) else t - since
         found = move(self._time_scale * dt, own)
-        self.beyond = (found if self._is_inverse else own) > self._most
-        return self._scale * found
+        beyond = (found if self._is_inverse else own) > self._most
+        return (_copied(self._states), t), self._scale * found, beyond
 
-    def settled(
-        self, pressed: float, force: float, surface: int, point: Vector, aside: Vector
-    ) -> float:
-        """d_n of a surface, see `ContactSolver.settle`."""
-        d = self._factor(surface, point) * pressed + self._compliance(surface, point) * force
-        for _ in range(0 if self._factor_even and self._compliance_even else self._turns):
-            place = moved(point, d, aside)
-            d = self._factor(surface, place) * pressed + self._compliance(surface, place) * force
-        return d
+    def displacement(self, pressed: float, force: float, surface: int, point: Vector) -> float:
+        """d_n of a surface at a point."""
+        return self._factor(surface, point) * pressed + self._compliance(surface, point) * force
 
 
 class _Sensor:
@@ -279,7 +165,7 @@ class _Sensor:
         self._trees = document["hysteresis"]
         # Files of earlier versions know no mass.
         self._mass: float = document.get("mass", 0.0)
-        self._centre: Vector = tuple(document.get("centre", _ZERO))
+        self._centre: Vector = tuple(document.get("centre", NONE))
         self._inertia: list[list[float]] = document.get("inertia", [[0.0] * 3] * 3)
         self._gravity: Vector = tuple(document.get("gravity", Motion().gravity))
         self.reset()
@@ -337,9 +223,8 @@ def _mapped(rows: list[Any], values: Collection[float]) -> list[float]:
 
 
 def _copied(states: list[Any]) -> list[dict[str, Any]]:
-    return [
-        {k: v[:] if isinstance(v, list) else v for k, v in vars(state).items()} for state in states
-    ]
+    """What is put later; lists as they are, because `_put` puts others in their places."""
+    return [dict(vars(state)) for state in states]
 
 
 def _put(states: list[Any], values: list[dict[str, Any]]) -> None:

@@ -1,0 +1,56 @@
+"""Fields of an armor's cover: one text for `compensate.armor` and for plain Python, see `_arithmetic`."""
+
+from collections.abc import Callable
+from typing import Any
+
+from . import _arithmetic as plain
+from ._contact import dot, moved, square
+
+Vector = tuple[float, float, float]
+Field = Callable[[int, Vector], float]
+
+
+def field(document: dict[str, Any]) -> tuple[Field, bool]:
+    """A field of the cover, and whether it is the same all over a surface."""
+    kind = document["kind"]
+    if kind == "uniform":
+        value = document["value"]
+        if isinstance(value, list):
+            return lambda surface, point: value[surface - 1], True
+        return lambda surface, point: value, True
+    centre = document["centre"]
+    if kind == "bumps":
+        amplitude, width, base = (document[name] for name in ("amplitude", "width", "base"))
+
+        def bumps(surface: int, point: Vector) -> float:
+            k = surface - 1
+            return bump(plain, base[k], amplitude[k], width, centre[k], point)
+
+        return bumps, False
+    if kind == "grid":
+        values, axes = document["values"], document["axes"]
+
+        def grid(surface: int, point: Vector) -> float:
+            k = surface - 1
+            return bilinear(plain, values[k], centre[k], axes[k], point)
+
+        return grid, False
+    raise ValueError(f"no field {kind!r}")
+
+
+def bump(o: Any, base: Any, amplitude: Any, width: Any, centre: Any, point: Any) -> Any:
+    """`compensate.armor.Bumps` on one surface."""
+    return base + amplitude * o.exp(-square(point, centre) / (2 * width * width))
+
+
+def bilinear(o: Any, values: Any, centre: Any, axes: Any, point: Any) -> Any:
+    """`compensate.armor.Grid` on one surface."""
+    away = moved(point, -1.0, centre)
+    (i, u), (j, v) = (
+        o.cell(o.clip(dot(way, away) / dot(way, way), -1.0, 1.0), cells - 1)
+        for way, cells in zip(axes, (len(values), len(values[0])), strict=True)
+    )
+    near, far = values[i], values[i + 1]
+    low = near[j] * (1 - u) + far[j] * u
+    high = near[j + 1] * (1 - u) + far[j + 1] * u
+    return low * (1 - v) + high * v
