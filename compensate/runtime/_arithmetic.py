@@ -4,13 +4,20 @@ A text that takes one of the two as `o` runs reading by reading on a robot, and 
 at once, with derivatives. Here a list holds what JAX has in arrays with a leading axis.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from math import exp as exp
+from math import expm1 as expm1
+from math import inf
 from math import isfinite as isfinite
+from math import log as log_of
 from math import sqrt as sqrt
+from operator import mul
 from typing import Any
 
-most, some = max, any
+most, some, total = max, any, sum
+
+Row = Sequence[float]
+Table = Sequence[Row]
 
 
 def no(test: bool) -> bool:
@@ -26,6 +33,10 @@ def where(test: bool, one: Any, other: Any) -> Any:
 def when(test: bool, made: Callable[[], Any], other: Any) -> Any:
     """What is made, only where the test holds; JAX makes both."""
     return made() if test else other
+
+
+rarely = when
+"""JAX makes it only where the test holds, which takes longer."""
 
 
 def either(test: bool, one: Callable[[], Any], other: Callable[[], Any]) -> Any:
@@ -70,3 +81,61 @@ def cell(along: float, cells: int) -> tuple[int, float]:
     at = (along + 1.0) / 2.0 * cells
     first = min(int(at), cells - 1)
     return first, at - first
+
+
+def log(x: float) -> float:
+    """The natural logarithm, that of 0 too."""
+    return log_of(x) if x else -inf
+
+
+def place_of_most(values: list[float]) -> int:
+    """Of the first one that is the greatest."""
+    return values.index(max(values))
+
+
+def at(items: list[Any], place: int) -> Any:
+    """One entry."""
+    return items[place]
+
+
+def put(items: list[Any], place: int, one: Any) -> list[Any]:
+    """The same with another entry."""
+    return [*items[:place], one, *items[place + 1 :]]
+
+
+def table(rows: Table) -> Table:
+    """Some rows as one."""
+    return rows
+
+
+def turned(rows: Table) -> Table:
+    """Columns as rows."""
+    return list(zip(*rows, strict=True))
+
+
+def mixed(a: float, x: Any, b: float, y: Any) -> Any:
+    """a x + b y, of numbers or of rows."""
+    if isinstance(x, float | int):
+        return a * x + b * y
+    return [a * u + b * v for u, v in zip(x, y, strict=True)]
+
+
+def plus_at(rows: Table, more: Iterable[tuple[int, int, float]]) -> Table:
+    """A table with something added at some of its places."""
+    found = [list(row) for row in rows]
+    for i, j, value in more:
+        found[i][j] += value
+    return found
+
+
+def times(rows: Table, h: Row) -> Row:
+    """The first columns, weighed by h and added up."""
+    return [sum(map(mul, h, row)) for row in rows]
+
+
+def less(rows: Table, column: Row, by: float) -> Table:
+    """rows - column column' / by."""
+    return [
+        [p - a * b / by for p, b in zip(row, column, strict=True)]
+        for row, a in zip(rows, column, strict=True)
+    ]
