@@ -170,15 +170,14 @@ class ForceEstimator(AbstractStreamed[ForceState, UncertainEstimate]):
         t = jnp.zeros(y.shape[:1], y.dtype) if t is None else jnp.asarray(t, y.dtype)
         channels = y.reshape(len(y), -1)
         valid = jnp.isfinite(channels).all(1) & jnp.isfinite(t)
-        if hasattr(self.model, "follow") and is_concrete(valid):
-            rows, model, found = np.flatnonzero(valid), state.model, jnp.zeros(len(y), y.dtype)
-            if len(rows):
-                model, moved = self.model.stream(t[rows], y[rows], model)
-                found = found.at[rows].set(moved)
-        else:
-            model, found = _where_valid(self.model, state.model, (t, y, valid))
+        latest, model, found = latest_of(valid), state.model, jnp.zeros(len(y), y.dtype)
+        # Rows that are none are left out, or in JAX's programs those before them again after no time.
+        rows = np.flatnonzero(valid) if is_concrete(valid) else jnp.maximum(latest, valid.argmax())
+        if len(rows):
+            after, moved = self.model.stream(t[rows], y[rows], model)
+            model = jax.tree.map(lambda new, old: jnp.where(valid.any(), new, old), after, model)
+            found = found.at[rows].set(moved)
         found = self.newtons * found
-        latest = latest_of(valid)
         value = jnp.where(latest < 0, state.value, jnp.clip(found, 0.0, self.high)[latest])
         low, high = (jnp.atleast_1d(np.asarray(x)) for x in (self.low_reading, self.high_reading))
         beyond = ((channels < low[None]) | (channels > high[None])).any(1)
@@ -189,15 +188,3 @@ class ForceEstimator(AbstractStreamed[ForceState, UncertainEstimate]):
         return after, UncertainEstimate(
             value, status, jnp.broadcast_to(self.deviation, value.shape)
         )
-
-
-@eqx.filter_jit
-def _where_valid(model: AbstractModel, state: PyTree, rows: tuple[Array, Array, Array]) -> Any:
-    """A model sample by sample; those that are not valid change nothing."""
-
-    def one(own: PyTree, row: tuple[Array, Array, Array]) -> tuple[PyTree, Array]:
-        t, y, valid = row
-        after, found = model.step(own, t, y)
-        return jax.tree.map(lambda new, old: jnp.where(valid, new, old), after, own), found
-
-    return jax.lax.scan(one, state, rows)
