@@ -3,15 +3,14 @@
 from typing import Any
 
 from hysteresis._escape import visible
-from hysteresis.laws._nodes import WITHOUT, Node
-from hysteresis.laws._tree import begun, parts_of
+from hysteresis.laws._nodes import BESIDE, WITHOUT, Node
+from hysteresis.laws._tree import around, parts_of
 
 from ..inverses._law import goes_back_only
-from ..runtime._file import LONGEST
 from ..runtime._status import Status
 from . import _c99_adaptive
 from ._band import band_in_c
-from ._c99_nodes import CALLED, NodeCount, NodeFunction, Nodes
+from ._c99_nodes import NodeCount, NodeFunction, Nodes
 from ._c99_state import size_of, state_in_c
 from ._header_facts import (
     HEAD,
@@ -26,13 +25,12 @@ from ._header_facts import (
     tables,
     trained,
 )
-from ._operation_count import operations
 from ._python_to_c99 import Element, comment, element, number
 
 Tree = dict[str, Any]
 
-AROUND = 60
-"""Operations of a step around its nodes."""
+OUTPUTS = 20
+"""Operations of a step that hand out what its nodes have found."""
 
 
 def header(document: dict[str, Any], stem: str, *, single: bool) -> str:
@@ -46,12 +44,9 @@ class _Header:
         self.real = f"{stem}_real"
         self.elements: dict[str, Element] = {}
         self.parts: list[Node] = []
-        self.root = self._part(document["tree"])
-        self.error = document["error"] and self._part(document["error"])
-        self.guard = document["guard"] and self._part(document["guard"])
-        self.others = [
-            self._part(begun(document["tree"], iter(states))) for states in document["starts"]
-        ]
+        self.around = self._part(around(document))
+        self.root, *others = self.around.parts
+        self.others = [part for part in others if part.kind not in BESIDE]
         self.condition: dict[str, Any] | None = document.get("condition")
         self._learns = self.elements["adaptive"] if self.root.kind == "adaptive" else None
         self.predicts = not goes_back_only(document["tree"])
@@ -92,7 +87,7 @@ class _Header:
             title=f"{visible(d['title'])}: {estimate} from {reading}.", stem=self.stem,
             stem_upper=self.stem.upper(),
             reading=reading, estimate=estimate, low=low, high=high,
-            unknown="" if self.error else ", which is not known here: NaN", motions=motions(d),
+            unknown="" if self.document["error"] else ", which is not known here: NaN", motions=motions(d),
             time=clock(d, self.stem),
             real="float" if self.single else "double",
             state=size_of(self.parts, self.elements, self.single),
@@ -106,10 +101,7 @@ class _Header:
     def _bound(self) -> int:
         """Operations of a step, at most."""
         count = NodeCount(Nodes(self.parts, self.elements))
-        found = sum(count.of_function(f"find_{p.number}") for p in (self.root, *self.others))
-        beside = [(p, CALLED[p.kind]) for p in (self.error, self.guard) if p]
-        called = (operations(self.elements[p.kind], name, p.of["parameters"]) for p, name in beside)
-        return found + sum(called) + AROUND
+        return count.of_function(f"step_{self.around.number}") + OUTPUTS
 
     # Elements and their constants
 
@@ -179,66 +171,28 @@ class _Header:
         """Of the nodes: what a step and a prediction call, and what those call."""
         done: dict[str, str] = {}
         home = Nodes(self.parts, self.elements)
-        for part in (self.root, *self.others):
-            names = ["find", *["status"] * (part is self.root), *["move"] * self.predicts]
-            for name in names:
-                NodeFunction(home, f"{name}_{part.number}", done).translate()
+        moves = [f"move_{part.number}" for part in (self.root, *self.others)] * self.predicts
+        for name in (f"step_{self.around.number}", *moves):
+            NodeFunction(home, name, done).translate()
         return "\n\n".join(done.values())
 
     # What is called from outside
 
     def _step(self) -> str:
-        stem, upper, real, k = self.stem, self.stem.upper(), self.real, self.root.number
-        low, high = (self._number(v, "real") for v in self.document["limits"])
-        zero, rates = self._number(0, "real"), self.document["rates"]
-        longest = self._number(self.document.get("longest") or LONGEST, "real") if rates else ""
-        # Not !(dt <= 0): a dt that is NaN is no time.
-        passing = f"""\
-    if (dt > {zero}) {{
-        s->waited += dt;
-        if (s->waited > {longest}) {{
-            s->waited = {longest};
-        }}
-    }}
-""" if rates else "    (void)dt;\n"  # fmt: skip
+        stem, real, k = self.stem, self.real, self.around.number
         held = f"{real} condition, " if self.condition else ""
-        takes = "".join(
-            f"\n        (void){stem}_share_take(&{stem}_{p.number}, &s->n{p.number}, condition);"
-            for p in self.parts if p.kind == "share"
-        )  # fmt: skip
-        usable = "isfinite(reading)" + (" && isfinite(condition)" if held else "")
-        beyond = "seen != reading" + (f" || passed >= {longest}" if rates else "")
-        if self.condition:
-            first, last = (self._number(self.condition[end], "real") for end in ("low", "high"))
-            beyond += f" || condition < {first} || condition > {last}"
-        e = self.error.number if self.error else 0
-        deviation = (
-            f"\n    s->deviation = {stem}_error_deviation(&{stem}_{e}, &s->n{e}, passed, s->estimate);"
-            if self.error else ""
-        )  # fmt: skip
         text = f"""\
 /* One reading in, one estimate and its deviation out; what it is worth is returned. */
 static inline int {stem}_step(
     {stem}_state *s, {real} dt, {real} reading, {held}{real} *estimate, {real} *deviation)
 {{
-    int status = {upper}_INVALID;
-{passing}    if ({usable}) {{
-        {real} seen = reading < {low} ? {low} : reading;
-        if (seen > {high}) {{
-            seen = {high};
-        }}
-        {real} passed = s->begun ? s->waited : {zero};{takes}
-        s->estimate = {stem}_{k}_find(s, passed, seen);
-        int beyond = {beyond};
-        s->waited = {zero};
-        s->begun = 1;{deviation.replace(chr(10), chr(10) + "    ")}
-{self._guarded()}
-    }}
+    s->estimate = {stem}_{k}_step(s, dt, reading, {"condition" if held else self._number(0, "real")});
+    s->deviation = s->n{k}.deviation;
     *estimate = s->estimate;
     if (deviation) {{
         *deviation = s->deviation;
     }}
-    return status;
+    return s->n{k}.status;
 }}"""
         if not self.predicts:
             return text
@@ -246,6 +200,10 @@ static inline int {stem}_step(
         others = "".join(
             f"\n    (void){stem}_{other.number}_move(s, passed, input);" for other in self.others
         )
+        takes = "".join(
+            f"\n    (void){stem}_share_take(&{stem}_{p.number}, &s->n{p.number}, condition);"
+            for p in self.parts if p.kind == "share"
+        )  # fmt: skip
         return f"""{text}
 
 /* The model itself: an input in, the reading it gives out. NaN for an input that is not finite, which
@@ -253,7 +211,8 @@ static inline int {stem}_step(
 static inline {real} {stem}_predict(
     {stem}_state *s, {real} dt, {real} input{held and f", {real} condition"})
 {{
-{passing}    if (!isfinite(input){" || !isfinite(condition)" if held else ""}) {{
+    (void){stem}_reading_wait(&{stem}_{k}, &s->n{k}, dt);
+    if (!isfinite(input){" || !isfinite(condition)" if held else ""}) {{
         return ({real})NAN;
     }}
     if (input < {nearest}) {{
@@ -262,44 +221,12 @@ static inline {real} {stem}_predict(
     if (input > {farthest}) {{
         input = {farthest};
     }}
-    s->estimate = input;{takes.replace("        (", "    (")}
-    {real} passed = s->begun ? s->waited : {zero};
-    {real} reading = {stem}_{k}_move(s, passed, input);{others}
-    s->waited = {zero};
-    s->begun = 1;
+    s->estimate = input;
+    s->n{k}.value = input;{takes}
+    {real} passed = {stem}_reading_begin(&s->n{k});
+    {real} reading = {stem}_{self.root.number}_move(s, passed, input);{others}
     return reading;
 }}"""
-
-    def _guarded(self) -> str:
-        """The status, and the estimate as it is given out."""
-        stem, upper, k = self.stem, self.stem.upper(), self.root.number
-        if not self.guard:
-            return f"""\
-        status = {stem}_{k}_status(s);
-        if (beyond && (status == {upper}_OK || status == {upper}_FLAT)) {{
-            status = {upper}_EXTRAPOLATED;
-        }}"""
-        g, real, size = self.guard.number, self.real, "fabsf" if self.single else "fabs"
-        away = "".join(
-            f"""\
-        {{
-            {real} away = {size}({stem}_{other.number}_find(s, passed, seen) - s->estimate);
-            apart = away > apart ? away : apart;
-        }}
-"""
-            for other in self.others
-        )
-        text = f"""\
-        {real} apart = {self._number(0, "real")}; /* of the estimates that began elsewhere */
-{away}        s->estimate = {stem}_guard_limited(
-            &{stem}_{g}, &s->n{g}, s->estimate, {stem}_{k}_status(s), beyond, apart, reading);
-        status = s->n{g}.status;"""
-        if self.guard.of["beyond"] != "nan":
-            return text
-        return f"""{text}
-        if (s->n{g}.beyond) {{
-            s->estimate = ({self.real})NAN;
-        }}"""
 
     def _self_test(self) -> str:
         stem, real, golden = self.stem, self.real, self.document["golden"]

@@ -9,9 +9,6 @@ from hysteresis.laws._nodes import Node, function_of
 from ._operation_count import OF_A_NODE, Count
 from ._python_to_c99 import Element, Expression, Function
 
-CALLED = {"error": "deviation", "guard": "limited"}
-"""Laws beside a tree, and what a step calls of them."""
-
 
 class Nodes(SimpleNamespace):
     """The nodes of a tree, by their numbers, and the elements of their laws, by their kinds; in place of an

@@ -8,8 +8,8 @@ from hysteresis.laws._nodes import Node
 
 from ._python_to_c99 import Element, comment
 
-OWN = ("estimate", "deviation", "waited")
-"""What a step itself remembers, beside whether it has begun."""
+OWN = ("estimate", "deviation")
+"""What a step hands out, for whoever asks later."""
 
 
 def state_in_c(
@@ -38,8 +38,7 @@ def state_in_c(
         values.append("        {" + ", ".join(given) + "}")
     real = f"{stem}_real"
     fields += [f"    {real} {name};" for name in OWN]
-    fields.append("    int begun;")
-    values += [f"        {value}" for value in (start, f"({real})NAN", number(0.0, "real"), "0")]
+    values += [f"        {value}" for value in (start, f"({real})NAN")]
     body = ",\n".join(values)
     return "\n".join(
         [
@@ -68,5 +67,5 @@ def size_of(parts: Sequence[Node], elements: Mapping[str, Element], single: bool
         members.append(
             (f"n{part.number}", type("_Part", (ctypes.Structure,), {"_fields_": fields}))
         )
-    members += [*((name, real) for name in OWN), ("begun", ctypes.c_int)]
+    members += [(name, real) for name in OWN]
     return ctypes.sizeof(type("_State", (ctypes.Structure,), {"_fields_": members}))

@@ -1,11 +1,10 @@
 """`load`, and the compensator that it returns."""
 
-from collections.abc import Callable
 from math import inf, isfinite, nan
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from hysteresis.laws._tree import Tree, begun, error_of, guard_of, node_of
+from hysteresis.laws._tree import Tree, around, step_of
 from hysteresis.laws._types import check
 
 from ._file import LONGEST, READING_MISSING, FileError, number, replayed
@@ -17,20 +16,8 @@ SWEPT = 33
 """Readings over all that are known, with which a file is tried."""
 
 _STATUSES = tuple(Status)
-_KEPT = ("_value", "_waited", "_deviation", "_factor", "_missed")
-_MADE = (
-    "_takes",
-    "_states",
-    "_node",
-    "_others",
-    "_learner",
-    "_find",
-    "_status",
-    "_error",
-    "_guard",
-)
+_MADE = ("_states", "_step", "_own", "_learner")
 """What `reset` makes of the file's trees: closures, which can be neither copied nor pickled."""
-_OK, _EXTRAPOLATED = Status.OK, Status.EXTRAPOLATED
 
 
 class Estimate(NamedTuple):
@@ -81,16 +68,14 @@ class Compensator:
         self.limits: tuple[float, float] = tuple(document["limits"])
         self.rates: bool = document["rates"]
         self.longest: float = document.get("longest") or LONGEST
-        self._tree, self._start = document["tree"], document["start"]
         self._band: Tree | None = document.get("band")
         self._factor, self._missed = (self._band or {}).get("factor", nan), 0.0
         self.lasting: dict[str, float] | None = document.get("lasting")
         self.coverage: float | None = document.get("coverage")
-        self._error_tree, self._checksum = document["error"], document.get("checksum")
+        self._checksum = document.get("checksum")
         # Files of format 1 have neither guard nor origin.
         self.origin: dict[str, Any] | None = document.get("origin")
-        self._guard_tree = guard = document.get("guard")
-        self._starts: list[list[Tree]] = document.get("starts", [])
+        guard = document.get("guard")
         if guard and "within" not in guard["parameters"]:
             # A file of format 2 does not say where else it may have begun: it says RUN_IN for ever.
             own = guard["parameters"]
@@ -105,27 +90,13 @@ class Compensator:
         )
         self.beyond: str = guard["beyond"] if guard else "free"
         self.condition: dict[str, Any] | None = document.get("condition")
+        self._tree = around(document)
         self.reset()
 
     def reset(self) -> None:
         """The state before the first reading."""
-        self._takes: list[Callable[[float], float]] = []
         self._states: list[Any] = []
-        self._node = node_of(self._tree, self._states, self._takes)
-        self._others = [
-            node_of(begun(self._tree, iter(states)), self._states, self._takes).find
-            for states in self._starts
-        ]
-        self._learner = self._node.learner
-        self._find, self._status = self._node.find, self._node.status
-        self._error = error_of(self._error_tree) if self._error_tree else lambda dt, value: nan
-        self._guard = guard_of(self._guard_tree) if self._guard_tree else None
-        self._value, self._waited, self._begun = (
-            nan if self._start is None else self._start,
-            0.0,
-            False,
-        )
-        self._deviation = nan
+        self._step, self._own, self._learner = step_of(self._tree, self._states)
 
     def step(
         self,
@@ -159,36 +130,13 @@ class Compensator:
                     return self.step(dt, reading, condition)
                 finally:
                     self._learner[2].known = 0
-        if self.rates and dt > 0.0:
-            self._waited = min(self._waited + dt, self.longest)
-        strange = False
-        if self.condition is not None:
-            if condition is None:
-                name = self.condition["name"]
-                raise TypeError(f"this compensator depends on {name}: step(dt, reading, condition)")
-            if not isfinite(condition):
-                reading = nan
-            strange = not self.condition["low"] <= condition <= self.condition["high"]
-        if not isfinite(reading):
-            return Estimate(self._value, Status.INVALID, self._deviation)
-        low, high = self.limits
-        seen = low if reading < low else high if reading > high else reading
-        dt = self._waited if self._begun else 0.0
-        for take in self._takes:
-            take(condition)  # type: ignore[arg-type]
-        value = self._find(dt, seen)
-        self._waited, self._begun = 0.0, True
-        status, beyond = self._status(), strange or dt >= self.longest or seen != reading
-        self._deviation = deviation = self._error(dt, value)
-        if self._guard is not None:
-            apart = 0.0
-            for find in self._others:
-                apart = max(apart, abs(find(dt, seen) - value))
-            value, status = self._guard.of(value, status, beyond, apart, reading)
-        elif beyond and status in (_OK, Status.FLAT):
-            status = _EXTRAPOLATED
-        self._value = value
-        return Estimate(value, _STATUSES[status], deviation)
+        if self.condition is None:
+            condition = 0.0
+        elif condition is None:
+            name = self.condition["name"]
+            raise TypeError(f"this compensator depends on {name}: step(dt, reading, condition)")
+        value, own = self._step(dt, reading, condition), self._own
+        return Estimate(value, _STATUSES[own.status], own.deviation)
 
     @property
     def advice(self) -> int:
@@ -205,8 +153,8 @@ class Compensator:
         """The ends of the guaranteed band of the last estimate; None where the file has none."""
         if self._band is None:
             return None
-        half = self._factor * (self._deviation if self._band["by_deviation"] else 1.0)
-        return self._value - half, self._value + half
+        half = self._factor * (self._own.deviation if self._band["by_deviation"] else 1.0)
+        return self._own.value - half, self._own.value + half
 
     def watch(self, known: float) -> None:
         """The true input behind the last estimate: whether this run leaves its band. NaN says nothing."""
@@ -249,10 +197,11 @@ class Compensator:
             >>> sensor.state() == before
             True
         """
-        kept = {name: number(getattr(self, name)) for name in _KEPT}
+        own = self._own
         return {
-            "checksum": self._checksum, "begun": self._begun, **kept,
-            "nodes": [_copied(vars(one)) for one in self._all_states()],
+            "checksum": self._checksum, "begun": bool(own.begun), "_value": number(own.value),
+            "_waited": own.waited, "_deviation": number(own.deviation), "_factor": number(self._factor),
+            "_missed": self._missed, "nodes": [_copied(vars(one)) for one in self._states[:-1]],
         }  # fmt: skip
 
     def restore(self, state: Tree) -> None:
@@ -260,15 +209,19 @@ class Compensator:
 
         Raises `FileError` where it belongs to another file.
         """
-        nodes = state.get("nodes", ())
-        if state.get("checksum") != self._checksum or len(nodes) != len(self._all_states()):
+        nodes, own = state.get("nodes", ()), self._own
+        if state.get("checksum") != self._checksum or len(nodes) != len(self._states) - 1:
             raise FileError("This state belongs to another file.")
-        for one, values in zip(self._all_states(), nodes, strict=True):
+        for one, values in zip(self._states, nodes, strict=False):
             vars(one).update(_copied(values))
-        for name in _KEPT:
-            value = state.get(name, getattr(self, name))
-            setattr(self, name, nan if value is None else value)
-        self._begun = state["begun"]
+        own.value, own.waited, own.deviation, self._factor, self._missed = (
+            nan if state.get(name, 0.0) is None else state.get(name, before)
+            for name, before in (
+                ("_value", own.value), ("_waited", own.waited), ("_deviation", own.deviation),
+                ("_factor", self._factor), ("_missed", self._missed),
+            )
+        )  # fmt: skip
+        own.begun = int(state["begun"])
 
     def __getstate__(self) -> dict[str, Any]:
         rest = {name: value for name, value in vars(self).items() if name not in _MADE}
@@ -278,10 +231,6 @@ class Compensator:
         vars(self).update({name: value for name, value in kept.items() if name != "state"})
         self.reset()
         self.restore(kept["state"])
-
-    def _all_states(self) -> list[Any]:
-        error = [self._error.args[1]] if self._error_tree else []
-        return self._states + error + ([self._guard.state] if self._guard else [])
 
 
 def _copied(values: dict[str, Any]) -> dict[str, Any]:

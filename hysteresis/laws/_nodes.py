@@ -19,6 +19,13 @@ WITHOUT = "series"
 """The kind of node that has no law of its own."""
 
 
+AROUND = "reading"
+"""The kind of the node around a tree, the same trees that begin elsewhere, its error and its guard."""
+
+BESIDE = ("error", "guard")
+"""Kinds that are no trees."""
+
+
 class Node(NamedTuple):
     """A node, its number, its parts, and what a language knows of it."""
 
@@ -38,6 +45,10 @@ def functions_of(root: Node) -> str:
 
 
 def _names(node: Node) -> list[str]:
+    if node.kind == AROUND:
+        return ["step"]
+    if node.kind in BESIDE:
+        return []
     if node.parts:
         learning = ["inner", "followed"] if node.kind == "adaptive" else []
         return ["look", "move", "find", "status", *learning]
@@ -50,6 +61,8 @@ def function_of(node: Node, name: str) -> str:
     given, returns = "s: Any, dt: float, x: float", "float"
     if name == "status":
         given, returns = "s: Any", "int"
+    if name == "step":
+        given += ", c: float"
     lines = _body(node, name)
     if name == "follow":
         returns = "None"
@@ -64,6 +77,8 @@ def _body(node: Node, name: str) -> list[str]:
         return f"{kind}__{function}({', '.join(given)})"
 
     match kind, name:
+        case (_, "step"):
+            return _step(node, p, s)
         case ("series", "status"):
             later = [
                 x for part in parts[-2::-1] for x in (f"if y == {OK}:", f"    y = {_status(part)}")
@@ -92,6 +107,34 @@ def _body(node: Node, name: str) -> list[str]:
     time = ["dt"] if "dt" in _arguments(kind, name) else []
     called = own(name, p, s, *time, "x")
     return [called if name == "follow" else f"return {called}"]
+
+
+def _step(node: Node, p: str, s: str) -> list[str]:
+    """A reading x at a condition c; `y` its estimate."""
+    (tree, *others), beside = (
+        [part for part in node.parts if (part.kind in BESIDE) == is_beside]
+        for is_beside in (False, True)
+    )
+    shares = [one.number for part in (tree, *others) for one in part.all() if one.kind == "share"]
+    found = f"(s, {s}.passed, {s}.seen)"
+    lines = [
+        *(f"share__take(p{k}, s{k}, c)" for k in shares), f"y = find_{tree.number}{found}",
+        f"v = {_status(tree)}",
+    ]  # fmt: skip
+    for k in (part.number for part in beside if part.kind == "error"):
+        lines.append(f"{s}.deviation = error__deviation(p{k}, s{k}, {s}.passed, y)")
+    guards = [part.number for part in beside if part.kind == "guard"]
+    for k in guards:
+        lines += [f"{s}.value = y", f"{s}.apart = 0.0"]
+        lines += [f"reading__farther({s}, find_{other.number}{found})" for other in others]
+        lines += [
+            f"y = guard__limited(p{k}, s{k}, y, v, {s}.beyond, {s}.apart, x)", f"{s}.status = s{k}.status",
+            f"if {p}.hides and s{k}.beyond:", f"    y = {s}.none",
+        ]  # fmt: skip
+    if not guards:
+        lines.append(f"{s}.status = reading__worth({s}, v)")
+    lines = [f"if reading__usable({p}, {s}, dt, x, c):", *(f"    {x}" for x in lines)]
+    return [*lines, f"    {s}.value = y", f"return {s}.value"]
 
 
 def _adaptive(node: Node, name: str, p: str, s: str) -> list[str]:

@@ -7,56 +7,62 @@ from types import CodeType
 from typing import Any, NamedTuple, get_type_hints
 
 from . import FORGET, KINDS, announced, module_of
-from ._nodes import WITHOUT, Node, functions_of
+from ._nodes import AROUND, BESIDE, WITHOUT, Node, functions_of
 from ._types import check_fields
 
 Function = Callable[[float, float], float]
 Tree = dict[str, Any]
 
 
-def error_of(tree: Tree) -> Callable[[float, float], float]:
-    """The standard deviation of an estimate, (dt, value), with a state of its own."""
-    element: Any = module_of("error")
-    p = _made(element.Parameters, element.ANY_MOTION | tree["parameters"])
-    s = _made(element.State, element.UNMOVED | tree["state"])
-    return partial(element.deviation, p, s)
-
-
-class Guard(NamedTuple):
-    """The guard of a file, with its own state: (value, status, clipped, apart, reading) to what is
-    given out."""
-
-    limited: Callable[[float, int, bool, float, float], float]
-    state: Any
-    as_nan: bool
-
-    def of(
-        self, value: float, status: int, clipped: bool, apart: float, reading: float
-    ) -> tuple[float, int]:
-        """The estimate as it is given out, and its status."""
-        value = self.limited(value, status, clipped, apart, reading)
-        return (nan if self.as_nan and self.state.beyond else value), self.state.status
-
-
-def guard_of(tree: Tree) -> Guard:
-    """The guard of a file, see `hysteresis/laws/guard.py`."""
-    element: Any = module_of("guard")
-    p, s = _made(element.Parameters, tree["parameters"]), _made(element.State, tree["state"])
-    return Guard(partial(element.limited, p, s), s, tree["beyond"] == "nan")
+def around(document: Tree) -> Tree:
+    """The tree of a compensator's document, with what is around it; what is not a number is None."""
+    error, guard, condition = (document.get(x) for x in ("error", "guard", "condition"))
+    low, high = document["limits"]
+    least, most = (condition or {}).get("low", 0.0), (condition or {}).get("high", 0.0)
+    parameters = {
+        "low": low, "high": high, "rates": int(document["rates"]),
+        "longest": document.get("longest") or FOR_EVER, "conditioned": int(condition is not None),
+        "least": least, "most": most, "hides": int(bool(guard) and guard["beyond"] == "nan"),
+    }  # fmt: skip
+    state = {
+        "status": 0, "value": document["start"], "deviation": None, "waited": 0.0, "begun": 0,
+        "passed": 0.0, "seen": 0.0, "beyond": 0, "apart": 0.0, "none": None,
+    }  # fmt: skip
+    tree, parts = document["tree"], []
+    if error:
+        law: Any = module_of("error")
+        parts.append({
+            "kind": "error", "parameters": law.ANY_MOTION | error["parameters"],
+            "state": law.UNMOVED | error["state"],
+        })  # fmt: skip
+    if guard:
+        parts.append({**guard, "kind": "guard"})
+    others = [begun(tree, iter(states)) for states in document.get("starts", [])]
+    return {
+        "kind": AROUND, "parameters": parameters, "state": state, "parts": [tree, *others, *parts],
+    }  # fmt: skip
 
 
 class Running(NamedTuple):
-    """`look`, `move`, `find` of (dt, value), as of a law; the last one's `status()`; `learner`: law,
-    parameters and state of a node that learns."""
+    """`look`, `move`, `find` of (dt, value), as of a law; the last one's `status()`."""
 
     look: Function
     move: Function
     find: Function
     status: Callable[[], int]
-    learner: tuple[Any, Any, Any] | None
 
 
 FOR_EVER = 1e30
+"""Longest time between two readings, of files of earlier versions, which do not name one."""
+
+
+class Around(NamedTuple):
+    """`step` of (dt, reading, condition); its state; `learner`: law, parameters and state of a node that
+    learns."""
+
+    step: Callable[[float, float, float], float]
+    state: Any
+    learner: tuple[Any, Any, Any] | None
 
 
 def node_of(
@@ -66,6 +72,27 @@ def node_of(
 
     `takes`: to which is appended whatever takes the condition before a reading.
     """
+    root, space = _made_of(tree, [] if states is None else states)
+    if takes is not None:
+        shares = [one.number for one in root.all() if one.kind == "share"]
+        takes += [partial(space["share__take"], space[f"p{k}"], space[f"s{k}"]) for k in shares]
+    look, move, find, status = (
+        (function := space.get(f"{x}_{root.number}")) and partial(function, None)
+        for x in ("look", "move", "find", "status")
+    )
+    return Running(look, move, find, status)  # type: ignore[arg-type]
+
+
+def step_of(tree: Tree, states: list[Any]) -> Around:
+    """What runs a tree with what is `around` it; as `node_of`."""
+    root, space = _made_of(tree, states)
+    k, inner = root.number, root.parts[0]
+    own = module_of("adaptive"), space.get(f"p{inner.number}"), space.get(f"s{inner.number}")
+    learner = own if inner.kind == "adaptive" else None
+    return Around(partial(space[f"step_{k}"], None), space[f"s{k}"], learner)
+
+
+def _made_of(tree: Tree, states: list[Any]) -> tuple[Node, dict[str, Any]]:
     trees: list[Tree] = []
     root = _numbered(tree, trees)
     space: dict[str, Any] = {"Any": Any}
@@ -73,26 +100,23 @@ def node_of(
         if (kind := own["kind"]) == WITHOUT:
             continue
         law = module_of(kind)
-        p, s = _made(law.Parameters, own["parameters"]), _made(law.State, own["state"])
+        given = (own["parameters"], own["state"])
+        if kind == AROUND:  # not of the file
+            p, s = law.Parameters(), law.State()
+            vars(p).update(given[0])
+            vars(s).update({name: nan if v is None else v for name, v in given[1].items()})
+        else:
+            p, s = _made(law.Parameters, given[0]), _made(law.State, given[1])
         space |= {f"p{k}": p, f"s{k}": s}
         space |= {f"{kind}__{name}": function for name, function in vars(law).items()}
-        if states is not None:
-            states.append(s)
-        if kind == "share" and takes is not None:
-            takes.append(partial(law.take, p, s))
+        states.append(s)
     exec(_code(root), space)
-    k = root.number
-
-    made: list[Any] = [space.get(f"{x}_{k}") for x in ("look", "move", "find", "status")]
-    look, move, find, status = (function and partial(function, None) for function in made)
-    learns = root.kind == "adaptive"
-    learner = (module_of("adaptive"), space[f"p{k}"], space[f"s{k}"]) if learns else None
-    return Running(look, move, find, status, learner)
+    return root, space
 
 
 def _numbered(tree: Tree, trees: list[Tree]) -> Node:
     kind = tree["kind"]
-    if kind not in (*KINDS, *announced()):
+    if kind not in (*KINDS, *announced(), AROUND, *BESIDE):
         raise ValueError(f"no element {kind!r}")
     parts = tuple(_numbered(part, trees) for part in parts_of(tree))
     trees.append(tree)

@@ -2,7 +2,7 @@
 
 import ast
 import json
-from functools import partial, reduce
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,11 +10,9 @@ import numpy as np
 
 from hysteresis import InputError
 from hysteresis._atomic_file import write_whole
-from hysteresis.laws._codes import EXTRAPOLATED, FLAT, OK
 from hysteresis.laws._nodes import WITHOUT, Node, function_of
-from hysteresis.laws._tree import begun
+from hysteresis.laws._tree import around
 
-from ...runtime._file import LONGEST
 from ...runtime._status import Status
 from .._export import Exported, Program
 from ._artefact import Artefact, name_in_c
@@ -28,8 +26,6 @@ OPSET, IR = 17, 8
 """Versions that runtimes have read since 2022."""
 
 Tree = dict[str, Any]
-OWN = -1
-"""Key of what the step itself remembers."""
 
 
 def onnx(program: Program, out: Path, real: str) -> Exported:
@@ -64,17 +60,7 @@ class _Step:
         self._places: list[tuple[tuple[Any, ...], str, int, int]] = []
         self.parts: list[Part] = []
         self.nodes: list[Node] = []
-        start = document["start"]
-        self._remember(OWN, "estimate", "real", float("nan") if start is None else start)
-        self._remember(OWN, "deviation", "real", float("nan"))
-        self._remember(OWN, "waited", "real", 0.0)
-        self._remember(OWN, "begun", "int", 0)
-        self.root = self._node(document["tree"])
-        self.error = document["error"] and self._part(document["error"])
-        self.guard = document["guard"] and self._part(document["guard"])
-        self.others = [
-            self._node(begun(document["tree"], iter(states))) for states in document["starts"]
-        ]
+        self.around = self._node(around(document))
 
     # The model
 
@@ -84,10 +70,16 @@ class _Step:
         given = {n: Value(n, "real") for n in ("reading", "dt", "condition")}
         state = Value("state", "reals")
         self._unpack(state)
-        status = self._step(given["reading"], given["dt"], given["condition"])
-        packed = self._packed()
-        outputs = [("estimate", self._own("estimate")), ("deviation", self._own("deviation"))]
-        outputs += [("status", status), ("next_state", packed)]
+        condition = (
+            given["condition"] if self.document["condition"] else graph.constant(0.0, "real")
+        )
+        step = f"step_{self.around.number}"
+        estimate = self._called(step, None, given["dt"], given["reading"], condition)
+        status, deviation = (
+            graph.variables["state", self.around.of.key, name] for name in ("status", "deviation")
+        )
+        outputs = [("estimate", estimate), ("deviation", deviation)]
+        outputs += [("status", status), ("next_state", self._packed())]
         found = []
         for label, value in outputs:
             node = helper.make_node("Identity", [graph.name(value)], [label])
@@ -112,13 +104,7 @@ class _Step:
     def _remember(self, part: int, name: str, kind: str, value: float | list[float]) -> None:
         values = value if isinstance(value, list) else [value]
         self._places.append((("state", part, name), kind, len(self.initial), len(values)))
-        self.initial += [float(v) for v in values]
-
-    def _own(self, name: str) -> Value:
-        return self.graph.variables["state", OWN, name]
-
-    def _set(self, name: str, value: Value) -> None:
-        self.graph.variables["state", OWN, name] = value
+        self.initial += [float("nan") if v is None else float(v) for v in values]
 
     def _unpack(self, state: Value) -> None:
         graph = self.graph
@@ -173,7 +159,9 @@ class _Step:
         name, _, number = title.rpartition("_")
         (node,) = ast.parse(function_of(self.nodes[int(number)], name)).body
         assert isinstance(node, ast.FunctionDef)
-        frame = Frame(self.write, None, None, {"s": "Any", "dt": "real", "x": "real"}, 0)
+        frame = Frame(
+            self.write, None, None, {"s": "Any", "dt": "real", "x": "real", "c": "real"}, 0
+        )
         for name in {n.id for n in ast.walk(node) if isinstance(n, ast.Name)}:
             if name[1:].isdecimal():
                 frame.types[name] = "Parameters" if name[0] == "p" else "State"
@@ -181,83 +169,3 @@ class _Step:
             elif "_" in name:
                 frame.bound[name] = partial(self._called, name)
         return self.write.written(node, frame, list(given))
-
-    # The step, as in runtime/_compensator.py
-
-    def _finite(self, value: Value) -> Value:
-        graph = self.graph
-        bad = [graph.node(name, [value], "bool") for name in ("IsNaN", "IsInf")]
-        return graph.node("Not", [graph.node("Or", bad, "bool")], "bool")
-
-    def _step(self, reading: Value, dt: Value, condition: Value) -> Value:
-        graph, document = self.graph, self.document
-        real = partial(graph.constant, kind="real")
-        longest = real(document.get("longest") or LONGEST)
-        if document["rates"]:
-            passing = graph.node("Greater", [dt, real(0.0)], "bool")
-
-            def wait() -> None:
-                waited = graph.node("Add", [self._own("waited"), dt], "real")
-                self._set("waited", graph.node("Min", [waited, longest], "real"))
-
-            graph.branch(passing, wait, lambda: None)
-        usable = self._finite(reading)
-        if document["condition"]:
-            usable = graph.node("And", [usable, self._finite(condition)], "bool")
-        said = ("state", OWN, "said")
-        graph.variables[said] = graph.constant(int(Status.INVALID), "int")
-
-        def take() -> None:
-            low, high = document["limits"]
-            seen = graph.node("Max", [reading, real(low)], "real")
-            seen = graph.node("Min", [seen, real(high)], "real")
-            clipped = graph.node("Not", [graph.node("Equal", [seen, reading], "bool")], "bool")
-            passed = real(0.0)
-            if document["rates"]:
-                begun = graph.cast(self._own("begun"), "bool")
-                passed = graph.node("Where", [begun, self._own("waited"), passed], "real")
-            for node in self.nodes:
-                if node.kind == "share":
-                    self.write.call(node.of, "take", condition)
-            value = self._called(f"find_{self.root.number}", None, passed, seen)
-            status, beyond = self._called(f"status_{self.root.number}", None), [clipped]
-            if document["rates"]:
-                beyond.append(graph.node("GreaterOrEqual", [passed, longest], "bool"))
-            if known := document["condition"]:
-                ends = (("Less", "low"), ("Greater", "high"))
-                beyond += [graph.node(o, [condition, real(known[end])], "bool") for o, end in ends]
-            outside = reduce(lambda a, b: graph.node("Or", [a, b], "bool"), beyond)
-            self._set("waited", real(0.0))
-            self._set("begun", graph.constant(1, "int"))
-            if self.error:
-                self._set("deviation", self.write.call(self.error, "deviation", passed, value))
-            if self.guard:
-                apart = real(0.0)
-                for other in self.others:
-                    found = self._called(f"find_{other.number}", None, passed, seen)
-                    away = graph.node("Sub", [found, value], "real")
-                    apart = graph.node("Max", [apart, graph.node("Abs", [away], "real")], "real")
-                value = self.write.call(
-                    self.guard, "limited", value, status, graph.cast(outside, "int"), apart, reading
-                )
-                status = graph.variables["state", self.guard.key, "status"]
-                if document["guard"]["beyond"] == "nan":
-                    beyond = graph.cast(graph.variables["state", self.guard.key, "beyond"], "bool")
-                    value = graph.node("Where", [beyond, real(float("nan")), value], "real")
-            else:
-                status = self._extrapolated(status, outside)
-            self._set("estimate", value)
-            graph.variables[said] = status
-
-        graph.branch(usable, take, lambda: None)
-        return graph.variables.pop(said)
-
-    def _extrapolated(self, status: Value, test: Value) -> Value:
-        """EXTRAPOLATED where the test holds and the status is OK or FLAT."""
-        graph = self.graph
-        for code in (OK, FLAT):
-            same = graph.node("Equal", [status, graph.constant(code, "int")], "bool")
-            both = graph.node("And", [test, same], "bool")
-            beyond = graph.constant(EXTRAPOLATED, "int")
-            status = graph.node("Where", [both, beyond, status], "int")
-        return status
