@@ -11,63 +11,65 @@ from math import inf
 from math import isfinite as isfinite
 from math import log as log_of
 from math import sqrt as sqrt
-from operator import mul
+from operator import getitem, mul, not_
 from typing import Any
 
-most, some, total = max, any, sum
+most, some, total, no, at = max, any, sum, not_, getitem
 
 Row = Sequence[float]
 Table = Sequence[Row]
 
+Real = Any
+Test = Any
+Numbers = Any
+Items = Any
+State = Any
+Arithmetic = Any
+"""Of plain numbers or of JAX's arrays: a number, whether something holds, some numbers, many of a kind,
+what is remembered; and one of the two modules."""
 
-def no(test: bool) -> bool:
-    """Whether a test fails."""
-    return not test
 
-
-def where(test: bool, one: Any, other: Any) -> Any:
+def where(test: bool, one: State, other: State) -> State:
     """One of two."""
     return one if test else other
 
 
-def when(test: bool, made: Callable[[], Any], other: Any) -> Any:
-    """What is made, only where the test holds; JAX makes both."""
-    return made() if test else other
-
-
-rarely = when
-"""JAX makes it only where the test holds, which takes longer."""
-
-
-def either(test: bool, one: Callable[[], Any], other: Callable[[], Any]) -> Any:
+def either(test: bool, one: Callable[[], State], other: Callable[[], State]) -> State:
     """One of two that are made; JAX makes both."""
     return one() if test else other()
 
 
-def each(of: Callable[..., Any], *columns: Iterable[Any]) -> list[Any]:
+rarely = either
+"""JAX makes only one, which takes longer where both are quick."""
+
+
+def each(of: Callable[[State], State], items: Iterable[State]) -> list[State]:
     """A function of each entry."""
-    return list(map(of, *columns))
+    return list(map(of, items))
 
 
 def where_each(
-    items: list[Any], test: Callable[[Any], bool], made: Callable[[Any, bool], Any], other: Any
-) -> list[Any]:
+    items: list[State],
+    test: Callable[[State], bool],
+    made: Callable[[State, bool], State],
+    other: State,
+) -> list[State]:
     """What is made of each entry for which the test holds; JAX has the other for the rest, and here that
     stands alone where it holds for none."""
     return [made(one, True) for one in items if test(one)] or [other]
 
 
 def first_of_least(
-    items: list[Any], cost: Callable[[Any], float], strength: Callable[[Any], float]
-) -> Any:
+    items: list[State], cost: Callable[[State], float], strength: Callable[[State], float]
+) -> State:
     """The first of the strongest entries of those that cost least."""
     if len(items) == 1:
         return items[0]
     return max(items, key=lambda one: (-cost(one), strength(one)))
 
 
-def vector(parts: tuple[float, ...]) -> tuple[float, ...]:
-    """Some numbers as one."""
+def vector(parts: Items) -> Numbers:
+    """Some numbers, or rows of numbers, as one."""
     return parts
 
 
@@ -93,19 +95,9 @@ def place_of_most(values: list[float]) -> int:
     return values.index(max(values))
 
 
-def at(items: list[Any], place: int) -> Any:
-    """One entry."""
-    return items[place]
-
-
-def put(items: list[Any], place: int, one: Any) -> list[Any]:
+def put(items: list[State], place: int, one: State) -> list[State]:
     """The same with another entry."""
     return [*items[:place], one, *items[place + 1 :]]
-
-
-def table(rows: Table) -> Table:
-    """Some rows as one."""
-    return rows
 
 
 def turned(rows: Table) -> Table:
@@ -113,7 +105,7 @@ def turned(rows: Table) -> Table:
     return list(zip(*rows, strict=True))
 
 
-def mixed(a: float, x: Any, b: float, y: Any) -> Any:
+def mixed(a: float, x: Numbers, b: float, y: Numbers) -> Numbers:
     """a x + b y, of numbers or of rows."""
     if isinstance(x, float | int):
         return a * x + b * y

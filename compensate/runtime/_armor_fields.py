@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 from . import _arithmetic as plain
+from ._arithmetic import Arithmetic, Items, Numbers, Real
 from ._contact import dot, moved, square
 
 Vector = tuple[float, float, float]
@@ -38,12 +39,14 @@ def field(document: dict[str, Any]) -> tuple[Field, bool]:
     raise ValueError(f"no field {kind!r}")
 
 
-def bump(o: Any, base: Any, amplitude: Any, width: Any, centre: Any, point: Any) -> Any:
+def bump(
+    o: Arithmetic, base: Real, amplitude: Real, width: Real, centre: Numbers, point: Numbers
+) -> Real:
     """`compensate.armor.Bumps` on one surface."""
     return base + amplitude * o.exp(-square(point, centre) / (2 * width * width))
 
 
-def bilinear(o: Any, values: Any, centre: Any, axes: Any, point: Any) -> Any:
+def bilinear(o: Arithmetic, values: Items, centre: Numbers, axes: Items, point: Numbers) -> Real:
     """`compensate.armor.Grid` on one surface."""
     away = moved(point, -1.0, centre)
     (i, u), (j, v) = (

@@ -2,8 +2,9 @@
 
 from collections.abc import Callable
 from math import inf
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
+from ._arithmetic import Arithmetic, Items, Numbers, Real, State, Test
 from ._contact_status import ContactStatus
 
 (
@@ -13,7 +14,10 @@ from ._contact_status import ContactStatus
 
 NONE = (0.0, 0.0, 0.0)
 
-Trial = Callable[[Any, Any, Any], tuple[Any, Any, Any]]
+Face = State
+Point = tuple[Real, Real, Real]
+
+Trial = Callable[[Real, Real, Numbers], tuple[State, Real, Test]]
 """From a face's number, F_n and where the line crosses it: the cover after this force, g(F_n), and whether
 that is beyond what is known."""
 
@@ -21,22 +25,22 @@ that is beyond what is known."""
 class Limits(NamedTuple):
     """What a contact is judged by, see `ContactSolver`: N, m, s; `rounding`, m, is taken for nothing."""
 
-    threshold: Any
-    release: Any
-    tolerance: Any
-    spin: Any
-    rounding: Any
-    same_place: Any
-    recovery: Any
+    threshold: Real
+    release: Real
+    tolerance: Real
+    spin: Real
+    rounding: Real
+    same_place: Real
+    recovery: Real
 
 
 class Solver(NamedTuple):
     """What all functions here need: the arithmetic `o`, the kind of a contact, and how often a displacement
     that depends on its place is found anew."""
 
-    o: Any
-    contact: Any
-    cover: Any
+    o: Arithmetic
+    contact: State
+    cover: State
     limits: Limits
     turns: int
 
@@ -49,17 +53,17 @@ class Candidate(NamedTuple):
     - `cover`: the state after it.
     """
 
-    pushed: Any
-    surface: Any
-    normal: Any
-    along: Any
-    point: Any
-    touched: Any
-    displacement: Any
-    outside: Any
-    cost: Any
-    far: Any
-    cover: Any
+    pushed: Test
+    surface: Real
+    normal: Numbers
+    along: Real
+    point: Numbers
+    touched: Numbers
+    displacement: Real
+    outside: Real
+    cost: Real
+    far: Test
+    cover: State
 
 
 class Touch(NamedTuple):
@@ -72,38 +76,39 @@ class Touch(NamedTuple):
     - `contact`: the last one told.
     """
 
-    touching: Any
-    surface: Any
-    place: Any
-    time: Any
-    cover: Any
-    contact: Any
+    touching: Test
+    surface: Real
+    place: Numbers
+    time: Real
+    cover: State
+    contact: State
 
 
-def dot(a: Any, b: Any) -> Any:
+def dot(a: Numbers, b: Numbers) -> Real:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-def cross(a: Any, b: Any) -> tuple[Any, Any, Any]:
+def cross(a: Numbers, b: Numbers) -> Point:
     return (
         a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0],
     )  # fmt: skip
 
 
-def square(a: Any, b: Any) -> Any:
+def square(a: Numbers, b: Numbers) -> Real:
     """|a - b|^2."""
     x, y, z = a[0] - b[0], a[1] - b[1], a[2] - b[2]
     return x * x + y * y + z * z
 
 
-def moved(point: Any, by: Any, way: Any) -> tuple[Any, Any, Any]:
+def moved(point: Numbers, by: Real, way: Numbers) -> Point:
     """point + by way."""
     return point[0] + by * way[0], point[1] + by * way[1], point[2] + by * way[2]
 
 
 def solved(
-    s: Solver, faces: Any, force: Any, moment: Any, doubt: Any, threshold: Any, first: Any, trial: Trial
-) -> tuple[Candidate, Any, Any, Any]:  # fmt: skip
+    s: Solver, faces: Items, force: Numbers, moment: Numbers, doubt: Real, threshold: Real, first: State,
+    trial: Trial,
+) -> tuple[Candidate, State, Items, Callable[[Candidate, Real], State]]:  # fmt: skip
     """What the likeliest face makes of a wrench, and its contact; what each face makes of it, and what
     makes a contact of that.
 
@@ -123,22 +128,22 @@ def solved(
     least = 1e-9 * size
     none = Candidate(False, 0, NONE, 0.0, NONE, NONE, 0.0, 0.0, inf, False, first)
 
-    def crossing(face: Any, along: Any) -> tuple[Any, Any, Any]:
+    def crossing(face: Face, along: Real) -> tuple[Point, Point, Point]:
         """Where the line meets the plane, f(point) = 0. Once the face is pressed in by d, it does so at
         P^e = point + d ahead, and P^i = point + d aside."""
         point = moved(foot, -(face.offset + dot(face.normal, foot)) / along, force)
         ahead = force[0] / along, force[1] / along, force[2] / along
         return point, ahead, moved(ahead, -1.0, face.normal)
 
-    def outside(face: Any, point: Any) -> Any:
+    def outside(face: Face, point: Numbers) -> Real:
         edges = zip(face.edge, face.limit, strict=True)
         return o.most(dot(edge, point) - end for edge, end in edges)
 
-    def is_pushed(face: Any) -> Any:
+    def is_pushed(face: Face) -> Test:
         along = dot(face.normal, force)
         return (along >= threshold) & (along > least) & (face.surface > 0)
 
-    def pressed(face: Any, is_pushed: Any) -> Candidate:
+    def pressed(face: Face, is_pushed: Test) -> Candidate:
         along = o.where(is_pushed, dot(face.normal, force), 1.0)
         point, ahead, aside = crossing(face, along)
         after, depth, far = trial(face.surface, along, point)
@@ -156,19 +161,19 @@ def solved(
             o.where(beyond <= limits.rounding, 0.0, beyond), far | (d > cover.thickness), after,
         )  # fmt: skip
 
-    def is_within(one: Candidate) -> Any:
+    def is_within(one: Candidate) -> Test:
         return one.pushed & (one.outside <= o.most((limits.tolerance, limits.rounding)))
 
-    def told(one: Candidate, status: Any) -> Any:
+    def told(one: Candidate, status: Real) -> State:
         return s.contact(
             o.vector(one.point), o.where(is_within(one), one.surface, 0), one.displacement, status, spin,
             o.vector(one.normal), one.along, one.outside,
         )  # fmt: skip
 
-    def there() -> Any:
+    def there() -> Real:
         """The status where the best face holds its point."""
 
-        def apart(one: Candidate) -> Any:
+        def apart(one: Candidate) -> Test:
             dent = one.displacement + best.displacement + limits.rounding
             return (one.cost <= 0.0) & (square(one.point, best.point) > dent * dent)
 
@@ -176,24 +181,27 @@ def solved(
         status = o.where(o.some(o.each(apart, found)), AMBIGUOUS, status)
         return o.where(abs(spin) > limits.spin * best.along, SECOND_SUPPORT, status)
 
-    def missed() -> Any:
+    def nowhere() -> Real:
+        return o.either(size >= threshold, missed, lambda: BELOW_THRESHOLD)
+
+    def missed() -> Real:
         """The status where none does, of a force that is strong enough."""
 
-        def is_real(face: Any) -> Any:
+        def is_real(face: Face) -> Test:
             return face.surface > 0
 
-        def is_faced(face: Any) -> Any:
+        def is_faced(face: Face) -> Test:
             return is_real(face) & (dot(face.normal, force) > least)
 
-        def is_pulled(face: Any) -> Any:
+        def is_pulled(face: Face) -> Test:
             along = dot(face.normal, force)
             pulled = (along <= -threshold) & (along < -least) & is_real(face)
 
-            def meets() -> Any:
+            def meets() -> Test:
                 point, _, _ = crossing(face, o.where(pulled, along, 1.0))
                 return outside(face, point) <= limits.tolerance
 
-            return o.when(pulled, meets, False)
+            return o.either(pulled, meets, lambda: False)
 
         real, faced, pulled = (
             o.some(o.each(test, faces)) for test in (is_real, is_faced, is_pulled)
@@ -204,9 +212,7 @@ def solved(
     found = o.where_each(faces, is_pushed, pressed, none)
     # The face closest to its point; of several that hold theirs, the one pushed most squarely.
     best = o.first_of_least(found, lambda one: one.cost, lambda one: one.along)
-    status = o.either(
-        is_within(best), there, lambda: o.when(size >= threshold, missed, BELOW_THRESHOLD)
-    )
+    status = o.either(is_within(best), there, nowhere)
     status = o.where(doubt != OK, doubt, status)
     status = o.where(o.no(is_some) | (size < threshold / 10), NO_CONTACT, status)
     status = o.where(is_finite & (doubt != INVALID), status, INVALID)
@@ -214,8 +220,8 @@ def solved(
 
 
 def touched(
-    s: Solver, faces: Any, state: Touch, t: Any, force: Any, moment: Any, doubt: Any
-) -> tuple[Touch, Any]:
+    s: Solver, faces: Items, state: Touch, t: Real, force: Numbers, moment: Numbers, doubt: Real
+) -> tuple[Touch, State]:
     """`ContactSolver.step`: the state after a wrench at the time t, and its contact.
 
     Which face is touched depends on how far each is pressed in, and that on the history of the cover. So
@@ -223,10 +229,10 @@ def touched(
     """
     o, limits, press = s.o, s.limits, s.cover.press
 
-    def usable() -> tuple[Touch, Any]:
+    def usable() -> tuple[Touch, State]:
         virgin = s.cover.init()
 
-        def trial(surface: Any, along: Any, point: Any) -> Any:
+        def trial(surface: Real, along: Real, point: Numbers) -> tuple[State, Real, Test]:
             far = square(point, state.place) > limits.same_place * limits.same_place
             late = t - state.time > limits.recovery
             fresh = (surface != state.surface) | (o.no(state.touching) & (far | late))
@@ -242,7 +248,7 @@ def touched(
         surface, place, time = o.where(touching, here, (state.surface, state.place, state.time))
         return Touch(touching, surface, place, time, cover, contact), contact
 
-    def held() -> tuple[Touch, Any]:
+    def held() -> tuple[Touch, State]:
         """A sample that cannot be used leaves everything as it was."""
         return state, state.contact._replace(status=INVALID)
 

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from functools import lru_cache
 from math import inf, isfinite
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 from . import _arithmetic as plain
@@ -15,18 +16,6 @@ from ._status import Status
 KIND = "hysid contact forces"
 
 Matrix = list[list[float]]
-
-
-class _Motion(NamedTuple):
-    """The numbers of a `compensate.microchannel.MotionFilter`."""
-
-    high: float
-    acceleration: float
-    turn: float
-    turns: float
-    ways: int
-    gap_s: float
-    delay: int = 0
 
 
 class ContactForces(NamedTuple):
@@ -60,7 +49,8 @@ class MultiContactEstimator:
         self.longest: float = document.get("longest") or LONGEST
         self._sensor = _Channels(document)
         self._noise = [float(sigma) ** 2 for sigma in document["reading_sigma"]]
-        self._motion = _Motion(**document["motion"])
+        # As a `compensate.microchannel.MotionFilter`.
+        self._motion = SimpleNamespace(delay=0, **document["motion"])
         if not all(map(isfinite, (*self._noise, *self._sensor.numbers()))):
             raise ValueError("a number is not finite")
         self.reset()

@@ -3,7 +3,9 @@
 
 from itertools import product
 from math import inf
-from typing import Any, NamedTuple
+from typing import NamedTuple
+
+from ._arithmetic import Arithmetic, Items, Numbers, Real, State, Test
 
 ITERATIONS = 2
 """Of Gauss-Newton: a branch's slope jumps where the force turns. A third changes nothing to be seen."""
@@ -24,32 +26,32 @@ class Way(NamedTuple):
     - `surprise`: squared distance of its last reading from what it expected, in its variance.
     """
 
-    x: Any
-    covariance: Any
-    log_weight: Any
-    sensor: Any
-    surprise: Any
+    x: Numbers
+    covariance: Items
+    log_weight: Real
+    sensor: State
+    surprise: Real
 
 
 class Setting(NamedTuple):
     """What all functions here need: the arithmetic `o`; a `MotionFilter`, or its numbers; what it looks
     through; when and how long after the reading before, what was read, and the variances of that."""
 
-    o: Any
-    motion: Any
-    sensor: Any
-    t: Any
-    dt: Any
-    z: Any
-    noise: Any
+    o: Arithmetic
+    motion: State
+    sensor: State
+    t: Real
+    dt: Real
+    z: Numbers
+    noise: Numbers
 
 
-def updated(s: Setting, ways: Any, lost: Any) -> tuple[Any, Any, Any]:
+def updated(s: Setting, ways: Items, lost: Real) -> tuple[Items, Real, Real]:
     """All ways after a reading, how many readings in turn have surprised all of them, and the least squared
     surprise, per channel."""
     o, f = s.o, s.motion
     astray = lost >= PATIENCE
-    ways = o.rarely(astray, lambda: found_again(s, ways), ways)
+    ways = o.rarely(astray, lambda: found_again(s, ways), lambda: ways)
     gap = s.dt >= f.gap_s
     s = s._replace(dt=o.where(gap, f.gap_s, s.dt))
     # The likeliest way turns, in the place of the least likely one; after a gap they all do.
@@ -70,7 +72,7 @@ def updated(s: Setting, ways: Any, lost: Any) -> tuple[Any, Any, Any]:
     )  # fmt: skip
 
 
-def ends_of(o: Any, ways: Any) -> tuple[Any, Any]:
+def ends_of(o: Arithmetic, ways: Items) -> tuple[Real, Real]:
     """Which way is the likeliest, and which the least likely."""
     return (
         o.place_of_most(o.each(lambda way: way.log_weight, ways)),
@@ -78,7 +80,7 @@ def ends_of(o: Any, ways: Any) -> tuple[Any, Any]:
     )
 
 
-def found_again(s: Setting, ways: Any) -> Any:
+def found_again(s: Setting, ways: Items) -> Items:
     """The least likely way begins anew, at the forces that best explain the reading.
 
     Where a sensor's model is flat, a reading says nothing about the forces, and no Gauss-Newton step
@@ -87,13 +89,13 @@ def found_again(s: Setting, ways: Any) -> Any:
     """
     o, f, n = s.o, s.motion, s.sensor.contacts
     count = max(3, round(SOUGHT ** (1 / n)))
-    tried = o.table(list(product([f.high * k / (count - 1) for k in range(count)], repeat=n)))
+    tried = o.vector(list(product([f.high * k / (count - 1) for k in range(count)], repeat=n)))
 
-    def off(memory: Any, force: Any) -> Any:
+    def off(memory: State, force: Numbers) -> Real:
         y, _ = s.sensor.look(memory, s.t, force)
         return sum((s.z[k] - y[k]) ** 2 / s.noise[k] for k in range(len(s.noise)))
 
-    def closest(memory: Any) -> tuple[Any, Any, Any]:
+    def closest(memory: State) -> tuple[Real, Numbers, State]:
         force = o.first_of_least(tried, lambda force: off(memory, force), lambda force: 0.0)
         return off(memory, force), force, memory
 
@@ -103,13 +105,13 @@ def found_again(s: Setting, ways: Any) -> Any:
     x = [*force, *[0.0] * n, *[F for _ in range(f.delay) for F in force]]
     step = f.high / (count - 1)
     spread = [f.turn**2 if n <= k < 2 * n else step**2 for k in range(len(x))]
-    P = o.table([[v if j == k else 0.0 for k in range(len(x))] for j, v in enumerate(spread)])
+    P = o.vector([[v if j == k else 0.0 for k in range(len(x))] for j, v in enumerate(spread)])
     even = -o.log(2.0 * f.ways)
     ways = o.each(lambda way: way._replace(log_weight=even), ways)
     return o.put(ways, least, Way(o.vector(x), P, o.log(0.5), memory, 0.0))
 
 
-def ahead(s: Setting, way: Way, turned: Any) -> Way:
+def ahead(s: Setting, way: Way, turned: Test) -> Way:
     """Forces and rates predicted a time dt ahead: x <- A x, P <- A P A' + Q, alike for every contact."""
     o, f, n, dt = s.o, s.motion, s.sensor.contacts, s.dt
     turn = (1.0, 0.5 * dt, 0.0), f.turn**2, (dt**2 / 3, dt / 2, 1.0 + 0.0 * dt), dt**2 / 12
@@ -117,13 +119,13 @@ def ahead(s: Setting, way: Way, turned: Any) -> Way:
     # Somewhere between the readings the old rate gave way to the new one.
     (a, b, c), size, (both, mixed, rate), unknown = o.where(turned, turn, steady)
 
-    def shifted(v: Any) -> list[Any]:
+    def shifted(v: Items) -> list[Numbers]:
         moved = [o.mixed(a, v[k], b, v[n + k]) for k in range(n)]
         rates = [o.mixed(c, v[n + k], 0.0, v[n + k]) for k in range(n)]
         past = [v[k] for k in (*range(n), *range(2 * n, len(v)))]
         return [*moved, *rates, *past[: f.delay * n]]
 
-    x, P = way.x, o.table(shifted(o.turned(o.table(shifted(way.covariance)))))
+    x, P = way.x, o.vector(shifted(o.turned(o.vector(shifted(way.covariance)))))
     more = [
         entry
         for k in range(n)
@@ -165,11 +167,11 @@ def corrected(s: Setting, way: Way) -> Way:
     return Way(o.vector([*force, *rates, *past]), left, weight, memory, surprise)
 
 
-def mean_of(o: Any, ways: Any, places: Any) -> tuple[Any, Any]:
+def mean_of(o: Arithmetic, ways: Items, places: Items) -> tuple[Numbers, Numbers]:
     """Mean and standard deviation of some states over all ways."""
 
-    def over(k: int) -> tuple[Any, Any]:
-        def spread(way: Way) -> Any:
+    def over(k: int) -> tuple[Real, Real]:
+        def spread(way: Way) -> Real:
             away = way.x[k] - mean
             return o.exp(way.log_weight) * (way.covariance[k][k] + away * away)
 

@@ -19,6 +19,8 @@ _OK, _EXTRAPOLATED, _SATURATED = Status.OK, Status.EXTRAPOLATED, Status.SATURATE
 MOST = 200_000
 """Weights of a network."""
 
+_Rows = tuple[tuple[float, ...], ...]
+_Memory = tuple[_Rows, _Rows, bool]
 _Layer = list[tuple[slice, list[tuple[list[float], float]]]]
 
 
@@ -125,9 +127,10 @@ class Network:
         thresholds, self._times = model["thresholds"], list[float](model["times"])
         self._halves = [[_finite(scale * r) for r in thresholds] for scale in model["scale"]]
         rests = [float(rest) for rest in model["rest"]]
-        self.virgin: Any = (
-            *(tuple((rest,) * len(own) for rest in rests) for own in (thresholds, self._times)), False,
-        )  # fmt: skip
+        plays, delayed = (
+            tuple((rest,) * len(own) for rest in rests) for own in (thresholds, self._times)
+        )
+        self.virgin: _Memory = plays, delayed, False
         wide = len(self._halves) * (1 + len(thresholds) + len(self._times))
         self._hidden: list[_Layer] = []
         for matrix, bias in zip(model["matrices"], model["biases"], strict=True):
@@ -148,7 +151,7 @@ class Network:
             self._dt, self._kept = dt, [(k, 1.0 - k) for k in kept]
         return self._kept
 
-    def follow(self, held: Any, dt: float, readings: Sequence[float]) -> Any:
+    def follow(self, held: _Memory, dt: float, readings: Sequence[float]) -> _Memory:
         """The memory after these readings."""
         plays, delayed, begun = held
         kept = self._keeps(dt if begun else 0.0)
@@ -166,7 +169,7 @@ class Network:
         ]
         return tuple(moved), tuple(lagging), True
 
-    def output(self, held: Any, readings: Sequence[float]) -> float:
+    def output(self, held: _Memory, readings: Sequence[float]) -> float:
         """Of a memory that has followed the readings."""
         seen: list[float] = []
         for u, plays, delayed in zip(readings, held[0], held[1], strict=True):
@@ -182,7 +185,7 @@ class Network:
         ((cut, ((row, bias),)),) = self._last
         return sum(map(mul, row, seen[cut]), bias)
 
-    def with_slope(self, held: Any, dt: float, u: float) -> tuple[float, float]:
+    def with_slope(self, held: _Memory, dt: float, u: float) -> tuple[float, float]:
         """The next output at a reading of one channel, and its derivative."""
         after = self.follow(held, dt, (u,))
         (before,), (plays,), (halves,) = held[0], after[0], self._halves

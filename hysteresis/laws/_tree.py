@@ -53,7 +53,6 @@ class Running(NamedTuple):
 
 
 FOR_EVER = 1e30
-"""Longest time between two readings, of files of earlier versions, which do not name one."""
 
 
 class Around(NamedTuple):
@@ -114,11 +113,12 @@ def _made_of(tree: Tree, states: list[Any]) -> tuple[Node, dict[str, Any]]:
     return root, space
 
 
-def _numbered(tree: Tree, trees: list[Tree]) -> Node:
-    kind = tree["kind"]
-    if kind not in (*KINDS, *announced(), AROUND, *BESIDE):
+def _numbered(tree: Tree, trees: list[Tree], within: str = "") -> Node:
+    """`within`: the kind of the whole; only what is around a tree has parts that are none."""
+    kind, beside = tree["kind"], {"": (AROUND,), AROUND: BESIDE}.get(within, ())
+    if kind not in (*KINDS, *announced(), *beside):
         raise ValueError(f"no element {kind!r}")
-    parts = tuple(_numbered(part, trees) for part in parts_of(tree))
+    parts = tuple(_numbered(part, trees, kind) for part in parts_of(tree))
     trees.append(tree)
     return Node(kind, len(trees) - 1, parts)
 

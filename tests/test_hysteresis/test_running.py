@@ -5,6 +5,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import nullcontext
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +27,7 @@ from hysteresis import (
     Sum,
 )
 from hysteresis.laws import error
-from hysteresis.laws._tree import error_of, node_of
+from hysteresis.laws._tree import node_of
 from hysteresis.running import Numbers, _compiled, each, estimates, numbers_of, outputs
 from hysteresis.running import _over_time as over_time
 from hysteresis.trees import node, plain
@@ -361,7 +362,10 @@ def test_one_law_over_columns_is_its_own_text(mode: str):
     state = {"begun": 0, "follower": 0.0, "up": 1, **error.UNMOVED}
     law = node("error", tables | known, state)
     gaps = np.isin(np.arange(90), [0, 1, 40, 44, 45, 89])
-    where, own, before, wanted = np.where(gaps, np.nan, u), error_of(law), t[2], []
+    p, s = error.Parameters(), error.State()
+    vars(p).update(law["parameters"])
+    vars(s).update(law["state"])
+    where, own, before, wanted = np.where(gaps, np.nan, u), partial(error.deviation, p, s), t[2], []
     for now, value, gap in zip(t, u, gaps, strict=True):
         if not gap:
             wanted.append(own(now - before, value))

@@ -101,7 +101,7 @@ class _Step:
 
     # The state
 
-    def _remember(self, part: int, name: str, kind: str, value: float | list[float]) -> None:
+    def _remember(self, part: int, name: str, kind: str, value: float | list[float] | None) -> None:
         values = value if isinstance(value, list) else [value]
         self._places.append((("state", part, name), kind, len(self.initial), len(values)))
         self.initial += [float("nan") if v is None else float(v) for v in values]

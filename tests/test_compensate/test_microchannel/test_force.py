@@ -133,6 +133,19 @@ def test_an_estimate_comes_with_its_worth(network):
     np.testing.assert_allclose(found.value[good], alone, atol=1e-10)
 
 
+@networks
+def test_compiled_it_is_the_same(network):
+    """Also where the first readings, or all of them, are none."""
+    estimator = ForceEstimator(network, 0.05, 8.0)
+    for none in (slice(5), slice(20, 25), slice(None)):
+        z = Z[:60].copy()
+        z[none] = np.nan
+        found = estimator.simulate(T[:60], z)
+        compiled = jax.jit(lambda *rows: estimator.simulate(*rows))(T[:60], z)
+        np.testing.assert_allclose(compiled.value, found.value, atol=1e-10)
+        np.testing.assert_array_equal(compiled.status, found.status)
+
+
 def test_bad_settings_are_answered():
     with pytest.raises(InputError, match="bad-option"):
         ForceEstimator(STAIRCASE, 0.0, 8.0)

@@ -1,6 +1,7 @@
 """Several contacts at once: the filter finds the forces that made the readings, and says how well."""
 
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import equinox as eqx
@@ -9,17 +10,21 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from compensate import Status
+from compensate import Quantity, Status
 from compensate.microchannel import (
     ChannelSensor,
     ForceNetwork,
     MotionFilter,
     MultiContactEstimator,
     SearchEstimator,
+    export_contacts,
     windows,
 )
+from compensate.runtime import load_contacts
 from hysteresis import Burgers, InputError, PrandtlIshlinskii, Preisach
+from hysteresis.networks import StaircaseNetwork
 from hysteresis.preisach import GridDensity
+from hysteresis.rigs import MicrochannelRig
 
 GAINS = np.array([[1.0, 0.5], [0.6, 1.0]])
 MODELS = (
@@ -150,6 +155,33 @@ def test_bad_settings_are_answered():
         ESTIMATOR.simulate(T, READ[0][:, :1])
     with pytest.raises(InputError, match="bad-option"):
         SearchEstimator([])
+
+
+def test_without_jax_it_is_the_same_where_readings_surprise(tmp_path: Path):
+    """Networks that were never trained: many readings surprise all ways, which begin anew."""
+    record = MicrochannelRig(seed=11).cnc_loops(120)
+    t, force, z = record.time, record.force[:, :1], record.reading
+    networks = [
+        StaircaseNetwork.random(
+            [force[:, 0]], [column], [t], jax.random.key(k), thresholds=(0.1, 0.4), lags=(0.2,), hidden=(6,)
+        )
+        for k, column in enumerate(z.T)
+    ]  # fmt: skip
+    estimator = MultiContactEstimator(
+        ChannelSensor(networks, GAINS), [0.05, 0.05], MotionFilter(8.0)
+    )
+    channels, contacts = ([Quantity(n, unit) for n in "ab"] for unit in ("V", "N"))
+    file = export_contacts(
+        estimator, tmp_path / "it.json", z, t, channels=channels, contacts=contacts
+    )
+    runtime, wanted = load_contacts(file), estimator.simulate(t, z)
+    found = [runtime.step(*now) for now in zip(np.diff(t, prepend=t[0]), z.tolist(), strict=True)]
+    status = [one.status for one in found]
+    assert status.count(Status.EXTRAPOLATED) > 20
+    np.testing.assert_array_equal(status, wanted.status)
+    # Rounding of exponents of squared surprises, some hundred.
+    np.testing.assert_allclose([one.value for one in found], wanted.value, atol=1e-9)
+    np.testing.assert_allclose([one.deviation for one in found], wanted.deviation, atol=1e-9)
 
 
 # The paper's method
