@@ -45,7 +45,7 @@ def band_in_c(document: Tree, stem: str, real: str, single: bool) -> str:
         return ""
     factor, gain = number(band["factor"], single), number(band["gain"], single)
     allowed, zero = number(1.0 - band["guarantee"], single), number(0.0, single)
-    by = " * s->deviation" if band["by_deviation"] else ""
+    by = " * s->last.deviation" if band["by_deviation"] else ""
     return f"""\
 /* The band of the last estimate: a new run lies within its bands over its whole length with a probability
  * of {100 * band["guarantee"]:g} per cent or more, if it is exchangeable with the {band["runs"]}
@@ -53,8 +53,8 @@ def band_in_c(document: Tree, stem: str, real: str, single: bool) -> str:
 static inline void {stem}_band(const {stem}_state *s, {real} *low, {real} *high)
 {{
     {real} half = {factor}{by};
-    *low = s->estimate - half;
-    *high = s->estimate + half;
+    *low = s->last.value - half;
+    *high = s->last.value + half;
 }}
 
 /* A band that follows runs whose inputs become known: it is wider after a run that left it, and a little
@@ -75,15 +75,15 @@ static inline void {stem}_followed_band(
     const {stem}_followed *f, const {stem}_state *s, {real} *low, {real} *high)
 {{
     {real} half = f->factor{by};
-    *low = s->estimate - half;
-    *high = s->estimate + half;
+    *low = s->last.value - half;
+    *high = s->last.value + half;
 }}
 
 /* The true input behind the last estimate; one that is not finite says nothing. */
 static inline void {stem}_watch({stem}_followed *f, const {stem}_state *s, {real} input)
 {{
     {real} half = f->factor{by};
-    f->missed = f->missed || input < s->estimate - half || input > s->estimate + half;
+    f->missed = f->missed || input < s->last.value - half || input > s->last.value + half;
 }}
 
 /* At the end of a run. */

@@ -66,7 +66,6 @@ class _Header:
                 self.parts,
                 self.elements,
                 self.stem,
-                self._number(self.document["start"], "real"),
                 self._list,
                 self._number,
             ),
@@ -186,13 +185,11 @@ class _Header:
 static inline int {stem}_step(
     {stem}_state *s, {real} dt, {real} reading, {held}{real} *estimate, {real} *deviation)
 {{
-    s->estimate = {stem}_{k}_step(s, dt, reading, {"condition" if held else self._number(0, "real")});
-    s->deviation = s->n{k}.deviation;
-    *estimate = s->estimate;
+    *estimate = {stem}_{k}_step(s, dt, reading, {"condition" if held else self._number(0, "real")});
     if (deviation) {{
-        *deviation = s->deviation;
+        *deviation = s->last.deviation;
     }}
-    return s->n{k}.status;
+    return s->last.status;
 }}"""
         if not self.predicts:
             return text
@@ -211,7 +208,7 @@ static inline int {stem}_step(
 static inline {real} {stem}_predict(
     {stem}_state *s, {real} dt, {real} input{held and f", {real} condition"})
 {{
-    (void){stem}_reading_wait(&{stem}_{k}, &s->n{k}, dt);
+    (void){stem}_reading_wait(&{stem}_{k}, &s->last, dt);
     if (!isfinite(input){" || !isfinite(condition)" if held else ""}) {{
         return ({real})NAN;
     }}
@@ -221,9 +218,8 @@ static inline {real} {stem}_predict(
     if (input > {farthest}) {{
         input = {farthest};
     }}
-    s->estimate = input;
-    s->n{k}.value = input;{takes}
-    {real} passed = {stem}_reading_begin(&s->n{k});
+    s->last.value = input;{takes}
+    {real} passed = {stem}_reading_begin(&s->last);
     {real} reading = {stem}_{self.root.number}_move(s, passed, input);{others}
     return reading;
 }}"""

@@ -4,10 +4,15 @@ import ast
 from collections.abc import Mapping, Sequence
 from types import SimpleNamespace
 
-from hysteresis.laws._nodes import Node, function_of
+from hysteresis.laws._nodes import AROUND, Node, function_of
 
 from ._operation_count import OF_A_NODE, Count
 from ._python_to_c99 import Element, Expression, Function
+
+
+def place_of(node: Node) -> str:
+    """Where the state of a node lies in that of the whole."""
+    return "last" if node.kind == AROUND else f"n{node.number}"
 
 
 class Nodes(SimpleNamespace):
@@ -53,7 +58,8 @@ class NodeFunction(Function):
 
     def _place(self, structure: str) -> str:
         number = structure[1:]
-        return f"{self.home.stem}_{number}" if structure[0] == "p" else f"s->n{number}"
+        node = self.home.nodes[int(number)]
+        return f"{self.home.stem}_{number}" if structure[0] == "p" else f"s->{place_of(node)}"
 
     def _call(self, node: ast.Call, name: str, quiet: bool) -> Expression:
         kind, of_law, function = name.rpartition("__")

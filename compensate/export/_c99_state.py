@@ -6,39 +6,33 @@ from typing import Any
 
 from hysteresis.laws._nodes import Node
 
+from ._c99_nodes import place_of
 from ._python_to_c99 import Element, comment
-
-OWN = ("estimate", "deviation")
-"""What a step hands out, for whoever asks later."""
 
 
 def state_in_c(
     parts: Sequence[Node],
     elements: Mapping[str, Element],
     stem: str,
-    start: str,
     listed: Callable[..., str],
     number: Callable[..., str],
 ) -> str:
     """The structure of the nodes' states, and the function that resets it.
 
-    `start`: the estimate before the first reading; `listed` and `number`: values as C writes them.
+    `listed` and `number`: values as C writes them.
     """
     fields, values = [], []
     for part in parts:
         if "state" not in part.of:
             continue
         home = elements[part.kind]
-        fields.append(f"    {home.prefix}_state n{part.number};")
+        fields.append(f"    {home.prefix}_state {place_of(part)};")
         given = [
             listed(value) if t == "Reals" else number(value, t)
             for k, t in home.structures["State"].items()
             for value in [part.of["state"][k]]
         ]  # fmt: skip
         values.append("        {" + ", ".join(given) + "}")
-    real = f"{stem}_real"
-    fields += [f"    {real} {name};" for name in OWN]
-    values += [f"        {value}" for value in (start, f"({real})NAN")]
     body = ",\n".join(values)
     return "\n".join(
         [
@@ -67,5 +61,4 @@ def size_of(parts: Sequence[Node], elements: Mapping[str, Element], single: bool
         members.append(
             (f"n{part.number}", type("_Part", (ctypes.Structure,), {"_fields_": fields}))
         )
-    members += [(name, real) for name in OWN]
     return ctypes.sizeof(type("_State", (ctypes.Structure,), {"_fields_": members}))

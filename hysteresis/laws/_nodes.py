@@ -13,7 +13,7 @@ import inspect
 from typing import Any, NamedTuple
 
 from . import module_of
-from ._codes import OK
+from ._codes import INVALID, OK
 
 WITHOUT = "series"
 """The kind of node that has no law of its own."""
@@ -110,31 +110,33 @@ def _body(node: Node, name: str) -> list[str]:
 
 
 def _step(node: Node, p: str, s: str) -> list[str]:
-    """A reading x at a condition c; `y` its estimate."""
+    """A reading x at a condition c: `y` its estimate, `t` the time before it, `z` what is seen of it, `b`
+    whether it is beyond what is known. One that is not finite is none: the last estimate is held."""
     (tree, *others), beside = (
         [part for part in node.parts if (part.kind in BESIDE) == is_beside]
         for is_beside in (False, True)
     )
+    errors, guards = ([p.number for p in beside if p.kind == kind] for kind in ("error", "guard"))
     shares = [one.number for part in (tree, *others) for one in part.all() if one.kind == "share"]
-    found = f"(s, {s}.passed, {s}.seen)"
     lines = [
-        *(f"share__take(p{k}, s{k}, c)" for k in shares), f"y = find_{tree.number}{found}",
-        f"v = {_status(tree)}",
+        f"t = reading__begin({s})", f"z = reading__clipped({p}, x)",
+        *(f"share__take(p{k}, s{k}, c)" for k in shares), f"y = find_{tree.number}(s, t, z)",
+        f"v = {_status(tree)}", f"b = reading__unknown({p}, t, z, x, c)",
+        *(f"{s}.deviation = error__deviation(p{k}, s{k}, t, y)" for k in errors),
     ]  # fmt: skip
-    for k in (part.number for part in beside if part.kind == "error"):
-        lines.append(f"{s}.deviation = error__deviation(p{k}, s{k}, {s}.passed, y)")
-    guards = [part.number for part in beside if part.kind == "guard"]
     for k in guards:
-        lines += [f"{s}.value = y", f"{s}.apart = 0.0"]
-        lines += [f"reading__farther({s}, find_{other.number}{found})" for other in others]
+        apart = [f"a = reading__farther({p}, a, find_{one.number}(s, t, z), y)" for one in others]
         lines += [
-            f"y = guard__limited(p{k}, s{k}, y, v, {s}.beyond, {s}.apart, x)", f"{s}.status = s{k}.status",
-            f"if {p}.hides and s{k}.beyond:", f"    y = {s}.none",
+            "a = 0.0", *apart, f"y = guard__limited(p{k}, s{k}, y, v, b, a, x)",
+            f"{s}.status = s{k}.status", f"if {p}.hides and s{k}.beyond:", f"    y = {p}.none",
         ]  # fmt: skip
     if not guards:
-        lines.append(f"{s}.status = reading__worth({s}, v)")
-    lines = [f"if reading__usable({p}, {s}, dt, x, c):", *(f"    {x}" for x in lines)]
-    return [*lines, f"    {s}.value = y", f"return {s}.value"]
+        lines.append(f"{s}.status = reading__worth({s}, b, v)")
+    return [
+        f"reading__wait({p}, {s}, dt)", f"{s}.status = {INVALID}",
+        "if x - x == 0.0 and c - c == 0.0:", *(f"    {x}" for x in lines), f"    {s}.value = y",
+        f"return {s}.value",
+    ]  # fmt: skip
 
 
 def _adaptive(node: Node, name: str, p: str, s: str) -> list[str]:

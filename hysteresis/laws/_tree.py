@@ -22,11 +22,10 @@ def around(document: Tree) -> Tree:
     parameters = {
         "low": low, "high": high, "rates": int(document["rates"]),
         "longest": document.get("longest") or FOR_EVER, "conditioned": int(condition is not None),
-        "least": least, "most": most, "hides": int(bool(guard) and guard["beyond"] == "nan"),
+        "least": least, "most": most, "hides": int(bool(guard) and guard["beyond"] == "nan"), "none": None,
     }  # fmt: skip
     state = {
         "status": 0, "value": document["start"], "deviation": None, "waited": 0.0, "begun": 0,
-        "passed": 0.0, "seen": 0.0, "beyond": 0, "apart": 0.0, "none": None,
     }  # fmt: skip
     tree, parts = document["tree"], []
     if error:
@@ -102,8 +101,8 @@ def _made_of(tree: Tree, states: list[Any]) -> tuple[Node, dict[str, Any]]:
         given = (own["parameters"], own["state"])
         if kind == AROUND:  # not of the file
             p, s = law.Parameters(), law.State()
-            vars(p).update(given[0])
-            vars(s).update({name: nan if v is None else v for name, v in given[1].items()})
+            for one, values in zip((p, s), given, strict=True):
+                vars(one).update({name: nan if v is None else v for name, v in values.items()})
         else:
             p, s = _made(law.Parameters, given[0]), _made(law.State, given[1])
         space |= {f"p{k}": p, f"s{k}": s}

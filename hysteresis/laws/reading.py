@@ -2,13 +2,13 @@
 
 from math import fabs
 
-from ._codes import EXTRAPOLATED, FLAT, INVALID, OK
+from ._codes import EXTRAPOLATED, FLAT, OK
 
 
 class Parameters:
     """Readings from `low` to `high` are known; where the model is `conditioned`, it is by conditions from
     `least` to `most`. Where `rates`, time counts, up to `longest` at once. A guard `hides` estimates that
-    are beyond.
+    are beyond, by `none`, which is not a number.
     """
 
     low: float
@@ -19,12 +19,12 @@ class Parameters:
     least: float
     most: float
     hides: int
+    none: float
 
 
 class State:
-    """The last estimate, what it is worth, and its deviation; time that was `waited` for a usable reading,
-    where one has come; of that reading `passed`, the time before it, what was `seen` of it, and whether it
-    is `beyond` what is known; how far `apart` estimates are that began elsewhere. `none`: not a number.
+    """The last estimate, what it is worth, and its deviation; the time `waited` for a reading, where
+    one has come.
     """
 
     status: int
@@ -32,11 +32,6 @@ class State:
     deviation: float
     waited: float
     begun: int
-    passed: float
-    seen: float
-    beyond: int
-    apart: float
-    none: float
 
 
 def wait(p: Parameters, s: State, dt: float) -> int:
@@ -50,45 +45,42 @@ def wait(p: Parameters, s: State, dt: float) -> int:
 
 def begin(s: State) -> float:
     """The time before a sample that is used; the first one's is 0."""
-    s.passed = s.waited if s.begun else 0.0
+    passed = s.waited if s.begun else 0.0
     s.waited = 0.0
     s.begun = 1
-    return s.passed
+    return passed
 
 
-def usable(p: Parameters, s: State, dt: float, reading: float, beside: float) -> int:
-    """Whether a reading is one, with the condition `beside` it. If not, the last estimate is held."""
-    wait(p, s, dt)
-    s.status = INVALID
-    if not (reading - reading == 0.0 and beside - beside == 0.0):
-        return 0
-    begin(s)
-    s.seen = reading
-    if reading < p.low:
-        s.seen = p.low
-    if reading > p.high:
-        s.seen = p.high
-    s.beyond = 0
-    if s.seen != reading or (p.rates and s.passed >= p.longest):
-        s.beyond = 1
+def clipped(p: Parameters, reading: float) -> float:
+    """The reading that is known, nearest to one."""
+    seen = reading
+    if seen < p.low:
+        seen = p.low
+    if seen > p.high:
+        seen = p.high
+    return seen
+
+
+def unknown(p: Parameters, passed: float, seen: float, reading: float, beside: float) -> int:
+    """Whether a reading, the time before it, or the condition `beside` it, is beyond what is known."""
+    if seen != reading or (p.rates and passed >= p.longest):
+        return 1
     if p.conditioned and (beside < p.least or beside > p.most):
-        s.beyond = 1
-    return 1
+        return 1
+    return 0
 
 
-def worth(s: State, status: int) -> int:
+def worth(s: State, beyond: int, status: int) -> int:
     """The status without a guard."""
     told = status
-    if s.beyond and status == OK:
+    if beyond and status == OK:
         told = EXTRAPOLATED
-    if s.beyond and status == FLAT:
+    if beyond and status == FLAT:
         told = EXTRAPOLATED
     return told
 
 
-def farther(s: State, other: float) -> int:
-    """An estimate that began elsewhere."""
-    away = fabs(other - s.value)
-    if away > s.apart:
-        s.apart = away
-    return 0
+def farther(p: Parameters, apart: float, one: float, other: float) -> float:
+    """The greater one of a distance and of that between two estimates."""
+    away = fabs(one - other)
+    return away if away > apart else apart

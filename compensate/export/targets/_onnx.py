@@ -129,7 +129,8 @@ class _Step:
     # The nodes of the tree
 
     def _part(self, tree: Tree) -> Part:
-        part = part_of(tree["kind"], tree["parameters"], len(self.parts))
+        known = {k: float("nan") if v is None else v for k, v in tree["parameters"].items()}
+        part = part_of(tree["kind"], known, len(self.parts))
         self.parts.append(part)
         kinds = {"Reals": "reals", "int": "int", "real": "real"}
         for name, kind in part.home.structures["State"].items():

@@ -78,8 +78,8 @@ static void reset(state *s)
 {
     memset(s, 0, sizeof *s);
     {{ stem }}_reset(&s->compensator);
-    s->estimate = s->compensator.estimate;
-    s->deviation = s->compensator.deviation;
+    s->estimate = s->compensator.last.value;
+    s->deviation = s->compensator.last.deviation;
     s->status = {{ upper }}_INVALID;
 {% if condition %}
     s->condition = {{ condition.low | exact }};
