@@ -4,6 +4,8 @@ from ._contract import AbstractCompensator as AbstractCompensator
 from ._contract import Estimate as Estimate
 from ._estimate import estimate as estimate
 from ._invert import invert as invert
+from .export._cards import Card as Card
+from .export._cards import material_card as material_card
 from .export._export import Exported as Exported
 from .export._export import Origin as Origin
 from .export._export import Quantity as Quantity

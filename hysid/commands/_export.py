@@ -15,11 +15,14 @@ from compensate import (
     Quantity,
     estimate,
     invert,
+    material_card,
 )
+from compensate.export._cards import PROGRAMS
 from compensate.export._export import Program, wider
 from compensate.export.targets._export_to import check, write_to
 from compensate.uncertainty._guaranteed import GAIN
-from hysteresis import InputError, with_condition
+from hysteresis import InputError, conversion, with_condition
+from hysteresis._atomic_file import write_whole
 
 from .._compensator import judged_compensator
 from .._invert import error_of, guard_of, longest_sequence
@@ -37,6 +40,8 @@ def run(asked: Export) -> Done:
     Estimates are guarded by the trained inputs. A robot is switched on at any time, so the first state is
     unknown unless `start` says otherwise.
     """
+    if asked.to is not None and asked.to[0] in PROGRAMS:
+        return _card(asked, *asked.to)
     real = "fixed" if asked.fixed else "float" if asked.single else None
     folder, targets, start = asked.folder, asked.targets, asked.start
     for target in targets:
@@ -104,6 +109,46 @@ def run(asked: Export) -> Done:
         "operations": program.operations._asdict(),
     }  # fmt: skip
     return _done(document, text)
+
+
+def _card(asked: Export, program: str, path: Path) -> Done:
+    """A material card for a finite-element program."""
+    fitted = identify.load(asked.folder)
+    stress, strain, time = _units(fitted)
+    scale = 1.0 if strain == "1" else conversion("1", strain)
+    if scale is None or (stress != "1" and conversion(stress, "Pa") is None):
+        raise InputError(
+            "wrong-unit",
+            f"The stiffness is in {stress} / {strain}, and a card needs a modulus.",
+            place=str(asked.folder),
+            fix="Fit stress and strain (--input-unit mm/mm), not force and displacement.",
+        )
+    shifts = fitted.detail.shifts if isinstance(fitted.detail, identify.DiscreteSpectrum) else None
+    wlf = None
+    if shifts is not None and shifts.law == "WLF":
+        wlf = shifts.reference, shifts.constants[0], shifts.constants[1]
+    card = material_card(
+        program, fitted.model, poisson=asked.poisson, shear=asked.shear, unit=stress, time_unit=time,
+        scale=scale, wlf=wlf,
+    )  # fmt: skip
+    write_whole(path, card.text)
+    notes = list(card.notes)
+    if shifts is not None and wlf is None:
+        notes.append("The card has no shift factors: their law is Arrhenius, not WLF.")
+    if not fitted.trusted:
+        notes.append(f"This fit is not trusted: {' '.join(fitted.verdict.reasons)}")
+    document = {"files": {program: str(path)}, "notes": notes, "unit": stress, "time_unit": time}
+    return _done(document, [])
+
+
+def _units(fitted: identify.FitResult) -> tuple[str, str, str]:
+    """Of stress, strain and time of a viscoelastic fit."""
+    record = fitted.train
+    if identify.internal.is_moduli(record):
+        return record.output_unit, "1", "s"
+    if getattr(fitted.model, "leading", False):
+        return record.output_unit, record.input_unit, record.time_unit
+    return record.input_unit, record.output_unit, record.time_unit
 
 
 def _done(document: dict[str, Any], lines: list[str]) -> Done:
