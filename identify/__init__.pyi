@@ -90,8 +90,12 @@ from .results._motion_detail import Motion as Motion
 from .results._repeatability import Repeatability as Repeatability
 from .results._repeatability import repeatability as repeatability
 from .results._trained_condition import TrainedCondition as TrainedCondition
+from .spectra._response import Response as Response
 from .spectra._spectrum import Spectrum as Spectrum
 from .spectra._spectrum import spectrum as spectrum
+from .spectra._superposition import MasterCurve as MasterCurve
+from .spectra._superposition import Shifts as Shifts
+from .spectra._superposition import master_curve as master_curve
 from .training._gaussian_process import fit_kernel as fit_kernel
 from .training._train import Trained as Trained
 from .training._train import train as train

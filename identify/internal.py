@@ -21,8 +21,16 @@ from .fitting._creep_kind import kind_of as kind_of
 from .fitting._creep_kind import told_by_the_change as told_by_the_change
 from .records._folds import block_errors as block_errors
 from .records._folds import root_difference as root_difference
+from .results._detail import answers_over as answers_over
 from .results._fit_result import check_unit as check_unit
 from .results._left_out import models_without_groups as models_without_groups
+from .spectra._of_record import MODULI as MODULI
+from .spectra._of_record import PARTS as PARTS
+from .spectra._of_record import RUNS as RUNS
+from .spectra._of_record import is_moduli as is_moduli
+from .spectra._of_record import is_survey as is_survey
+from .spectra._of_record import runs_of as runs_of
+from .spectra._of_record import sizes_of as sizes_of
 from .storage._file_set import check_unedited as check_unedited
 from .storage._file_set import sealed as sealed
 from .storage._file_set import whole_files as whole_files

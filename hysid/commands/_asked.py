@@ -14,8 +14,8 @@ from typing import Any, ClassVar, dataclass_transform
 
 import typer
 
-from ..intake._fit_options import FIT_FIELDS, FitOptions
-from ..intake._option import option, option_words
+from ..intake._fit_options import FIT_FIELDS, OF_SPECTRA, FitOptions
+from ..intake._option import is_given, option, option_words
 from ..intake._selection_options import FIELDS, HELD_OUT, OF_READING
 from ._console import Done, log
 
@@ -135,7 +135,12 @@ class Fit(FitOptions, Command):
         """The options of `identify.fit`."""
         from ..intake._parameters import parameters_said  # late: it loads NumPy
 
-        found = {name: getattr(self, name) for name in FIT_FIELDS if name != "parameter"}
+        found = {
+            name: value
+            for name, one in FIT_FIELDS.items()
+            if name != "parameter"
+            and (is_given(one, value := getattr(self, name)) or name not in OF_SPECTRA)
+        }
         found["parameters"] = parameters_said(self.config, self.parameter)
         if self.like:
             from identify import load  # late: it loads JAX
@@ -222,10 +227,14 @@ class Export(Command):
     c: Path | None = option("Write a C99 header.", None, metavar="FILE.h")
     runtime: Path | None = option("Write a file for compensate.runtime.", None, metavar="FILE.json")
     to: tuple[str, Path] | None = option(
-        "Write OUT for a target: c, runtime, arduino, ros2, mujoco, sklearn, onnx, fmu, fmu3.",
+        "Write OUT for a target: c, runtime, arduino, ros2, mujoco, sklearn, onnx, fmu, fmu3; or the"
+        " material card of a relaxing model: abaqus, apdl, mpl, comsol, ls-dyna, openradioss, calculix,"
+        " febio.",
         None,
         metavar="TARGET OUT",
     )
+    poisson: float = option("Material card: Poisson's ratio, below 0.5.", 0.45)
+    shear: bool = option("Material card: the fitted modulus is a shear modulus.", False)
     single: bool = option("Use float instead of double in C.", False, flag="--float")
     fixed: bool = option("Use integers (fixed point): Preisach grids with --to arduino.", False)
     depth: int = option("Number of reversals that a Preisach model stores.", 64, least=3)
@@ -379,8 +388,6 @@ def fields_of(asked: type[Command], values: Mapping[str, Any]) -> dict[str, Any]
 def as_fields(values: Mapping[str, Any]) -> dict[str, Any]:
     """Values as the command line has them, as `Selection` takes them: tuples for lists and joined words."""
     found = {name: _value(FIELDS[name], value) for name, value in values.items()}
-    if "range" in found:
-        found["range"] = _numbers(found["range"])
     if "input" in found and len(found["input"]) < 2:
         found["input"] = next(iter(found["input"]), None)
     return found
@@ -389,14 +396,18 @@ def as_fields(values: Mapping[str, Any]) -> dict[str, Any]:
 def _value(one: Field[Any], value: Any) -> Any:
     if one.metadata.get("repeated"):
         return tuple(value or ())
-    return tuple(filter(None, value.split(","))) if one.metadata.get("joined") else value
+    if not one.metadata.get("joined"):
+        return value
+    words = tuple(filter(None, value.split(",")))
+    return _numbers(one, words) if one.type == tuple[float, ...] else words
 
 
-def _numbers(words: tuple[str, ...]) -> tuple[float, ...]:
+def _numbers(one: Field[Any], words: tuple[str, ...]) -> tuple[float, ...]:
+    shape = one.metadata["metavar"]
     try:
         numbers = tuple(map(float, words))
     except ValueError:
         numbers = ()
-    if words and len(numbers) != 2:
-        raise typer.BadParameter("--range is LOW,HIGH: two numbers, such as 2,20")
+    if words and (not numbers or ("[" not in shape and len(numbers) != len(shape.split(",")))):
+        raise typer.BadParameter(f"--{one.name} is {shape}: numbers, such as 2,20")
     return numbers

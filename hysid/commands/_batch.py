@@ -15,7 +15,7 @@ from typing import Any
 import identify
 from hysteresis import InputError
 
-from ..intake._creep_fits import step_options
+from ..intake._creep_fits import motion_options, step_options
 from ..intake._folders import check_writable, folder_names
 from ..intake._selection import Selection, all_of
 from ._asked import Batch
@@ -58,6 +58,8 @@ def _fitted(asked: Batch, out: Path) -> dict[str, Any]:
     check_writable(out)
     if selection.is_step:
         function, options = identify.fit_step, step_options(options)
+    else:
+        options = motion_options(options)
     with _workers(asked.scheduler, asked.jobs) as executor:
         found = identify.fit_many(
             _Files(files, selection), executor=executor, out=out, resume=asked.resume, progress=log,

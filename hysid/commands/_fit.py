@@ -9,7 +9,7 @@ import identify
 from hysteresis import InputError, Record
 
 from .._compensator import fitted_to_compensate, with_compensator
-from ..intake._creep_fits import step_options
+from ..intake._creep_fits import motion_options, step_options
 from ..intake._folders import check_writable, folder_names
 from ..intake._own_config import check_there, folder_of
 from ..intake._selection import Selection, all_of
@@ -48,8 +48,9 @@ def _written(asked: Fit, out: Path) -> dict[str, Any]:
         "selection": _as_read(selection, [train for train, _ in records.values()]).as_json(),
         "options": {k: v for k, v in options.items() if isinstance(v, str | int)},
     }
-    run = partial(fitted_to_compensate, **options)
-    if selection.is_step:
+    if not selection.is_step:
+        run = partial(fitted_to_compensate, **motion_options(options))
+    else:
         if asked.purpose == "compensate":
             raise InputError(
                 "not-invertible",

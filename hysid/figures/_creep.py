@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from ._base import EDGE, GREY, INK, SKY, VERMILLION, Curve, single, styled
+from ._format import power_of_ten
 
 
 class Range(NamedTuple):
@@ -34,7 +35,7 @@ def step_answer(
         axes.plot(x, y, ls="", marker="o", ms=2.5, mew=0, color=colour, label=name)
     axes.plot(t, value, lw=1.1, color=VERMILLION, label="model")
     axes.axvline(span, color=EDGE, lw=0.8, ls="--")
-    _logarithmic(axes, log)
+    logarithmic(axes, log)
     axes.set(xlabel=x_label, ylabel=y_label)
     figure.legend(loc="outside upper left", ncols=2, columnspacing=1.4, handlelength=1.6)
     return figure
@@ -47,7 +48,7 @@ def spectrum(
 ) -> Figure:  # fmt: skip
     """Strengths over their time constants, with errors (NaN for none); grey outside the record."""
     figure, axes = single()
-    _logarithmic(axes, "x")
+    logarithmic(axes, "x")
     ends = min(inside[0], *tau) / 3, max(inside[1], *tau) * 3
     for a, b in ((ends[0], inside[0]), (inside[1], ends[1])):
         axes.axvspan(a, b, color=GREY, alpha=0.2, lw=0)
@@ -60,10 +61,14 @@ def spectrum(
     return figure
 
 
-def _logarithmic(axes: Any, names: str) -> None:
+def _tick(x: float, _: object) -> str:
+    return f"{x:g}" if 1e-3 <= x <= 1e4 else power_of_ten(np.log10(x))
+
+
+def logarithmic(axes: Any, names: str) -> None:
     for name in names:
         getattr(axes, f"set_{name}scale")("log")
         axis = getattr(axes, f"{name}axis")
         axis.set_major_locator(LogLocator(numticks=9))
-        axis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
+        axis.set_major_formatter(FuncFormatter(_tick))
         axis.set_minor_formatter(NullFormatter())

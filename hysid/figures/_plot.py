@@ -9,10 +9,12 @@ from matplotlib.figure import Figure
 from compensate import AbstractCompensator, GuardedCompensator, Status
 from compensate._readings import conditioned_in
 from hysteresis import AbstractModel, InputError, Record
-from identify import FitResult, Posterior
+from identify import DiscreteSpectrum, FitResult, Posterior
+from identify.internal import is_survey
 
 from . import _base as f
 from ._format import label, plain_name
+from ._survey import master_of
 
 CORNER = 6
 """Parameters of a corner plot, where none are named."""
@@ -42,7 +44,10 @@ def draw_record(record: Record, most: int = f.MOST) -> Figure:
 
 
 def draw_fit(fit: FitResult, most: int = f.MOST) -> Figure:
-    """Measured loops of training and held-out rows, and the model over the rows it is judged on."""
+    """Measured loops of training and held-out rows, and the model over the rows it is judged on; of moduli
+    and of several temperatures the master curve."""
+    if isinstance(fit.detail, DiscreteSpectrum) and is_survey(fit.train):
+        return master_of(fit)
     curves = []
     for record, colour, words in ((fit.train, f.BLUE, "training"), (fit.test, f.GREEN, "held out")):
         if record is not None:

@@ -23,7 +23,7 @@ def with_constant(
     where: Mapping[str, list[str]],
 ) -> Table:
     """The chosen rows with this value in the column `name`; those with one time become one."""
-    at = _chosen(table, where)
+    at = chosen(table, where)
     constant = np.full(len(table.line), value)
     return _with_input(table, at, name, constant, output, time)
 
@@ -39,7 +39,7 @@ def at_hold(
 
     Raises `InputError` where the stretch is less than half of the rows.
     """
-    at = _chosen(table, where)
+    at = chosen(table, where)
     u = table.number(column)[at]
     known = u[np.isfinite(u)]
     level, span = (float(np.median(known)), np.ptp(known)) if known.size else (np.nan, 0.0)
@@ -92,20 +92,25 @@ def _with_input(
             columns[output][at[first]] = np.add.reduceat(y, first) / counts
             at = at[first]
     few = rows_of(replace(table, columns=columns, notes=notes), at)
-    chosen = values[at]
+    return with_column(few, name, values[at])
+
+
+def with_column(table: Table, name: str, values: np.ndarray) -> Table:
+    """The table with this column, of numbers or of words."""
 
     def text(asked: str) -> np.ndarray:
-        return chosen.astype(str) if asked == name else few.text[asked]
+        return values.astype(str) if asked == name else table.text[asked]
 
     return replace(
-        few,
-        columns={**few.columns, name: chosen},
-        text=TextColumns((*few.text, name), text),
-        units={CONSTANT: "1", **few.units},
+        table,
+        columns={**table.columns, name: values},
+        text=TextColumns((*table.text, name), text),
+        units={CONSTANT: "1", **table.units},
     )
 
 
-def _chosen(table: Table, where: Mapping[str, list[str]]) -> np.ndarray:
+def chosen(table: Table, where: Mapping[str, list[str]]) -> np.ndarray:
+    """Which rows fulfil all conditions."""
     rows = np.ones(len(table.line), bool)
     for name, values in where.items():
         rows &= parse_condition(f"{name}={','.join(values)}")(table)

@@ -7,12 +7,12 @@ import numpy as np
 import identify
 from hysteresis import InputError, Record
 
-from ._fit_options import FIT_FIELDS
+from ._fit_options import FIT_FIELDS, OF_SPECTRA
 
 BEYOND = "beyond the trained times"
 RANGE = ("since the step", "low", "high")
 """Columns that a step's prediction has besides."""
-_NOT_OF_STEP: dict[str, Any] = {"parameters": {}} | {
+_NOT_OF_STEP: dict[str, Any] = {
     name: one.default for name, one in FIT_FIELDS.items() if not one.metadata.get("of_step")
 }
 
@@ -23,12 +23,47 @@ def step_options(options: dict[str, Any]) -> dict[str, Any]:
         if options.get(name, usual) != usual:
             raise InputError(
                 "bad-option",
-                f"--{name} cannot be used with --step or --hold.",
-                cause="Creep and relaxation are fitted by a spectrum of time constants; the evidence"
-                " chooses its order.",
+                f"--{name} cannot be used with --step, --hold or --frequency.",
+                cause="Creep, relaxation and moduli are fitted by a spectrum of time constants.",
                 fix="Leave it out.",
             )
-    return {name: value for name, value in options.items() if name not in _NOT_OF_STEP}
+    taken = {name: value for name, value in options.items() if name not in _NOT_OF_STEP}
+    return taken | _of_parameters(taken.pop("parameters", {}))
+
+
+def _of_parameters(said: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    """Known strengths, and the bounds of the time constants."""
+    found: dict[str, Any] = {"fixed": {}}
+    for name, settings in said.items():
+        for key, value in settings.items():
+            try:
+                if key == "fixed":
+                    found["fixed"][name] = float(value)
+                    continue
+                if name == "tau" and key == "bounds":
+                    low, high = map(float, value)
+                    found["bounds"] = (low, high)
+                    continue
+            except (TypeError, ValueError):
+                pass
+            raise InputError(
+                "bad-option",
+                f"{name} {key}={value} cannot be set for a spectrum.",
+                fix='Give a known strength ("E_inf fixed=0"), or "tau bounds=LOW,HIGH".',
+            )
+    return found
+
+
+def motion_options(options: dict[str, Any]) -> dict[str, Any]:
+    """The options of a fit that is no spectrum. Raises `InputError` where one of a spectrum was set."""
+    for name in OF_SPECTRA:
+        if name in options:
+            raise InputError(
+                "bad-option",
+                f"--{name} needs a spectrum.",
+                fix="Give --step, --hold or --frequency, or leave it out.",
+            )
+    return options
 
 
 def check_step(record: Record) -> dict[str, Any]:
@@ -36,16 +71,16 @@ def check_step(record: Record) -> dict[str, Any]:
     record = identify.internal.stepped(record)
     kind = identify.internal.kind_of(record)
     rows = record.mask & np.isfinite(record.output)
-    assert record.time is not None
-    t = record.time[rows]
-    decades = float(np.log10(t[-1] / t[t > 0][0]))
+    t = record.input[rows] if record.time is None else record.time[rows]
+    decades = float(np.log10(t.max() / t[t > 0].min()))
     warnings = [str(note) for note in identify.internal.told_by_the_change(record, kind)]
     if decades < 1:
         warnings.append(
-            f"The rows span {decades:.2g} decades of time: more than one time constant can hardly be"
+            f"The rows span {decades:.2g} decades: more than one time constant can hardly be"
             " told. [short-span]"
         )
-    text = record.describe(loop=f"step   {kind} over {decades:.2g} decades of time")
+    clock = "frequency" if record.time is None else "time"
+    text = record.describe(loop=f"step   {kind} over {decades:.2g} decades of {clock}")
     found = {"kind": kind, "decades": decades, "warnings": warnings}
     return {"text": text} | found | record.summary()
 
@@ -58,17 +93,19 @@ def on_the_clock_of(fitted: identify.FitResult, record: Record) -> Record:
 
 
 def later(fitted: identify.FitResult, record: Record) -> list[str]:
-    """What to say about each row of a record: is it beyond the times that were fitted?"""
-    assert record.time is not None
-    span = _spectrum(fitted).span
-    return [BEYOND if t > span else "OK" for t in record.time]
+    """What to say about each row of a record: is it beyond the times or frequencies that were fitted?"""
+    x = record.input if record.time is None else record.time
+    low, high = (-np.inf, _spectrum(fitted).span) if record.time is not None else fitted.trained
+    return [BEYOND if not low <= one <= high else "OK" for one in x]
 
 
 def open_range(fitted: identify.FitResult, record: Record) -> np.ndarray:
     """Of every row the time, the least and the largest output that the fitted record leaves open.
 
-    NaN on the way to a hold.
+    NaN on the way to a hold, and where there are several runs, or moduli.
     """
+    if identify.internal.is_survey(record):
+        return np.full((len(record), 3), np.nan)
     assert record.time is not None
     way = identify.internal.way_of(record)
     found = _spectrum(fitted)._replace(way=way)

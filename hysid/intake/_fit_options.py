@@ -52,9 +52,25 @@ class FitOptions:
     )
     parameter: tuple[str, ...] = option(
         'What is known of a parameter; repeatable: "E1 start=2 bounds=1,4", "b fixed=0",'
-        ' "K prior=normal(1, 0.1)", "E2 tied=2 * E1".',
+        ' "K prior=normal(1, 0.1)", "E2 tied=2 * E1". Of a spectrum: "E_inf fixed=0",'
+        ' "tau bounds=0.1,100".',
         (),
         repeated=True,
+        of_step=True,
+    )
+    terms: int | None = option(
+        "Creep, relaxation, moduli: a series of this many time constants (default: as many as the rows call"
+        " for, or a dense spectrum).",
+        None,
+        least=0,
+        of_step=True,
+    )
+    tau: tuple[float, ...] = option(
+        "Creep, relaxation, moduli: a series of these time constants.",
+        (),
+        joined=True,
+        metavar="TAU[,TAU]",
+        of_step=True,
     )
     like: tuple[str, ...] = option(
         "Fits of earlier specimens of the same kind, FOLDER[,FOLDER]: few cycles tell the rest.",
@@ -84,3 +100,6 @@ class FitOptions:
 
 FIT_FIELDS = {one.name: one for one in fields(FitOptions)}
 """By name, in the order in which help lists them."""
+
+OF_SPECTRA = ("terms", "tau")
+"""Those of creep, relaxation and moduli alone."""

@@ -37,7 +37,7 @@ def init(
             fix="Name another file (--out FILE.toml), or use --overwrite.",
         )
     found = guess(file, given)
-    if found.no_roles:
+    if found.no_roles and "frequency" not in found.selection:
         return _without_roles(file, found)
     folder = config.with_suffix("") if out else folder_of(file)
     config.parent.mkdir(parents=True, exist_ok=True)
@@ -62,12 +62,13 @@ def begun(file: Path, given: Mapping[str, Any], say: Callable[[str], None]) -> P
     Raises `InputError` `cannot-decide` where a role is not sure or there is none, and as `guess` does.
     """
     config, found = config_of(file), guess(file, given)
+    no_roles = "" if "frequency" in found.selection else found.no_roles
     doubts = [f for f in found.found if f.what in {*ROLES} & {*found.selection} and f.sure != SURE]
-    if found.no_roles or doubts:
+    if no_roles or doubts:
         said = [f"{f.what} {f.value!r} is {WORDS[f.sure]} ({f.why})" for f in doubts]
         raise InputError(
             "cannot-decide",
-            f"hysid is not sure of the columns: {found.no_roles or '; '.join(said)}.",
+            f"hysid is not sure of the columns: {no_roles or '; '.join(said)}.",
             place=str(file),
             fix=f"Run hysid init {shell_word(str(file))}, which shows what it found and what else it"
             " could be.",

@@ -13,6 +13,7 @@ from hysteresis import InputError, Record, Table, parse_condition, read_csv, rea
 
 from ._constant_input import CONSTANT, at_hold, with_constant
 from ._lines import check_lines, on_lines
+from ._runs import RUN, with_moduli, with_runs
 from ._selection_options import FIELDS, OF_READING, SelectionOptions
 
 Pair = tuple[Record, Record | None]
@@ -32,10 +33,17 @@ class Selection(SelectionOptions):
     """
 
     def __post_init__(self) -> None:
-        if (self.input is None) == (self.step is None):
+        if sum(given is not None for given in (self.input, self.step, self.frequency)) != 1:
             raise InputError(
                 "conflicting-options",
-                "Give the input column (--input COL), or the constant value of the input (--step VALUE).",
+                "Give one of the input column (--input COL), the constant value of the input (--step VALUE)"
+                " and the frequency column of moduli (--frequency COL).",
+            )
+        if self.loss is not None and self.frequency is None:
+            raise InputError(
+                "conflicting-options",
+                "--loss COL needs the frequency of its rows.",
+                fix="Give --frequency COL as well.",
             )
         if self.step is not None and not (np.isfinite(self.step) and self.step):
             raise InputError(
@@ -94,15 +102,20 @@ class Selection(SelectionOptions):
 
     @property
     def is_step(self) -> bool:
-        """Creep or relaxation: the input is one constant, given or held."""
-        return self.step is not None or self.hold
+        """A spectrum of time constants is fitted: to creep, relaxation or moduli."""
+        return self.step is not None or self.frequency is not None or self.hold
 
     @property
     def input_words(self) -> str:
         """What the input is called."""
         if isinstance(self.input, tuple):
             return f"{len(self.input)} channels combined"
-        return self.input or CONSTANT
+        return self.input or self.frequency or CONSTANT
+
+    @property
+    def runs(self) -> tuple[tuple[str, ...], bool]:
+        """Columns whose values tell one run from the next, and whether exactly: the groups do."""
+        return (self.group, True) if self.group else (self.condition, False)
 
     def without_hold_out(self) -> "Selection":
         """The same rows with none held out."""
@@ -110,7 +123,9 @@ class Selection(SelectionOptions):
 
     def check_columns(self) -> None:
         """Raise `InputError` where one column is to be both the input and the output."""
-        inputs = self.input if isinstance(self.input, tuple) else (self.input,)
+        inputs = (
+            self.input if isinstance(self.input, tuple) else (self.input, self.frequency, self.loss)
+        )
         if twice := [name for name in self.condition if name in (*inputs, self.time)]:
             raise InputError(
                 "given-twice",
@@ -170,13 +185,21 @@ class Selection(SelectionOptions):
         held_out_by = {
             condition.split("=")[0].split("%")[0].strip() for condition in self.test_where
         }
-        if self.step is not None:
+        changed: dict[str, Any] = {}
+        if self.frequency is not None:
+            table = with_moduli(table, self.frequency, self.output, self.loss, *self.runs, where)
+            changed = {"time": None, "group": (RUN,)}
+        elif self.step is not None and self.condition:
+            table = with_runs(table, CONSTANT, self.step, self.time, *self.runs, where)
+            changed = {"group": (RUN,)}
+        elif self.step is not None:
             table = with_constant(table, CONSTANT, self.step, self.output, self.time, where)
         elif self.hold and isinstance(self.input, str):
             table = at_hold(table, self.input, self.output, self.time, where)
         chosen = {name: getattr(self, name) for name in OF_RECORD} | {
-            "input": self.input or CONSTANT, "where": where, "keep": tuple(sorted(held_out_by)),
-        }  # fmt: skip
+            "input": self.input_words if self.is_step else self.input, "where": where,
+            "keep": tuple(sorted(held_out_by)),
+        } | changed  # fmt: skip
         record = read_csv(table, **chosen)
         left_out = on_lines(record.line, self.exclude_lines)
         return record.exclude(left_out) if left_out.any() else record

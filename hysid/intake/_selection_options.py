@@ -41,6 +41,15 @@ class SelectionOptions:
         None,
         metavar="VALUE",
     )
+    frequency: str | None = option(
+        "Frequency column: fit a spectrum to moduli over frequency, --output being the storage modulus,"
+        " instead of --input.",
+        None,
+        metavar="COL",
+    )
+    loss: str | None = option(
+        "Column of the loss modulus, or of tan delta, beside --frequency.", None, metavar="COL"
+    )
     hold: bool = option(
         "Fit creep or relaxation over the longest stretch in which --input is constant.", False
     )

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+import identify
 from hysteresis import GeneralizedKelvinVoigt
 from identify import DiscreteSpectrum, Spectrum
 
@@ -11,6 +12,7 @@ from ..figures import _base as f
 from ..figures._creep import Range, step_answer
 from ..figures._creep import spectrum as drawn
 from ..figures._format import label, number, pretty, quantity
+from . import _section_survey
 from ._case import Case, Section, Table
 
 LATER = (1.5, 3.0, 10.0, 30.0, 100.0)
@@ -22,6 +24,8 @@ WORDS = {"creep": "Creep", "relaxation": "Relaxation"}
 
 def curve(case: Case) -> Section:
     """The measured answer, the model and its range, over linear and logarithmic time."""
+    if identify.internal.is_survey(case.fit.train):
+        return _section_survey.curve(case)
     found, step = spectrum_of(case), step_of(case)
     drawn = []
     for word, colour, t, y in _records(case):
@@ -61,6 +65,7 @@ def curve(case: Case) -> Section:
 def spectrum(case: Case) -> Section:
     """Strengths over time constants, and what other orders would have given."""
     found, model, unit = spectrum_of(case), case.fit.model, case.fit.train.time_unit
+    unit = "s" if identify.internal.is_moduli(case.fit.train) else unit
     creep = isinstance(model, GeneralizedKelvinVoigt)
     known = {p.name: p for p in case.fit.parameters}
     order = range(1, found.order + 1)
@@ -71,7 +76,9 @@ def spectrum(case: Case) -> Section:
     if found.order:
         tau, strength = (other / E, 1 / E) if creep else (other, E)
         error = error / E**2 if creep else error
-        of_strength = " / ".join(case.units[::-1]).removesuffix(" / 1")
+        of_strength = case.units[1]
+        if not identify.internal.is_moduli(case.fit.train):
+            of_strength = " / ".join(case.units[::-1]).removesuffix(" / 1")
         figure = drawn(
             tau, strength, error, (found.step, found.span),
             label("time constant", unit), label("compliance" if creep else "stiffness", of_strength),
@@ -94,7 +101,7 @@ def spectrum(case: Case) -> Section:
             f"{row.parameters}",
             quantity(100 * row.rms, "%"),
             number(row.evidence - least),
-            held_out[f"{type(model).__name__} of order {row.order}"],
+            held_out[f"{type(model).__name__} {row.words}"],
         )
         for row in found.table
     ]
@@ -105,7 +112,7 @@ def spectrum(case: Case) -> Section:
             ("Time constants", "Parameters", "Relative error, rms", "Criterion above the best",
              "Held-out error, of the range"),
             rows,
-            strong=found.order,
+            strong=found.table.index(found.row),
         )
     )  # fmt: skip
     return section
@@ -113,6 +120,8 @@ def spectrum(case: Case) -> Section:
 
 def residuals(case: Case) -> Section:
     """Residuals relative to the output, over logarithmic time."""
+    if identify.internal.is_survey(case.fit.train):
+        return _section_survey.residuals(case)
     found, step = spectrum_of(case), step_of(case)
     curves = []
     for word, colour, t, y in _records(case):
@@ -155,12 +164,14 @@ def facts(case: Case) -> list[tuple[str, str]]:
     return [
         ("time constants", f"{found.order}"),
         ("decades of time", number(float(decades))),
-        ("relative error, rms", quantity(100 * found.table[found.order].rms, "%")),
+        ("relative error, rms", quantity(100 * found.row.rms, "%")),
     ]
 
 
 def title(case: Case) -> str:
     """Of the page."""
+    if identify.internal.is_moduli(case.fit.train):
+        return f"{case.output} over frequency"
     step = quantity(step_of(case), case.units[0])
     return f"{WORDS[spectrum_of(case).kind]} of {case.output} under {step}"
 

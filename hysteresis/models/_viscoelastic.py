@@ -190,15 +190,15 @@ class AbstractViscoelastic(AbstractModel[State, ViscoelasticInput]):
 
     def creep_compliance(self, t: Any) -> Array:
         """J(t): displacement under a unit force applied at t = 0."""
-        return self._driven_by_force(True).to_step(t)
+        return self.driven_by_force(True).to_step(t)
 
     def relaxation_modulus(self, t: Any) -> Array:
         """G(t): force under a unit displacement applied at t = 0."""
-        return self._driven_by_force(False).to_step(t)
+        return self.driven_by_force(False).to_step(t)
 
     def ramp(self, t: Any) -> Array:
         """Output, without the offset, under an input that rises by 1 per unit of time from t = 0."""
-        return self._driven_by_force(not self.leading).to_ramp(t)
+        return self.driven_by_force(not self.leading).to_ramp(t)
 
     def complex_modulus(self, omega: Any) -> Array:
         """G' + i G'' at an angular frequency omega: complex force over displacement."""
@@ -217,7 +217,8 @@ class AbstractViscoelastic(AbstractModel[State, ViscoelasticInput]):
     def _traced_chain(self) -> Chain:
         return jax.tree.map(jnp.asarray, self.chain())
 
-    def _driven_by_force(self, force: bool) -> Chain:
+    def driven_by_force(self, force: bool) -> Chain:
+        """The chain from force to displacement, or else from displacement to force."""
         chain = self._traced_chain()
         return chain if force == self.creeps else chain.turned()
 

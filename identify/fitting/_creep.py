@@ -1,7 +1,7 @@
-"""Creep and relaxation: an input that is held, and an output that goes on moving."""
+"""Creep and relaxation, an input that is held and an output that goes on moving; moduli over frequency."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,10 +15,13 @@ from ..noise._residual_statistics import estimate_noise
 from ..records._folds import block_errors, parts
 from ..results._detail import DiscreteSpectrum, Parametric
 from ..results._fit_result import FitResult, Parameter, Status
-from ..results._metrics import metrics
+from ..results._metrics import Metrics, metrics
 from ..spectra._extrapolation import CONFIDENCE
+from ..spectra._of_record import answers_on, is_moduli, is_survey, responses_of, sizes_of
 from ..spectra._prony_series import Input, Way
+from ..spectra._response import Response
 from ..spectra._spectrum import Answer, Order, Spectrum, spectrum
+from ..spectra._superposition import Shifts, master_curve
 from ._baselines import baselines_of_hold
 from ._creep_kind import counted, kind_of, told_by_the_change
 from ._verdict import check_purpose, judge
@@ -44,10 +47,14 @@ def stepped(record: Record, at_first_row: bool | None = None) -> Record:
     that becomes zero. Without `at_first_row` it is there if the clock begins late, more than ten of its
     median steps after zero, as a machine's clock does.
 
+    Moduli over frequency, and steps at several temperatures, stay as they are.
+
     Raises `InputError` for an input that is 0 or not constant, several sequences, rows without a clock
     or from before the step.
     """
     place, t = record.source, record.time
+    if is_survey(record):
+        return record
     if len(record.labels) > 1:
         raise InputError(
             "not-a-step",
@@ -104,22 +111,22 @@ def stepped(record: Record, at_first_row: bool | None = None) -> Record:
     )
 
 
-def _begin_of_hold(record: Record) -> int:
-    """The first of the last rows whose input is one constant."""
-    moves = np.flatnonzero(record.input != record.input[-1:])
-    return int(moves[-1]) + 1 if len(moves) else 0
-
-
 def way_of(record: Record) -> Way | None:
     """The way to the hold of a record that `stepped` gave."""
     begin = _begin_of_hold(record)
-    if not begin:
+    if not begin or is_survey(record):
         return None
     assert record.time is not None
     t, u = record.time[: begin + 1], record.input[: begin + 1] / record.input[-1]
     before = np.unique(np.append(0, np.geomspace(1, begin + 1, NODES).astype(int) - 1))
     rows = begin - before[::-1]
     return Way(t[rows], u[rows])
+
+
+def _begin_of_hold(record: Record) -> int:
+    """The first of the last rows whose input is one constant."""
+    moves = np.flatnonzero(record.input != record.input[-1:])
+    return int(moves[-1]) + 1 if len(moves) else 0
 
 
 def is_at_first_row(record: Record) -> bool:
@@ -135,9 +142,13 @@ def fit_step(
     seed: int = 0,
     purpose: str = "predict",
     allow_float32: bool = False,
+    terms: int | None = None,
+    tau: Sequence[float] | None = None,
+    bounds: tuple[float, float] | None = None,
+    fixed: Mapping[str, float] | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> FitResult:
-    """Fit a discrete spectrum of time constants to creep or relaxation under an input that is held.
+    """Fit a spectrum of time constants to creep or relaxation under an input that is held, or to moduli.
 
     The way to the hold, as the record shows it, drives the model (Boltzmann's superposition), and its rows
     are not fitted: there a material's stiffness may change with its strain. Without a way the load came at
@@ -146,14 +157,19 @@ def fit_step(
     A deformation under a constant load creeps: `GeneralizedKelvinVoigt`. A load under a constant
     deformation relaxes: `GeneralizedMaxwell`. The units of input and output say which of them is held;
     where they do not, an output that rises is taken for creep, and a note says so. Errors are weighed by
-    1 / output; the number of time constants is that of the greatest evidence. See `spectrum`.
+    1 / output. The model is a short series of time constants, or a dense spectrum where the rows call for
+    one. See `spectrum`.
 
     **Arguments:**
 
-    - `record`: one sequence with a clock, whose input is constant, or becomes so and stays; see `stepped`.
+    - `record`: one sequence with a clock, whose input is constant, or becomes so and stays; or moduli over
+      frequency, see `hysid.records`. With a temperature as its condition every sequence is a run at one:
+      their times are shifted onto each other, see `master_curve`.
     - `test`: a record to judge on; or `test_tail`, the last fraction of the rows: extrapolation.
     - `seed`: kept with the result; nothing here is random.
-    - `purpose`: "predict" or "constants", see `fit`.
+    - `purpose`: "predict" or "constants", see `fit`; constants are those of a short series.
+    - `terms`, `tau`, `bounds`, `fixed`: a series of so many time constants, or of these, between those
+      bounds, with known strengths, see `spectrum`.
     - `allow_float32`: fit in the precision that JAX has, also where it is single.
     - `progress`: called with a line of text now and then.
 
@@ -182,31 +198,43 @@ def fit_step(
         test = stepped(test)
     kind = kind_of(record)
     rows = counted(record)
-    assert record.time is not None
-    y, way = record.output[rows] / record.input[rows], way_of(record)
-    found = spectrum(record.time[rows], y, kind, way=way)
-    say(f"{kind}: {found.order} time constants of at most {len(found.table) - 1}")
+    asked = {"terms": terms, "tau": tau, "bounds": bounds, "fixed": fixed}
+    asked["dense"] = purpose != "constants"
+    shifts = None
+    if is_survey(record) and record.conditions:
+        responses, temperatures = zip(*responses_of(record, kind, rows), strict=True)
+        found, shifts = master_curve(responses, temperatures, **asked)
+    elif is_moduli(record):
+        ((response, _),) = responses_of(record, kind, rows)
+        found = spectrum(response, **asked)
+    else:
+        assert record.time is not None
+        y, way = record.output[rows] / record.input[rows], way_of(record)
+        found = spectrum(Response(record.time[rows], y, kind, way=way), **asked)
+    say(f"{kind}: {found.row.words}")
+    detail = DiscreteSpectrum(found, shifts)
     fits = [
-        _result(found, row, answer, record, test, seed)
+        _result(detail, row, answer, record, test, seed)
         for row, answer in zip(found.table, found.answers, strict=True)
     ]
     held = replace(record, mask=rows)
     judged_on = None if test is None else replace(test, mask=counted(test))
-    baselines = baselines_of_hold(held, parts(held), judged_on)
-    chosen = fits.pop(found.order)
+    baselines = () if is_survey(record) else baselines_of_hold(held, parts(held), judged_on)
+    chosen = fits.pop(found.table.index(found.row))
     notes = (*found.notes, *told_by_the_change(record, kind))
-    chosen = replace(chosen, notes=notes, detail=DiscreteSpectrum(found))
+    chosen = replace(chosen, notes=notes, detail=detail)
     chosen = replace(chosen, baselines=baselines, purpose=purpose)
     if test is not None:
         chosen = replace(chosen, extrapolation=extrapolation(chosen, chosen.predict(test)))
-    verdict = judge(chosen, tuple(Note("spectrum", said) for said in found.notes))
+    told = (*(Note("spectrum", said) for said in found.notes), *_superposed(shifts))
+    verdict = judge(chosen, told)
     if (covered := _coverage(found, test)) is not None:
         share, said = covered
         level = "CAUTION" if share < CONFIDENCE else "PASS"
         verdict = verdict.at_most(level, Note("open-range", said))
     chosen = replace(chosen, verdict=verdict)
     others = [
-        replace(fit, detail=DiscreteSpectrum(found), baselines=baselines, purpose=purpose)
+        replace(fit, detail=detail, baselines=baselines, purpose=purpose)
         for fit in sorted(fits, key=lambda fit: fit.score)
     ]
     others = [replace(fit, verdict=judge(fit), detail=Parametric()) for fit in others]
@@ -214,20 +242,26 @@ def fit_step(
 
 
 def _result(
-    found: Spectrum, row: Order, answer: Answer, record: Record, test: Record | None, seed: int
+    detail: DiscreteSpectrum,
+    row: Order,
+    answer: Answer,
+    record: Record,
+    test: Record | None,
+    seed: int,
 ) -> FitResult:
     """One order as a fit."""
-    rows, model = counted(record), answer.model
-    residuals = np.where(rows, _outputs(found, answer, record) - record.output, np.nan)
-    figures = {"train": metrics(record.output, record.output + residuals, rows), "test": None}
+    found, rows, model = detail.spectrum, counted(record), answer.model
+    residuals = np.where(rows, _outputs(detail, answer, record) - record.output, np.nan)
+    figures: dict[str, Metrics | None] = {"test": None}
+    figures["train"] = _figures(record, record.output + residuals, rows)
     test_blocks = None
     if test is not None:
-        predicted, held_out = _outputs(found, answer, test), counted(test)
-        figures["test"] = metrics(test.output, predicted, held_out)
+        predicted, held_out = _outputs(detail, answer, test), counted(test)
+        figures["test"] = _figures(test, predicted, held_out)
         test_blocks = np.array(block_errors((predicted - test.output)[held_out]))
-    listed, covariance = _parameters(found, answer, record)
+    listed, covariance = _parameters(found, row, answer, record)
     return FitResult(
-        name=f"{type(model).__name__} of order {row.order}",
+        name=f"{type(model).__name__} {row.words}",
         model=model,
         parameters=listed,
         covariance=covariance,
@@ -244,9 +278,23 @@ def _result(
     )
 
 
-def _outputs(found: Spectrum, answer: Answer, record: Record) -> Float[np.ndarray, " samples"]:
+def _figures(record: Record, predicted: np.ndarray, rows: np.ndarray) -> Metrics:
+    """Errors; of moduli the relative one is by what the fit weighs a row with."""
+    found = metrics(record.output, predicted, rows)
+    if not is_moduli(record):
+        return found
+    relative = ((predicted - record.output) / sizes_of(record, rows))[rows]
+    return found._replace(relative_percent=100 * float(np.sqrt(np.mean(relative**2))))
+
+
+def _outputs(
+    detail: DiscreteSpectrum, answer: Answer, record: Record
+) -> Float[np.ndarray, " samples"]:
     """What the answer's model makes of the step or hold of a record, without compiling that anew for every
     order; NaN on the way there."""
+    found = detail.spectrum
+    if is_survey(record):
+        return answers_on(record, found.kind, answer.fitted.outputs, detail.shifts)
     assert record.time is not None
     t, begin = record.time, _begin_of_hold(record)
     held = answer.fitted.outputs(Input(found.kind, t[begin:], None, way_of(record)))
@@ -254,7 +302,7 @@ def _outputs(found: Spectrum, answer: Answer, record: Record) -> Float[np.ndarra
 
 
 def _parameters(
-    found: Spectrum, answer: Answer, record: Record
+    found: Spectrum, row: Order, answer: Answer, record: Record
 ) -> tuple[tuple[Parameter, ...], Float[np.ndarray, "free free"]]:
     """Values with honest errors, and the covariance of the free ones.
 
@@ -262,7 +310,8 @@ def _parameters(
     that this has is known.
     """
     model = answer.model
-    words = model.unit_words(record.input_unit, record.output_unit, record.time_unit)
+    units = record.input_unit, record.output_unit, record.time_unit
+    words = model.unit_words(*(("1", units[1], "s") if is_moduli(record) else units))
     about = {name: (info.in_units(words), value) for name, info, value in parameters(model)}
     error = np.sqrt(np.diagonal(answer.covariance))
     tau = np.sort(1 / np.asarray(model.chain().rates))
@@ -272,15 +321,18 @@ def _parameters(
         number = int(name[len(field) :] or 0)
         unit, value = about[field]
         value = float(value[number - 1] if number else value)
-        known = error[k] < UNKNOWN
-        if number and not found.step < tau[number - 1] < found.span:
+        known = row.dense or 0 < error[k] < UNKNOWN
+        if number and not row.dense and not found.step < tau[number - 1] < found.span:
             slow = tau[number - 1] >= found.span
             known &= (field == "eta") == slow if found.kind == "creep" else field == "E" and slow
         status: Status = "free" if known else "unidentified"
+        if error[k] == 0:
+            known, status = False, "fixed"
         listed.append(Parameter(name, value, unit, value * error[k] if known else None, status))
         values.append(value)
     if found.kind == "relaxation" and "E_inf" not in answer.names:
-        listed.append(Parameter("E_inf", 0.0, about["E_inf"][0], None, "at bound"))
+        given: Status = "fixed" if answer.fitted.known[0] else "at bound"
+        listed.append(Parameter("E_inf", 0.0, about["E_inf"][0], None, given))
     free = [k for k in range(len(values)) if listed[k].status == "free"]
     scale = np.array(values)[free]
     return tuple(listed), answer.covariance[np.ix_(free, free)] * scale[:, None] * scale
@@ -288,7 +340,7 @@ def _parameters(
 
 def _coverage(found: Spectrum, test: Record | None) -> tuple[float, str] | None:
     """How much of the held-out rows lies where the spectrum allows them, noise included; in words."""
-    if test is None:
+    if test is None or is_survey(test):
         return None
     assert test.time is not None
     rows = counted(test)
@@ -300,3 +352,16 @@ def _coverage(found: Spectrum, test: Record | None) -> tuple[float, str] | None:
         f"{100 * share:.0f} % of the held-out rows, up to {last:.3g} times the record's span, lie"
     )
     return share, f"{said} in the 90 % range of what the record leaves open."
+
+
+def _superposed(shifts: Shifts | None) -> tuple[Note, ...]:
+    """What one spectrum for all temperatures leaves over."""
+    if shifts is None:
+        return ()
+    left, alone = (100 * float(np.sqrt(np.mean(part**2))) for part in (shifts.left, shifts.alone))
+    worst = shifts.temperature[int(np.argmax(shifts.left))]
+    said = (
+        f"One spectrum shifted in time leaves {left:.2g} % of the reading, most at {worst:.4g} degC, and a"
+        f" spectrum for each temperature {alone:.2g} %: the rest is beyond time-temperature superposition."
+    )
+    return (Note("superposition", said, {"left": left, "alone": alone}),)

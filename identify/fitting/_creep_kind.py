@@ -6,6 +6,7 @@ from jaxtyping import Bool
 from hysteresis import InputError, Note, Record
 
 from ..records._loads import kind_of_units
+from ..spectra._of_record import is_moduli, is_survey
 from ..spectra._prony_series import Kind
 
 MOVES = 3.0
@@ -18,8 +19,12 @@ def kind_of(record: Record) -> Kind:
     Raises `InputError` where the output is on the other side of zero, does not move, or moves in the
     direction in which what is held cannot drive it.
     """
+    if is_moduli(record):
+        return "relaxation"
     rows = counted(record)
     y = record.output[rows] / record.input[rows]
+    if is_survey(record):
+        return kind_of_units(record) or ("creep" if _grows(record, rows) else "relaxation")
     if len(y) < 8:
         raise InputError(
             "too-few-rows",
@@ -62,9 +67,22 @@ def kind_of(record: Record) -> Kind:
     return moved
 
 
+def _grows(record: Record, rows: np.ndarray) -> bool:
+    """Whether most outputs go on as the step did."""
+    assert record.time is not None
+    changes = [
+        np.polyfit(
+            record.time[at][rows[at]], record.output[at][rows[at]] / record.input[at][rows[at]], 1
+        )[0]
+        for _, at in record.sequences()
+        if rows[at].sum() > 1
+    ]
+    return float(np.median(changes)) > 0
+
+
 def told_by_the_change(record: Record, kind: Kind) -> tuple[Note, ...]:
     """A note that the change alone tells the kind, where the units do not."""
-    if kind_of_units(record) is not None:
+    if is_moduli(record) or kind_of_units(record) is not None:
         return ()
     way = "grows" if kind == "creep" else "shrinks"
     said = (

@@ -65,11 +65,13 @@ def judge(fit: FitResult, warnings: tuple[Note, ...] = ()) -> Verdict:
     level, said = _error(fit)
     best = best_baseline(fit.baselines)
     _compare(fit, found)
-    _loops(fit, found)
+    if not isinstance(fit.detail, DiscreteSpectrum):  # whose input is held, or a frequency
+        _loops(fit, found)
     _held_out(fit, found)
     over_cycles(fit, found)
     _parameters(fit, found)
-    found.cautions.extend(unseen_time_constants(fit.model, fit.train))
+    if not isinstance(fit.detail, DiscreteSpectrum):  # whose notes say so
+        found.cautions.extend(unseen_time_constants(fit.model, fit.train))
     notes = [*map(Note.of, warnings)]
     found.cautions.extend(note for note in notes if note.code not in FIRST)
     _noise(fit, found)
@@ -237,7 +239,7 @@ def _parameters(fit: FitResult, found: Reasons) -> None:
         text = f"No standard error for {', '.join(names)} ({status})."
         count = f" That is {len(names)} of {len(fit.parameters)} parameters."
         where.append(Note(status.replace(" ", "-"), text + count))
-        if status == "unidentified":
+        if status == "unidentified" and not isinstance(fit.detail, DiscreteSpectrum):
             where.extend(without_effect(fit, names))
     if (minimum := another_minimum(fit)) is not None:
         sentence, exchanged = minimum

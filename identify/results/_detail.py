@@ -22,8 +22,10 @@ from ..linear._linear_fit import LinearFit
 from ..linear._preisach_unknowns import GridUnknowns, GridWords
 from ..noise._residual_statistics import Noise
 from ..spectra._extrapolation import Allowed
-from ..spectra._prony_series import Way
+from ..spectra._of_record import PARTS, angular, answers_on, is_moduli, is_survey
+from ..spectra._prony_series import Input, Way
 from ..spectra._spectrum import Order, Spectrum
+from ..spectra._superposition import Shifts
 from ._motion_detail import Motion
 
 Words: TypeAlias = dict[str, Any]
@@ -200,7 +202,9 @@ class FoldedState:
 
 @dataclass(frozen=True, eq=False)
 class DiscreteSpectrum:
-    """A discrete spectrum of time constants, of creep or relaxation under a constant input.
+    """A spectrum of time constants, of creep or relaxation under a constant input or of moduli.
+
+    `shifts`: of the temperatures, where the record has them.
 
     **Example:**
 
@@ -209,27 +213,32 @@ class DiscreteSpectrum:
     """
 
     spectrum: Spectrum
+    shifts: Shifts | None = None
     kind: ClassVar[str] = "spectrum"
     is_linear: ClassVar[bool] = False
     least_parameter: ClassVar[float] = 0.0
     key: ClassVar[str] = "spectrum"
 
     def words(self) -> Words:
-        spectrum = self.spectrum
-        return {
-            self.key: {
-                "kind": spectrum.kind,
-                "order": spectrum.order,
-                "table": [row._asdict() for row in spectrum.table],
-                "noise": spectrum.noise._asdict(),
-                "step": spectrum.step,
-                "span": spectrum.span,
-                "notes": list(spectrum.notes),
-            }
+        spectrum, shifts = self.spectrum, self.shifts
+        found = {
+            "kind": spectrum.kind,
+            "order": spectrum.order,
+            "dense": spectrum.dense,
+            "table": [row._asdict() for row in spectrum.table],
+            "noise": spectrum.noise._asdict(),
+            "step": spectrum.step,
+            "span": spectrum.span,
+            "notes": list(spectrum.notes),
         }
+        if shifts is not None:
+            found["shifts"] = shifts.words()
+        return {self.key: found}
 
     def outputs(self, record: Record) -> np.ndarray | None:
-        return None
+        if not is_survey(record):
+            return None
+        return answers_on(record, self.spectrum.kind, self.spectrum.allowed.fitted, self.shifts)
 
     def arrays(self) -> dict[str, Any]:
         parts = self.spectrum.allowed._asdict()
@@ -240,6 +249,8 @@ class DiscreteSpectrum:
     @classmethod
     def rebuilt(cls, words: Any, arrays: Arrays, model: Any) -> "DiscreteSpectrum":
         """The inverse of `words` and `arrays`; the answers of other orders are not kept."""
+        words = dict(words)
+        kept = words.pop("shifts", None)
         changed = {
             "model": model,
             "table": decoded(words["table"], tuple[Order, ...], "table"),
@@ -248,7 +259,18 @@ class DiscreteSpectrum:
             "notes": tuple(words["notes"]),
             "way": Way(*arrays["spectrum_way"]) if "spectrum_way" in arrays else None,
         }
-        return cls(Spectrum(**words | changed))
+        return cls(Spectrum(**words | changed), None if kept is None else Shifts.rebuilt(kept))
+
+
+def answers_over(
+    detail: DiscreteSpectrum, record: Record, x: Float[np.ndarray, " rows"]
+) -> dict[str, Float[np.ndarray, " rows"]]:
+    """The spectrum over frequencies or times at the reference: storage and loss, or the answer itself."""
+    kind, answer = detail.spectrum.kind, detail.spectrum.allowed.fitted
+    if not is_moduli(record):
+        return {"": record.input[0] * answer(Input(kind, x))}
+    both = answer(Input(kind, x * angular(record.input_unit), oscillation=True))
+    return dict(zip(PARTS, both.reshape(2, -1), strict=True))
 
 
 def folded(curve: PolynomialCurve, state: Float[np.ndarray, " rows"]) -> Float[np.ndarray, " rows"]:

@@ -18,7 +18,7 @@ bounds; Scheffé, The Analysis of Variance (1959).
 from typing import NamedTuple
 
 import numpy as np
-import scipy
+import scipy.special
 from jaxtyping import Float
 
 from ..linear._nnls import nonnegative_least_squares
@@ -29,13 +29,15 @@ A_DECADE = 4
 """Time constants of the grid in each decade: one between two differs from a mixture of them by 1 %."""
 BEYOND = (1.0, 1.5, 2.0, 3.0, 5.0, 10.0, 30.0, 100.0)
 """Times, in spans of the record, at which the extremes of a step's answer are looked for."""
-INSIDE = 3
-"""Times in each decade inside the record at which they are; in between the range is a little narrow."""
+INSIDE, MOST = 3, 15
+"""Times in each decade inside the record at which they are, and in all; in between the range is a little
+narrow."""
 CONFIDENCE = 0.9
-POWERS = (-3.0, 9.0)
-"""Between which powers of ten lambda |e| |c| / q is looked for."""
-HALVINGS = 11
-"""Bisections between them: lambda to 1 %."""
+FIRST = 1e-3
+"""Of lambda |e| |c| / q, where the search for the largest lambda begins."""
+TRIED = 10
+"""Values of lambda tried, at most, and how near to the limit the last one comes."""
+NEAR = 0.02
 
 
 class Allowed(NamedTuple):
@@ -51,7 +53,14 @@ class Allowed(NamedTuple):
 
     def outputs(self, at: Input) -> Float[np.ndarray, "spectra times"]:
         """The responses of all of them to an input."""
-        return self.strengths @ np.hstack([at.memoryless, at.branches(self.log_tau)]).T
+        own, branches = at.memoryless, at.branches(self.log_tau)
+        first = self.strengths.shape[1] - len(self.log_tau)
+        made = self.strengths[:, : own.shape[1]] @ own.T + self.strengths[:, first:] @ branches.T
+        return made if at.u is None else made + self.strengths[:, first - 1 : first]
+
+    def fitted(self, at: Input) -> Float[np.ndarray, " times"]:
+        """The response of the fit."""
+        return self._replace(strengths=self.strengths[:1]).outputs(at)[0]
 
 
 def allowed(problem: Problem, fitted: Fitted, noise: Noise, step: float, span: float) -> Allowed:
@@ -76,32 +85,44 @@ def allowed(problem: Problem, fitted: Fitted, noise: Noise, step: float, span: f
 
     best = nonnegative_least_squares(H, b, free)
     facts = max(min(noise.effective, len(A)) - fitted.parameters, 1.0)
-    quantile = float(scipy.stats.f.ppf(CONFIDENCE, fitted.parameters, facts))
+    quantile = float(scipy.special.fdtri(fitted.parameters, facts, CONFIDENCE))
     limit = square(best) * (1 + fitted.parameters * quantile / facts)
 
     found = [fit]
-    for e in _step_answers(problem.input, log_tau, step, span) / size:
-        scale = limit / (np.linalg.norm(e) * np.linalg.norm(best))
+    least = square(best)
+    for e in _step_answers(problem, log_tau, step, span) / size:
         for sign in (1.0, -1.0):
-            (low, high), edge, last = POWERS, best, best != 0
-            for _ in range(HALVINGS):
-                middle = (low + high) / 2
-                c = nonnegative_least_squares(H, b + sign * 10**middle * scale * e, free, last)
-                last = c != 0
-                if square(c) <= limit:
-                    edge, low = c, middle
+            way = FIRST * sign * limit / (np.linalg.norm(e) * np.linalg.norm(best))
+            edge, last, low, high = best, best != 0, 0.0, np.inf
+            for _ in range(TRIED):
+                c = nonnegative_least_squares(H, b + way * e, free, last)
+                last, used = c != 0, (square(c) - least) / (limit - least)
+                if used <= 1:
+                    edge, low = c, abs(way)
                 else:
-                    high = middle
+                    high = abs(way)
+                if 1 - NEAR < used <= 1:
+                    break
+                # Among spectra of the same branches the square grows by that of lambda.
+                guess = abs(way) * np.clip(np.sqrt((1 - NEAR / 2) / max(used, 1e-12)), 1e-3, 1e3)
+                if not low < guess < high:
+                    guess = np.sqrt(low * high) if low and np.isfinite(high) else guess
+                way = sign * guess
             found.append(edge / size)
-    return Allowed(log_tau, np.array(found))
+    rows = np.array(found)
+    for k, value in problem.known:
+        rows[:, k] = value
+    return Allowed(log_tau, rows)
 
 
 def _step_answers(
-    input: Input, log_tau: Float[np.ndarray, " branches"], step: float, span: float
+    problem: Problem, log_tau: Float[np.ndarray, " branches"], step: float, span: float
 ) -> Float[np.ndarray, "times columns"]:
-    """The unit step response of each column, 0 for the offset, at the times of the search."""
-    inside = np.geomspace(step, span, 1 + int(INSIDE * np.log10(span / step)), endpoint=False)
-    at = Input(input.kind, np.append(inside, span * np.array(BEYOND)), None, input.way)
-    memoryless = np.zeros((len(at.t), input.memoryless.shape[1]))
+    """The unit step response of each column, 0 for an offset, at the times of the search."""
+    count = min(MOST, 1 + int(INSIDE * np.log10(span / step)))
+    inside = np.geomspace(step, span, count, endpoint=False)
+    way = problem.inputs[0].way
+    at = Input(problem.kind, np.append(inside, span * np.array(BEYOND)), way=way)
+    memoryless = np.zeros((len(at.t), len(problem.free)))
     memoryless[:, : at.memoryless.shape[1]] = at.memoryless
     return np.hstack([memoryless, at.branches(log_tau)])

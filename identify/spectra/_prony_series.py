@@ -1,4 +1,4 @@
-"""Spring, dashpot and branches on a record: strengths by least squares with signs, times around them.
+"""Spring, dashpot and branches on records of any clock: signed least squares, and a search for the times.
 
 The answer to an input u is linear in the strengths c (compliances in creep, stiffnesses in relaxation):
 
@@ -7,14 +7,17 @@ The answer to an input u is linear in the strengths c (compliances in creep, sti
 
 L_k = u through tau_k L' = u - L. In a hold at 1 from t = 0 on, after any way there, the integral is t and
 that of the way, and 1 - L_k = left(tau_k) exp(-t / tau_k), with left = 1 - L_k at t = 0: 1 for a step.
+Under exp(i w t) the integral is 1 / (i w) and L_k = 1 / (1 + i w tau_k): real parts are rows of their own,
+and imaginary parts with the sign that makes losses positive. One problem holds records of all these clocks.
 Variable projection leaves only log tau to the outer search.
 
-Source: Golub and Pereyra, SIAM J. Numer. Anal. 10 (1973); Kaufman, BIT 15 (1975) for the Jacobian.
+Source: Golub and Pereyra, SIAM J. Numer. Anal. 10 (1973); Kaufman, BIT 15 (1975) for the Jacobian; Ferry,
+Viscoelastic Properties of Polymers (1980), chapter 3.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -58,37 +61,48 @@ class Way(NamedTuple):
 
 @dataclass(frozen=True)
 class Input:
-    """What the columns of the problem are made from.
+    """What the columns of one record are made from.
 
-    - `t` (rows,): times since the load came on.
+    - `t` (rows,): times since the load came on; of an `oscillation` angular frequencies, each of which has
+      two rows: all in-phase ones, then all others.
     - `u` (rows,): the input, or None for a unit step at t = 0; then there is no offset either.
     - `way`: to a unit hold from t = 0 on, instead of a step.
     """
 
     kind: Kind
     t: Rows
-    u: Rows | None
+    u: Rows | None = None
     way: Way | None = None
+    oscillation: bool = False
 
     @cached_property
     def memoryless(self) -> Float[np.ndarray, "rows memoryless"]:
-        """Columns that no time constant changes: spring, dashpot (creep), offset (any input)."""
-        if self.u is None:
+        """Columns that no time constant changes: spring and, in creep, dashpot."""
+        if self.oscillation:
+            none = np.zeros_like(self.t)
+            spring, flowed = np.append(none + 1, none), np.append(none, 1 / self.t)
+        elif self.u is None:
+            spring = np.ones_like(self.t)
             flowed = self.t if self.way is None else self.t + self.way.sum
-            return np.stack([np.ones_like(self.t), flowed][: 2 if self.kind == "creep" else 1], 1)
-        flow = np.append(0.0, np.cumsum(np.diff(self.t) * (self.u[1:] + self.u[:-1]) / 2))
-        return np.stack([self.u, *([flow] if self.kind == "creep" else []), np.ones_like(flow)], 1)
+        else:
+            spring = self.u
+            flowed = np.append(0.0, np.cumsum(np.diff(self.t) * (self.u[1:] + self.u[:-1]) / 2))
+        return np.stack([spring, flowed][: 2 if self.kind == "creep" else 1], 1)
 
     def branches(self, log_tau: Times) -> Branches:
         """One column for each time constant."""
-        tau = np.exp(log_tau)
+        tau, creep = np.exp(log_tau), self.kind == "creep"
+        if self.oscillation:
+            x = self.t[:, None] * tau
+            loss = 1 / (x + 1 / x)
+            return np.concatenate([loss / x if creep else loss * x, loss])
         if self.u is None:
             decay = np.exp(-self.t[:, None] / tau[None])
             if self.way is not None:
                 decay = decay * self.way.left(tau)
-            return 1 - decay if self.kind == "creep" else decay
+            return 1 - decay if creep else decay
         delayed = np.asarray(_delayed(self.t, self.u, tau)).T
-        return delayed if self.kind == "creep" else self.u[:, None] - delayed
+        return delayed if creep else self.u[:, None] - delayed
 
     def slopes(self, log_tau: Times) -> Branches:
         """d branches / d log tau, by central differences: right to 1e-8 of a column."""
@@ -108,67 +122,122 @@ def _delayed(t: jax.Array, u: jax.Array, tau: jax.Array) -> jax.Array:
 class Fitted(NamedTuple):
     """An answer: strengths of the memoryless columns, then of the branches, and what is left over.
 
+    - `memoryless`: how many strengths belong to memoryless columns.
     - `residuals`: of the weighted rows.
+    - `known`: of each strength, whether it was given. `times_known`: whether the time constants were.
+    - `prior`: precision of the strengths before any row was seen, in units of the squared residual, if any.
+      `effective`: the number of parameters that the rows then choose.
     """
 
     log_tau: Times
     strengths: Vector
+    memoryless: int
     residuals: Rows
+    known: Bool[np.ndarray, " columns"]
+    times_known: bool = False
+    prior: Float[np.ndarray, "columns columns"] | None = None
+    effective: float = 0.0
 
     @property
-    def memoryless(self) -> int:
-        """Number of strengths that belong to memoryless columns."""
-        return len(self.strengths) - len(self.log_tau)
+    def chosen(self) -> Bool[np.ndarray, " numbers"]:
+        """Of strengths, then time constants: is it fitted and there?"""
+        there = (self.strengths != 0) & ~self.known
+        return np.append(there, (self.strengths[self.memoryless :] != 0) & (not self.times_known))
 
     @property
     def parameters(self) -> int:
         """Number of fitted parameters: strengths that are not zero, and their time constants."""
-        return int((self.strengths != 0).sum() + (self.strengths[self.memoryless :] != 0).sum())
+        return int(self.chosen.sum()) if self.prior is None else round(self.effective)
 
     @property
     def mean_square(self) -> float:
-        return float(np.mean(self.residuals**2))
+        """Of the residuals of rows that count: one without a weight has none."""
+        return float(self.residuals @ self.residuals / max(np.count_nonzero(self.residuals), 1))
 
     def outputs(self, at: Input) -> Rows:
-        """The response to an input."""
-        return np.hstack([at.memoryless, at.branches(self.log_tau)]) @ self.strengths
+        """The response to an input. An offset belongs to an input that moves."""
+        own = at.memoryless
+        made = own @ self.strengths[: own.shape[1]]
+        made = made + at.branches(self.log_tau) @ self.strengths[self.memoryless :]
+        return made if at.u is None else made + self.strengths[self.memoryless - 1]
 
 
 @dataclass(frozen=True)
 class Problem:
-    """Rows with weights: residuals are `weights` * (y - columns @ strengths)."""
+    """Rows with weights of one or several records: residuals are `weights` * (y - columns @ strengths).
 
-    input: Input
+    Each record whose input moves has an offset of its own. `known`: strengths that are given, by column.
+    """
+
+    inputs: tuple[Input, ...]
     y: Rows
     weights: Rows
+    known: tuple[tuple[int, float], ...] = ()
+
+    @property
+    def kind(self) -> Kind:
+        return self.inputs[0].kind
+
+    @cached_property
+    def memoryless(self) -> Float[np.ndarray, "rows memoryless"]:
+        """Spring and dashpot of all records, then an offset of each whose input moves."""
+        parts = [one.memoryless for one in self.inputs]
+        moved = [k for k, one in enumerate(self.inputs) if one.u is not None]
+        offsets = [
+            np.concatenate([np.full(len(own), float(k == j)) for j, own in enumerate(parts)])
+            for k in moved
+        ]
+        return np.column_stack([np.concatenate(parts), *offsets])
+
+    @cached_property
+    def given(self) -> Bool[np.ndarray, " memoryless"]:
+        """Memoryless columns whose strengths are known."""
+        return np.isin(np.arange(self.memoryless.shape[1]), [k for k, _ in self.known])
 
     @cached_property
     def target(self) -> Rows:
-        return self.weights * self.y
+        return self.weights * (self.y - sum(x * self.memoryless[:, k] for k, x in self.known))
 
     @cached_property
     def free(self) -> Bool[np.ndarray, " memoryless"]:
         """An offset has either sign."""
-        n = self.input.memoryless.shape[1]
-        return np.arange(n) == (n - 1 if self.input.u is not None else n)
+        return np.arange(self.memoryless.shape[1]) >= self.inputs[0].memoryless.shape[1]
 
-    def rows(self, which: slice) -> "Problem":
-        """The problem on some rows: with an input on adjoining ones only, since its path matters."""
-        u = self.input.u
-        u = None if u is None else u[which]
-        part = Input(self.input.kind, self.input.t[which], u, self.input.way)
-        return Problem(part, self.y[which], self.weights[which])
+    def thinned(self, most: int) -> "Problem":
+        """About so many rows of a single step, which is the same problem on any of its rows."""
+        stride = len(self.y) // most
+        one = self.inputs[0]
+        if stride < 2 or len(self.inputs) > 1 or one.u is not None or one.oscillation:
+            return self
+        few = replace(one, t=one.t[::stride])
+        return replace(self, inputs=(few,), y=self.y[::stride], weights=self.weights[::stride])
 
     def columns(self, log_tau: Times) -> Matrix:
-        """Weighted columns of all strengths."""
-        return self.weights[:, None] * np.hstack(
-            [self.input.memoryless, self.input.branches(log_tau)]
-        )
+        """Weighted columns of all strengths; those of known ones are 0."""
+        branches = np.concatenate([one.branches(log_tau) for one in self.inputs])
+        return self.weights[:, None] * np.hstack([self.memoryless * ~self.given, branches])
+
+    def slopes(self, log_tau: Times) -> Branches:
+        """Weighted d branches / d log tau."""
+        return self.weights[:, None] * np.concatenate([one.slopes(log_tau) for one in self.inputs])
 
     def solve(self, log_tau: Times) -> tuple[Matrix, Vector]:
         """Columns and the best strengths for these time constants."""
         A = self.columns(log_tau)
         return A, strengths(A, self.target, self.free)
+
+    def answer(self, log_tau: Times, c: Vector, residuals: Rows, **how: Any) -> Fitted:
+        """The strengths found, with those that were known in their places."""
+        c, count = c.copy(), len(self.free)
+        known = np.append(self.given, np.zeros(len(log_tau), bool))
+        for k, value in self.known:
+            c[k] = value
+        return Fitted(log_tau, c, count, residuals, known, **how)
+
+    def at(self, log_tau: Times) -> Fitted:
+        """The answer with these time constants."""
+        A, c = self.solve(log_tau)
+        return self.answer(log_tau, c, A @ c - self.target, times_known=True)
 
     def fit(self, log_tau: Times, bounds: tuple[float, float], most: int = 60) -> Fitted:
         """The time constants refined by Levenberg-Marquardt inside `bounds` (log)."""
@@ -200,28 +269,28 @@ class Problem:
                 break
         x = np.sort(x)
         A, c = self.solve(x)
-        return Fitted(x, c, A @ c - self.target)
+        return self.answer(x, c, A @ c - self.target)
 
     def _jacobian(self, x: Times, A: Matrix, c: Vector) -> Branches:
         """Kaufman's Jacobian: the part of the columns' slopes that the strengths cannot compensate."""
-        D = self.weights[:, None] * self.input.slopes(x) * c[None, len(c) - len(x) :]
+        D = self.slopes(x) * c[None, len(c) - len(x) :]
         B = A[:, c != 0] / np.linalg.norm(A[:, c != 0], axis=0)[None]
         H = B.T @ B + 1e-13 * np.eye(B.shape[1])
         return D - B @ np.linalg.solve(H, B.T @ D)
 
     def covariance(self, fitted: Fitted) -> Float[np.ndarray, "numbers numbers"]:
-        """Inverse of J'J, J = d residuals / d (strengths that are not zero, log tau of such branches).
+        """Inverse of J'J and any prior, J = d residuals / d (fitted strengths that are not zero, log tau).
 
         J'J is scaled to a unit diagonal, and raised by 1e-13, lest what the rows cannot tell ends the
         computation: it gets a variance of 1e13.
         """
-        c, n = fitted.strengths, fitted.memoryless
-        D = self.input.slopes(fitted.log_tau) * c[n:][None]
-        J = np.hstack([self.columns(fitted.log_tau), self.weights[:, None] * D])
-        J = J[:, np.append(c, c[n:]) != 0]
-        scale = np.linalg.norm(J, axis=0)
-        J /= scale[None]
-        inverse = np.linalg.inv(J.T @ J + 1e-13 * np.eye(len(scale)))
+        D = self.slopes(fitted.log_tau) * fitted.strengths[fitted.memoryless :][None]
+        J = np.hstack([self.columns(fitted.log_tau), D])[:, fitted.chosen]
+        H = J.T @ J
+        if fitted.prior is not None:
+            H += fitted.prior[np.ix_(*2 * [fitted.chosen[: len(fitted.strengths)]])]
+        scale = np.sqrt(np.diagonal(H))
+        inverse = np.linalg.inv(H / (scale[:, None] * scale) + 1e-13 * np.eye(len(scale)))
         return inverse / (scale[:, None] * scale[None])
 
 

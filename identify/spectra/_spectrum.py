@@ -1,5 +1,7 @@
-"""Discrete spectrum of a creep curve, a relaxation curve or any record: the time constants it shows."""
+"""The spectrum of time constants behind records of any clock, dense or as a short series."""
 
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -8,27 +10,44 @@ from jaxtyping import Float
 from hysteresis import GeneralizedKelvinVoigt, GeneralizedMaxwell, InputError
 
 from ..noise._residual_statistics import Noise, estimate_noise
+from ._dense_spectrum import SEARCHED, dense_spectrum, short_series
 from ._extrapolation import Allowed, allowed
-from ._order_selection import orders, resolved, thinned
 from ._prony_series import Fitted, Input, Kind, Problem, Way
+from ._response import Response, problem_of, resolved, side_of
 
-A_DECADE = 2
-"""Time constants in each decade at most: closer ones are told apart by no noise above a millionth."""
+MOST = 8
+"""Time constants of a short series, at most, where no number is asked for."""
+SUPPORT = 6.0
+"""What a further time constant has to gain: strong evidence, after Kass and Raftery, JASA 90 (1995)."""
+TOGETHER, NOTICED = 2.0, 0.01
+"""Storage and loss contradict each other where together they leave so many times what each alone does, and
+more than so much of the reading."""
+LEAST = 8
+"""Rows, at least."""
+BEYOND = 3.0
+"""How far beyond the record's step and span a time constant is searched, as a factor."""
 
 
 class Order(NamedTuple):
     """One row of the table of orders.
 
-    - `order`: time constants; `parameters`: numbers fitted; `rms`: of the weighted residuals, relative
-      to the output at each row, or to its root mean square.
+    - `order`: time constants; `parameters`: numbers fitted, of a dense spectrum as many as the rows choose;
+      `rms`: of the weighted residuals, relative to the output at each row, or to its root mean square.
     - `evidence`: Bayesian information criterion, effective * log(rms^2) + parameters * log(effective),
-      with the effective number of facts in the residuals of the richest order. The least is best.
+      with the effective number of facts in the residuals of the best fit. The least is best.
+    - `dense`: whether this is the dense spectrum and not a short series.
     """
 
     order: int
     parameters: int
     rms: float
     evidence: float
+    dense: bool = False
+
+    @property
+    def words(self) -> str:
+        """What it is called beside its model."""
+        return f"of {self.order} log-spaced terms" if self.dense else f"of order {self.order}"
 
 
 class Answer(NamedTuple):
@@ -54,21 +73,22 @@ class Band(NamedTuple):
 
 
 class Spectrum(NamedTuple):
-    """A discrete spectrum of time constants.
+    """A spectrum of time constants: a short series, or one dense in log time where the rows call for that.
 
-    - `model`: `GeneralizedKelvinVoigt` (creep) or `GeneralizedMaxwell` (relaxation).
-    - `order`: its time constants; `table`: what each order gives, from none on.
+    - `model`: `GeneralizedKelvinVoigt` (creep) or `GeneralizedMaxwell` (relaxation, moduli).
+    - `order`: its time constants; `table`: what each number of them gives, the dense spectrum last.
     - `noise`: what is left over, weighted as the fit was.
     - `allowed`: the spectra at the edge of what the record allows.
     - `step`, `span`: the shortest time that the record resolves, and the longest.
     - `notes`: what the record does not tell, in words.
     - `way`: to the hold that was fitted; None for a step and for a record with an input.
-    - `answers`: of every order; not kept with a saved fit.
+    - `dense`: whether the model is the dense spectrum.
+    - `answers`: of every row of the table; not kept with a saved fit.
 
     **Example:**
 
         >>> times = np.geomspace(0.1, 100, 60)
-        >>> found = identify.spectrum(times, 1 + 2 * (1 - np.exp(-times / 5)), most=2)
+        >>> found = identify.spectrum(identify.Response(times, 3 - 2 * np.exp(-times / 5)))
         >>> type(found.model).__name__
         'GeneralizedKelvinVoigt'
     """
@@ -83,7 +103,13 @@ class Spectrum(NamedTuple):
     span: float
     notes: tuple[str, ...]
     way: Way | None = None
+    dense: bool = False
     answers: tuple[Answer, ...] = ()
+
+    @property
+    def row(self) -> Order:
+        """The row of the table that is the model's."""
+        return next(row for row in self.table if (row.order, row.dense) == (self.order, self.dense))
 
     def predict(self, t: Any, input: Any = None) -> Band:
         """The output at times t: the fit's, and the range of all that the record allows.
@@ -96,84 +122,175 @@ class Spectrum(NamedTuple):
         record with an input that `input`, from the record's start.
         """
         way = self.way if input is None else None
-        at = Input(self.kind, np.asarray(t, float), _array(input), way)
+        at = Input(
+            self.kind,
+            np.asarray(t, float),
+            None if input is None else np.asarray(input, float),
+            way,
+        )
         outputs = self.allowed.outputs(at)
         return Band(outputs[0], outputs.min(0), outputs.max(0))
 
 
 def spectrum(
-    t: Any,
-    y: Any,
-    kind: str = "creep",
-    order: int | None = None,
-    *,
-    input: Any = None,
-    way: Way | None = None,
-    relative: bool = True,
-    most: int | None = None,
+    *responses: Response,
+    terms: int | None = None,
+    tau: Any = None,
+    bounds: tuple[float, float] | None = None,
+    fixed: Mapping[str, float] | None = None,
+    dense: bool = True,
 ) -> Spectrum:
-    """The discrete spectrum of time constants behind a record.
+    """The spectrum of time constants behind one or several records of one material.
 
-    Strengths on a grid of four time constants a decade come from non-negative least squares; what is
-    left of the grid, neighbours merged, starts the search for one, two, ... time constants, and so
-    does each order's best answer with one more put where it helps most. Each order is refined in log
-    tau with the strengths solved for inside. The evidence chooses the order.
+    Creep, relaxation, any motion of the input and moduli over frequency are linear in the strengths of the
+    same time constants, which are not negative. So they are fitted together: first as a dense spectrum
+    whose smoothness the evidence chooses, then as short series of 0, 1, 2, ... time constants that start
+    from it. The model is the shortest series with the support of the rows, or the dense spectrum where no
+    series is as good.
+
+    Moduli beside creep are inverted; creep beside relaxation is taken as the relaxation that its own
+    spectrum has at the same times.
 
     **Arguments:**
 
-    - `t`, `y`: times and outputs of one sequence, shape `(samples,)`.
-    - `kind`: `"creep"`, displacement under a force, or `"relaxation"`, force under a displacement.
-    - `order`: this many time constants; None for as many as the evidence supports, up to `most`:
-      by default 8, or `A_DECADE` in each decade of a longer record.
-    - `input`: the force (creep) or displacement (relaxation), linear between samples; None for a unit
-      step at t = 0, when y is the compliance J or the modulus G.
-    - `way`: how the input came to a unit hold from t = 0 on, without an `input`; None for a step.
-    - `relative`: weigh errors by 1 / y, as a unit step's answer that spans decades needs; such rows
-      with y <= 0 are left out. With an `input`, and where False, all rows weigh the same.
+    - `responses`: the records.
+    - `terms`: a series of this many time constants. `tau`: one with these.
+    - `bounds`: between which time constants are searched; by default a third of the first time, and
+      three times the last.
+    - `fixed`: known strengths by name: `E_inf` (0 for a liquid); in creep `E0` and `eta0` (infinite: none).
+    - `dense`: whether the dense spectrum may be the model.
 
     Raises `InputError` for times that fall or begin before the step, too few rows, lengths that differ
     and for an unknown kind.
 
     **Example:**
 
-        >>> times = np.geomspace(0.1, 100, 60)
-        >>> found = identify.spectrum(times, 1 + 2 * (1 - np.exp(-times / 5)), most=2)
-        >>> found.order, float(found.predict([10.0]).value[0].round(3))
-        (1, 2.729)
+        >>> w = np.geomspace(0.01, 10, 40)
+        >>> found = identify.spectrum(identify.Response(w, 1 + 2j * w / (1 + 1j * w), "modulus"), terms=1)
+        >>> float(found.model.tau[0].round(3)), float(found.predict([1.0]).value[0].round(3))
+        (1.0, 1.736)
     """
-    t, y, u = np.asarray(t, float), np.asarray(y, float), _array(input)
-    kind = _checked(t, y, u, kind)
-    notes: list[str] = []
-    relative = relative and u is None
-    at_step = t <= 0 if way is None else t < 0
-    if (left_out := relative & ((y <= 0) | at_step)).any():
-        t, y = t[~left_out], y[~left_out]
-        rows = "row" if left_out.sum() == 1 else "rows"
-        notes.append(f"Left out: {left_out.sum()} {rows} not positive or at the step itself.")
-    if len(t) < 8:
-        raise InputError("too-few-rows", f"{len(t)} rows: a spectrum needs at least 8.")
-    weights = 1 / y if relative else np.full_like(y, 1 / np.sqrt(np.mean(y**2)))
-    problem = Problem(Input(kind, t if u is None else t - t[0], u, way), y, weights)
-    step, span = resolved(problem.input)
-    if most is None:
-        most = max(8, int(A_DECADE * np.log10(span / step)))
-    fits = orders(problem, step, span, most if order is None else order)
-    noise = estimate_noise([fits[-1].residuals], fits[-1].parameters)
-    evidence = [_evidence(fitted, noise) for fitted in fits]
-    best = int(np.argmin(evidence)) if order is None else order
-    if best >= len(fits):
-        best = len(fits) - 1
-        notes.append(f"no more than {best} time constants come out with positive strengths.")
+    kinds = {one.kind for one in responses}
+    if {"creep", "relaxation"} <= kinds:
+        responses = tuple(map(_relaxing, responses))
+    kind, notes = side_of(responses), list[str]()
+    problem = problem_of(responses, notes, _known(fixed or {}, kind))
+    if (count := np.count_nonzero(problem.weights)) < LEAST:
+        raise InputError("too-few-rows", f"{count} rows: a spectrum needs at least {LEAST}.")
+    steps, spans = zip(*map(resolved, problem.inputs), strict=True)
+    step, span = min(steps), max(spans)
+    ends = np.log(bounds or (step / BEYOND, span * BEYOND))
+    fits = _fits(problem, (float(ends[0]), float(ends[1])), terms, tau)
+    finest = min(fits, key=lambda fitted: fitted.mean_square)
+    edges = np.cumsum([len(one.memoryless) for one in problem.inputs])[:-1]
+    noise = noise_of(np.split(finest.residuals, edges), finest)
     table = tuple(
-        Order(n, fitted.parameters, float(np.sqrt(fitted.mean_square)), evidence[n])
-        for n, fitted in enumerate(fits)
+        Order(
+            len(f.log_tau),
+            f.parameters,
+            float(np.sqrt(f.mean_square)),
+            _evidence(f, noise),
+            f.prior is not None,
+        )
+        for f in fits
     )
+    best = _best(table, dense and terms is None)
+    if terms is not None and table[best].order < terms:
+        notes.append(
+            f"no more than {table[best].order} time constants come out with positive strengths."
+        )
     answers = tuple(Answer(_model(f, problem), f, *_log_covariance(f, problem)) for f in fits)
-    notes += _notes(fits[best], step, span, kind)
-    edges = allowed(thinned(problem), fits[best], noise, step, span)
+    notes += [] if table[best].dense else _notes(fits[best], step, span, kind)
+    notes += _contradiction(problem, fits[best], ends)
+    around = allowed(problem.thinned(SEARCHED), fits[best], noise, step, span)
+    way = responses[0].way if len(responses) == 1 else None
     return Spectrum(
-        kind, answers[best].model, best, table, noise, edges, step, span, tuple(notes), way, answers
+        kind, answers[best].model, table[best].order, table, noise, around, step, span, tuple(notes), way,
+        table[best].dense, answers,
+    )  # fmt: skip
+
+
+def _contradiction(problem: Problem, fitted: Fitted, ends: np.ndarray) -> list[str]:
+    """A note where storage and loss moduli follow from no one spectrum, but each from one of its own."""
+    if not all(one.oscillation for one in problem.inputs):
+        return []
+    parts = [np.repeat([True, False], len(one.t)) for one in problem.inputs]
+    is_storage, counted = np.concatenate(parts), problem.weights > 0
+    if not (counted & ~is_storage).any() or not (counted & is_storage).any():
+        return []
+    alone = np.zeros(len(counted))
+    for part in (is_storage, ~is_storage):
+        own = replace(problem, weights=np.where(part, problem.weights, 0.0))
+        alone[part] = dense_spectrum(own, *ends).residuals[part]
+    both, each = (float(np.sqrt(np.mean(x[counted] ** 2))) for x in (fitted.residuals, alone))
+    if both < TOGETHER * each or both < NOTICED:
+        return []
+    return [
+        f"Storage and loss moduli contradict each other: one spectrum leaves {100 * both:.2g} % of the"
+        f" reading, one for each of the two {100 * each:.2g} %. Shift factors, a resonance or the phase of"
+        " the rig may be wrong (Kramers-Kronig relations)."
+    ]
+
+
+def _relaxing(response: Response) -> Response:
+    """Creep as the relaxation of its own spectrum."""
+    if response.kind != "creep":
+        return response
+    own, t = spectrum(response), np.asarray(response.t, float)
+    there = t > 0
+    weight = np.broadcast_to(np.asarray(response.weight, float), t.shape)[there]
+    t = t[there] if response.input is None else np.geomspace(own.step, own.span, there.sum())
+    return Response(t, np.asarray(own.model.relaxation_modulus(t)), "relaxation", weight=weight)
+
+
+def _known(fixed: Mapping[str, float], kind: Kind) -> tuple[tuple[int, float], ...]:
+    """Strengths that are given, by column: in creep one over the stiffness or viscosity."""
+    names = ("E0", "eta0") if kind == "creep" else ("E_inf",)
+    for name, value in fixed.items():
+        if name not in names or not value >= 0 or (kind == "creep" and value == 0):
+            raise InputError(
+                "bad-option",
+                f"{name} = {value:g} cannot be fixed.",
+                fix=f"fix {' or '.join(names)}, E_inf at 0 or more and others above 0, or give --tau.",
+            )
+    power = -1 if kind == "creep" else 1
+    return tuple((names.index(name), float(value) ** power) for name, value in fixed.items())
+
+
+def _fits(
+    problem: Problem, ends: tuple[float, float], terms: int | None, tau: Sequence[float] | None
+) -> list[Fitted]:
+    """Short series of ever more time constants, as long as each adds something, and the dense spectrum."""
+    if tau is not None:
+        return [problem.at(np.sort(np.log(np.asarray(tau, float))))]
+    dense = dense_spectrum(problem, *ends)
+    # Half of the rows at least are left to tell what a number of parameters is worth.
+    most = max(0, min(MOST, len(problem.y) // 4 - 1))
+    counts = range(most, -1, -1) if terms is None else (terms + 1, terms)
+    series = short_series(problem, dense, counts, ends)
+    if terms is not None:
+        return [series[terms], dense]
+    kept: list[Fitted] = []
+    for one in sorted(series.values(), key=lambda fitted: len(fitted.log_tau)):
+        if not kept or one.mean_square < (1 - 1e-4) * kept[-1].mean_square:
+            kept.append(one)
+    return [*kept, dense]
+
+
+def _best(table: Sequence[Order], dense: bool) -> int:
+    """The shortest series with the support of the rows, or the dense spectrum, if that has much more."""
+    short = [row for row in table if not row.dense]
+    least = min(row.evidence for row in short)
+    best = next(k for k, row in enumerate(short) if row.evidence <= least + SUPPORT)
+    return (
+        len(short) if dense and table[-1].dense and table[-1].evidence < least - SUPPORT else best
     )
+
+
+def noise_of(parts: list[np.ndarray], fitted: Fitted) -> Noise:
+    """Of residuals of several records; a row without a weight has none."""
+    parts = [part[part != 0] for part in parts if part.any()] or parts
+    return estimate_noise(parts, min(fitted.parameters, sum(map(len, parts)) // 2))
 
 
 def _evidence(fitted: Fitted, noise: Noise) -> float:
@@ -185,8 +302,8 @@ def _evidence(fitted: Fitted, noise: Noise) -> float:
 def _model(fitted: Fitted, problem: Problem) -> GeneralizedKelvinVoigt | GeneralizedMaxwell:
     n = fitted.memoryless
     spring, c, tau = fitted.strengths[0], fitted.strengths[n:], np.exp(fitted.log_tau)
-    offset = 0.0 if problem.input.u is None else fitted.strengths[n - 1]
-    if problem.input.kind == "relaxation":
+    offset = fitted.strengths[n - 1] if problem.free.any() else 0.0
+    if problem.kind == "relaxation":
         return GeneralizedMaxwell(spring, c, tau, offset)
     flow = fitted.strengths[1]
     return GeneralizedKelvinVoigt(
@@ -200,26 +317,29 @@ def _log_covariance(
     """Names of the parameters that are there, and the covariance of their logarithms.
 
     With strengths c and x = log tau, log E is -log c in creep and log c in relaxation, and log eta
-    is x - log c. An offset stays as it is.
+    is x - log c. An offset stays as it is. What is known has no variance.
     """
-    creep, n, c = problem.input.kind == "creep", fitted.memoryless, fitted.strengths
-    memoryless = (["E0", "eta0"] if creep else ["E_inf"]) + ["offset"]
+    creep, n, c = problem.kind == "creep", fitted.memoryless, fitted.strengths
+    memoryless = ["E0", "eta0"] if creep else ["E_inf"]
+    moved = n - len(memoryless)
+    memoryless += ["offset"] if moved == 1 else [f"offset{k + 1}" for k in range(moved)]
     count = len(fitted.log_tau)
     at = np.flatnonzero(c[:n])
     names = [memoryless[k] for k in at]
     names += [f"{name}{k + 1}" for k in range(count) for name in ("E", "eta" if creep else "tau")]
-    # Rows: the names; columns: strengths that are not 0, then x, as in the covariance.
-    way = np.zeros((len(names), len(names)))
+    # Rows: the names; columns: strengths, then x.
+    way = np.zeros((len(names), len(c) + count))
     sign = -1 if creep else 1
     for row, k in enumerate(at):
-        way[row, row] = 1.0 if memoryless[k] == "offset" else sign / c[k]
+        way[row, k] = 1.0 if memoryless[k].startswith("offset") else sign / c[k]
     for k in range(count):
-        row, strength, time = len(at) + 2 * k, len(at) + k, len(at) + count + k
-        way[row, strength] = sign / c[n + k]
-        way[row + 1, time] = 1.0
+        row = len(at) + 2 * k
+        way[row, n + k] = sign / c[n + k]
+        way[row + 1, len(c) + k] = 1.0
         if creep:
-            way[row + 1, strength] = -1 / c[n + k]
-    noise = estimate_noise([fitted.residuals], fitted.parameters)
+            way[row + 1, n + k] = -1 / c[n + k]
+    way = way[:, fitted.chosen]
+    noise = noise_of([fitted.residuals], fitted)
     variance = noise.sigma**2 * noise.correlation_time
     return tuple(names), variance * way @ problem.covariance(fitted) @ way.T
 
@@ -240,29 +360,3 @@ def _notes(fitted: Fitted, step: float, span: float, kind: Kind) -> list[str]:
                 f" element is identifiable only as {fast}."
             )
     return said
-
-
-def _array(values: Any) -> Float[np.ndarray, " samples"] | None:
-    return None if values is None else np.asarray(values, float)
-
-
-def _checked(t: np.ndarray, y: np.ndarray, u: np.ndarray | None, kind: str) -> Kind:
-    if kind != "creep" and kind != "relaxation":
-        raise InputError("bad-option", f"kind={kind!r}.", fix='give "creep" or "relaxation".')
-    given = [t, y] if u is None else [t, y, u]
-    if any(a.ndim != 1 or a.shape != t.shape for a in given):
-        shapes = ", ".join(str(a.shape) for a in given)
-        raise InputError("length-mismatch", f"t, y and input need one length each; have {shapes}.")
-    if not all(np.isfinite(a).all() for a in given):
-        raise InputError("not-finite", "t, y or input is NaN or infinite.", fix="drop those rows.")
-    if len(t) and (np.diff(t) < 0).any():
-        raise InputError(
-            "time-backwards", "time decreases.", fix="sort the rows, or fit one sequence."
-        )
-    if u is None and len(t) and t[0] < 0:
-        raise InputError(
-            "time-backwards",
-            f"t begins at {t[0]:g}.",
-            fix="count time from where the step was made.",
-        )
-    return kind

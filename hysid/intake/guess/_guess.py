@@ -14,9 +14,10 @@ from hysteresis.records._units import written_unit
 from .._selection import all_of, selection_of
 from .._selection_options import HELD_OUT, OF_READING
 from ._column_pairs import Column, columns_of, held, rank_correlation
-from ._drive_and_response import FOLLOWS, Choice, Seen, choose
+from ._drive_and_response import FOLLOWS, SPECTRUM, Choice, Seen, choose
 from ._exceptions import NothingDrivenError
 from ._hold_out import hold_out
+from ._moduli_columns import moduli_of
 from ._number_format import HEAD, reading
 from ._own_stamps import filled, logged_in_turn
 from ._quantities import OSCILLATION, kind_of, words_of
@@ -62,7 +63,8 @@ class Guess:
     - `found`: what was seen and assumed; `alternatives`: options that would do as well.
     - `warnings`: what stands against identifying a model; `text`: the record, as `hysid check` says it.
     - `columns`: every column of the table with its unit as the file writes it, `rows` of it.
-    - `no_roles`: why no column is an input or an output; "" where some are.
+    - `no_roles`: why no column is an input or an output; "" where some are. Of moduli over frequency the
+      selection has those columns none the less.
     """
 
     selection: dict[str, Any] = field(default_factory=dict)
@@ -135,6 +137,13 @@ def _guess(file: Path, given: Mapping[str, Any]) -> Guess:
         both = _with_aside(table, columns, sequences, {*still, time or ""})
         if not given and len(measured) < 2 and len(both) == 2:
             choice = choose(seen, both, constant)
+        elif moduli_of(columns, given, out):
+            out.no_roles = SPECTRUM
+            out.says(
+                "held out", "nothing", LIKELY, "every frequency tells of time constants of its own"
+            )
+            _check(table, out)
+            return out
         elif isinstance(nothing, NothingDrivenError):
             out.no_roles = str(nothing)
             return out

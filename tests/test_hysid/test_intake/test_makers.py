@@ -357,10 +357,13 @@ def test_what_holds_no_record_is_named(name, tmp_path):
     assert caught.value.code == "no-rows"
 
 
-def test_old_workbooks_need_an_extra_and_are_read(vendor_files):
+def test_old_workbooks_need_an_extra_and_are_read(vendor_files, tmp_path):
     pytest.importorskip("python_calamine", reason="python-calamine is an extra")
-    told = init(vendor_files / "gabo_eplexor.xls", Path("/nowhere"), {})
+    told = init(vendor_files / "gabo_eplexor.xls", tmp_path / "dma.toml", {})
     assert (told["rows"], told["columns"][0]["name"]) == (210, "Nr")
+    assert told["selection"] == {
+        "frequency": "f", "output": "E'", "loss": "E''", "condition": ["T"]
+    }  # fmt: skip
 
 
 def test_a_workbook_of_steps(tmp_path):

@@ -209,9 +209,14 @@ def test_a_master_curve_has_a_time_constant_for_each_decade() -> None:
     t = np.geomspace(0.01, 1e11, 120)
     y = np.asarray(truth.relaxation_modulus(t))
     y = y * (1 + 0.001 * np.random.default_rng(3).normal(size=len(t)))
-    found = fit_step(Record.from_arrays(np.ones(len(t)), y, t))
-    assert found.metrics["train"].relative_percent < 0.12
-    assert {"E10", "tau10"} <= {p.name for p in found.parameters}
+    record = Record.from_arrays(np.ones(len(t)), y, t)
+    dense = fit_step(record)
+    # Four terms a decade between which a sharp one lies add as much as the noise.
+    assert dense.metrics["train"].relative_percent < 0.16
+    assert dense.name == f"GeneralizedMaxwell of {dense.detail.spectrum.order} log-spaced terms"
+    series = fit_step(record, terms=12)
+    assert series.metrics["train"].relative_percent < 0.11
+    np.testing.assert_allclose(np.log10(series.model.tau), np.arange(-1, 11), atol=0.1)
 
 
 def test_kind_is_told_by_what_is_held_and_else_by_the_change():

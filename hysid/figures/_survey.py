@@ -1,0 +1,104 @@
+"""Figures of moduli over frequency and of several temperatures: the master curve, the shift factors."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+
+import identify
+from identify import DiscreteSpectrum, FitResult
+
+from ._base import INK, SKY, VERMILLION, single, styled
+from ._creep import logarithmic
+from ._format import label, plain_name
+
+
+class Piece(NamedTuple):
+    """Rows of one sequence over the reference's clock: "storage", "loss" or "", and its temperature."""
+
+    part: str
+    temperature: float
+    x: np.ndarray
+    y: np.ndarray
+
+
+@styled
+def master(
+    pieces: Sequence[Piece],
+    x: np.ndarray,
+    lines: Mapping[str, np.ndarray],
+    x_label: str,
+    y_label: str,
+) -> Figure:
+    """Shifted rows, coloured by temperature, and what the spectrum makes of them."""
+    figure, axes = single()
+    T = np.array([piece.temperature for piece in pieces])
+    warm = Normalize(np.nanmin(T), np.nanmax(T)) if np.isfinite(T).any() else None
+    marks = {"storage": "o", "loss": "s", "": "o"}
+    for piece in pieces:
+        colour = SKY if warm is None else colormaps["coolwarm"](warm(piece.temperature))
+        axes.plot(piece.x, piece.y, ls="", marker=marks[piece.part], ms=3, mew=0, color=colour)
+    for (part, y), style in zip(lines.items(), ("-", "--"), strict=False):
+        axes.plot(x, y, style, lw=1.0, color=INK, label=part or "spectrum")
+    if warm is not None:
+        figure.colorbar(ScalarMappable(warm, "coolwarm"), ax=axes, label="temperature (°C)")
+    logarithmic(axes, "xy")
+    axes.set(xlabel=x_label, ylabel=y_label)
+    axes.legend()
+    return figure
+
+
+@styled
+def shift_factors(
+    T: np.ndarray,
+    log_a: np.ndarray,
+    error: np.ndarray,
+    along: np.ndarray,
+    law: np.ndarray,
+    name: str,
+) -> Figure:
+    """log10 a over temperature with errors, and the law through them."""
+    figure, axes = single()
+    axes.plot(along, law, lw=1.1, color=VERMILLION, label=name)
+    axes.errorbar(T, log_a, error, ls="", marker="o", ms=3.5, color=INK, capsize=2, lw=0.8)
+    axes.set(xlabel="temperature (°C)", ylabel="log10 of the shift factor")
+    axes.legend()
+    return figure
+
+
+def pieces_of(fit: FitResult) -> Iterator[tuple[Piece, np.ndarray]]:
+    """Of every sequence the reduced rows that count, and their relative residuals."""
+    record, detail = fit.train, _detail(fit)
+    relative = fit.residuals / identify.internal.sizes_of(record, fit.used)
+    for part, at, temperature, factor in identify.internal.runs_of(record, detail.shifts):
+        rows = np.arange(at.start, at.stop)[fit.used[at]]
+        x = (record.input if record.time is None else record.time)[rows] * factor
+        yield Piece(part, temperature, x, record.output[rows]), relative[rows]
+
+
+def clock_of(fit: FitResult) -> str:
+    """The label of the axis over which all rows lie on one curve."""
+    record, shifts = fit.train, _detail(fit).shifts
+    moduli = identify.internal.is_moduli(record)
+    unit = record.input_unit if moduli else record.time_unit
+    what = "frequency" if moduli else plain_name(record.time_name, record.time_unit)
+    return label(what if shifts is None else f"reduced {what}", unit)
+
+
+def master_of(fit: FitResult) -> Figure:
+    """The master curve of a fit with its pieces."""
+    record, pieces = fit.train, [piece for piece, _ in pieces_of(fit)]
+    every = np.concatenate([piece.x for piece in pieces])
+    x = np.geomspace(every.min(), every.max(), 300)
+    lines = identify.internal.answers_over(_detail(fit), record, x)
+    y_label = label(plain_name(record.output_name, record.output_unit), record.output_unit)
+    return master(pieces, x, lines, clock_of(fit), y_label)
+
+
+def _detail(fit: FitResult) -> DiscreteSpectrum:
+    assert isinstance(fit.detail, DiscreteSpectrum)
+    return fit.detail

@@ -1,0 +1,88 @@
+"""Columns of moduli over frequency: the frequency, the storage and the loss modulus, a temperature."""
+
+import re
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hysteresis import conversion
+
+from ._column_pairs import Column
+from ._quantities import OSCILLATION, UNITS, words_of
+
+if TYPE_CHECKING:
+    from ._guess import Guess
+
+LOSS = re.compile(r"loss|perte|verlust|viscous|^[EG](''|\"|″|2\b)", re.IGNORECASE)
+RATIO = re.compile(r"tan", re.IGNORECASE)
+WHOLE = re.compile(r"complex|\*|^\|", re.IGNORECASE)
+SPAN = 3.0
+"""The factor that a sweep's frequencies cover, at least: less does not tell a spectrum."""
+STANDS = 0.5
+"""Share of the rows with the frequency of the row before, up to which a sweep is one of frequencies."""
+RANGE = 2.0
+"""Kelvins by which a temperature has to differ to be a condition."""
+
+
+def moduli_of(columns: Mapping[str, Column], given: Mapping[str, Any], out: "Guess") -> bool:
+    """Notes the columns of a frequency sweep in `out`; whether the table holds one."""
+    moduli = [c for c in columns.values() if c.kind.name == OSCILLATION]
+    ratios = [c for c in moduli if RATIO.search(c.name)]
+    parts = [c for c in moduli if c not in ratios and not WHOLE.search(c.name)]
+    losses = [c for c in parts if LOSS.search(c.name)]
+    storage = next((c for c in parts if c not in losses), None)
+    if storage is None:
+        return False
+    # E'' belongs to E', and not to G'.
+    alike = [c for c in losses if c.unit == storage.unit or conversion(c.unit, storage.unit)]
+    loss = next(iter(sorted(alike, key=lambda c: c.name[:1] != storage.name[:1]) + ratios), None)
+    there = np.isfinite(storage.x)
+    sweeps = [c for c in columns.values() if _is_sweep(c, there)]
+    if not sweeps:
+        return False
+    frequency = max(sweeps, key=lambda c: int((np.isfinite(c.x) & there).sum()))
+    chosen = {"frequency": frequency, "output": storage} | (
+        {"loss": loss} if loss is not None else {}
+    )
+    hot = next(
+        (c for c in columns.values() if c.kind.name == "temperature" and _varies(c, there)), None
+    )
+    for key, column in chosen.items():
+        out.selection[key] = given.get(key) or column.name
+        unit = "no unit" if column.unit == "1" else column.unit
+        out.says(key, out.selection[key], "likely", f"{column.kind.name}, {unit}; {WHY[key]}")
+    if hot is not None:
+        out.selection["condition"] = [hot.name]
+        out.says(
+            "condition",
+            hot.name,
+            "likely",
+            "it differs between the sweeps: their times are shifted",
+        )
+    out.selection.pop("time", None)
+    out.selection.pop("group", None)
+    out.found = [one for one in out.found if one.what not in ("time", "group")]
+    return True
+
+
+WHY = {
+    "frequency": "each row is the result of an oscillation at it",
+    "output": "storage modulus",
+    "loss": "loss modulus, or its ratio to the storage modulus",
+}
+
+
+def _is_sweep(column: Column, there: np.ndarray) -> bool:
+    is_frequency = column.unit in UNITS["frequency"].split() or {"frequency", "freq", "omega"} & {
+        *words_of(column.name)
+    }
+    x = column.x[there & np.isfinite(column.x)]
+    if not is_frequency or len(x) < 4 or x.min() <= 0:
+        return False
+    return bool(x.max() >= SPAN * x.min() and np.mean(np.diff(x) == 0) <= STANDS)
+
+
+def _varies(column: Column, there: np.ndarray) -> bool:
+    x = column.x[there & np.isfinite(column.x)]
+    return len(x) > 1 and float(np.ptp(x)) > RANGE

@@ -1,0 +1,191 @@
+"""Moduli over frequency on the command line: init, fit, check, predict, report and a material card."""
+
+import csv
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import hysid
+from hysteresis import GeneralizedMaxwell
+from tests.test_hysid.command import refused, run
+
+TRUTH = GeneralizedMaxwell(2.0, [30.0, 12.0], [0.05, 4.0])
+F = np.geomspace(0.01, 100.0, 30)
+
+
+def write(file: Path, columns: dict[str, Any], units: tuple[str, ...] = ()) -> Path:
+    with file.open("w", newline="") as handle:
+        rows = csv.writer(handle)
+        rows.writerows([columns, *([units] if units else []), *zip(*columns.values(), strict=True)])
+    return file
+
+
+def moduli(a: float = 1.0, seed: int = 0) -> np.ndarray:
+    y = np.asarray(TRUTH.complex_modulus(2 * np.pi * F * a))
+    rng = np.random.default_rng(seed)
+    return y * (1 + 1e-3 * (rng.normal(size=len(F)) + 1j * rng.normal(size=len(F))))
+
+
+@pytest.fixture(autouse=True)
+def _empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+
+
+LOSSES = {
+    "G'' (MPa)": lambda y: y.imag,
+    "Loss modulus (kPa)": lambda y: 1e3 * y.imag,
+    "tan delta": lambda y: y.imag / y.real,
+}
+
+
+@pytest.mark.parametrize("loss", LOSSES)
+def test_from_a_file_to_constants_in_two_commands(loss: str):
+    y = moduli()
+    write(Path("sweep.csv"), {"Frequency (Hz)": F, "G' (MPa)": y.real, loss: LOSSES[loss](y)})
+    found = run("init", "sweep.csv", "--json").json()
+    assert found["selection"] == {
+        "frequency": "Frequency (Hz)", "output": "G' (MPa)", "loss": loss,
+    }  # fmt: skip
+    assert "--config" in found["next"]
+    fit = run("fit", "sweep.csv", "--config", "sweep.toml", "--out", "out", "--json").json()
+    assert fit["model"] == "GeneralizedMaxwell of order 2"
+    said = {p["name"]: p for p in fit["parameters"]}
+    for name, value in {"E_inf": 2.0, "E1": 30.0, "tau1": 0.05, "E2": 12.0, "tau2": 4.0}.items():
+        assert said[name]["value"] == pytest.approx(value, rel=0.02)
+    assert (said["E1"]["unit"], said["tau1"]["unit"]) == ("MPa", "s")
+    predicted = run("predict", "out", "sweep.csv", "--json").json()
+    assert predicted["rmse"] < 0.1
+    assert predicted["flagged"] == 0
+    assert "Moduli" in Path(run("report", "out", "--json").json()["file"]).read_text()
+    assert run("check", "sweep.csv", "--config", "sweep.toml", "--json").json()["decades"] == 4
+    card = run("export", "out", "--to", "abaqus", "card.inp", "--shear", "--poisson", 0.49)
+    assert card.code == 0
+    at_once = float(Path("card.inp").read_text().split("INSTANTANEOUS\n")[1].split(",")[0])
+    assert at_once == pytest.approx(44.0 * 2 * 1.49, rel=0.01)
+    assert isinstance(hysid.load(Path("out")).model, GeneralizedMaxwell)
+
+
+def test_temperatures_are_shifted():
+    shifts = {0.0: 10.0, 20.0: 1.0, 40.0: 0.2}
+    parts = [(T, moduli(a, k)) for k, (T, a) in enumerate(shifts.items())]
+    write(
+        Path("dma.csv"),
+        {
+            "f": np.tile(F, 3),
+            "T": np.concatenate([T + 0.1 * np.sin(F) for T, _ in parts]),
+            "E_stor": np.concatenate([y.real for _, y in parts]),
+            "E_loss": np.concatenate([y.imag for _, y in parts]),
+        },
+        ("Hz", "°C", "MPa", "MPa"),
+    )
+    found = run("init", "dma.csv", "--json").json()
+    assert found["selection"]["condition"] == ["T"]
+    fit = run("fit", "dma.csv", "--config", "dma.toml", "--out", "out", "--json").json()
+    told = fit["spectrum"]["shifts"]
+    # Relative to the middle temperature.
+    np.testing.assert_allclose(told["log_a"], np.log10([10.0, 1.0, 0.2]), atol=0.01)
+    assert any("superposition" in str(reason) for reason in fit["verdict"]["reasons"])
+    loaded = hysid.load(Path("out")).detail.shifts
+    assert loaded is not None
+    assert loaded.at(20.0) == 0.0
+    assert run("predict", "out", "dma.csv", "--json").json()["rmse"] < 0.1
+    assert "Shift factors" in Path(run("report", "out", "--json").json()["file"]).read_text()
+
+
+def test_relaxation_at_several_temperatures_in_any_order():
+    t, names = np.geomspace(0.1, 100.0, 25)[::-1], ("t (s)", "E (MPa)", "T (degC)")
+    parts = [np.asarray(TRUTH.relaxation_modulus(t / a)) for a in (10.0, 1.0)]
+    columns = np.tile(t, 2), np.concatenate(parts), np.repeat([10.0, 30.0], len(t))
+    write(Path("runs.csv"), dict(zip(names, columns, strict=True)))
+    chosen = ("--step", 1, "--time", names[0], "--output", names[1], "--condition", names[2])
+    fit = run("fit", "runs.csv", *chosen, "--terms", 2, "--out", "out", "--json").json()
+    np.testing.assert_allclose(fit["spectrum"]["shifts"]["log_a"], [1.0, 0.0], atol=0.01)
+    assert run("report", "out").code == 0
+
+
+def test_options_of_a_series():
+    y = moduli()
+    write(Path("sweep.csv"), {"f (Hz)": F, "E' (MPa)": y.real, "E'' (MPa)": y.imag})
+    chosen = (
+        "fit",
+        "sweep.csv",
+        "--frequency",
+        "f (Hz)",
+        "--output",
+        "E' (MPa)",
+        "--loss",
+        "E'' (MPa)",
+    )
+    fixed = ("--tau", "0.05,4", "--parameter", "E_inf fixed=2", "--out", "a", "--json")
+    said = {p["name"]: p for p in run(*chosen, *fixed).json()["parameters"]}
+    assert (said["E_inf"]["value"], said["E_inf"]["status"]) == (2.0, "fixed")
+    assert (said["tau1"]["status"], said["E1"]["status"]) == ("fixed", "free")
+    bounded = ("--terms", 1, "--parameter", "tau bounds=1,2", "--out", "b", "--json")
+    said = {p["name"]: p["value"] for p in run(*chosen, *bounded).json()["parameters"]}
+    assert 1.0 <= said["tau1"] <= 2.0
+    for words in (("--parameter", "E1 prior=normal(1, 2)"), ("--model", "Burgers")):
+        refused(run(*chosen, *words), "[bad-option]")
+
+
+@pytest.mark.parametrize(
+    ("options", "code"),
+    [
+        (("--input", "f", "--frequency", "f", "--output", "E"), "conflicting-options"),
+        (("--input", "f", "--loss", "E", "--output", "g"), "conflicting-options"),
+        (("--frequency", "f", "--output", "E", "--loss", "f"), "wrong-unit"),
+        (("--input", "f", "--output", "E", "--terms", 3), "bad-option"),
+    ],
+)
+def test_what_is_refused(options: tuple[Any, ...], code: str):
+    write(Path("sweep.csv"), {"f": F, "E": moduli().real, "g": moduli().imag})
+    refused(run("fit", "sweep.csv", *options), f"[{code}]")
+
+
+def test_a_force_over_a_displacement_has_no_card():
+    t = np.geomspace(0.01, 100.0, 40)
+    write(Path("hold.csv"), {"t (s)": t, "F (N)": np.asarray(TRUTH.relaxation_modulus(t))})
+    chosen = ("--step", 1, "--input-unit", "mm", "--time", "t (s)", "--output", "F (N)")
+    assert run("fit", "hold.csv", *chosen, "--out", "out").code == 0
+    refused(run("export", "out", "--to", "abaqus", "card.inp"), "[wrong-unit]")
+
+
+ORDERS = {
+    "a sweep at each temperature": lambda T, f: np.lexsort((f, T)),
+    "a ramp at each frequency": lambda T, f: np.lexsort((T, f)),
+    "falling sweeps": lambda T, f: np.lexsort((-f, T)),
+}
+
+
+@pytest.mark.parametrize("order", ORDERS)
+@pytest.mark.parametrize("grouped", [False, True])
+def test_runs_of_few_frequencies_in_any_order(order: str, grouped: bool):
+    """Three frequencies a temperature: too few for a spectrum, enough for a shift."""
+    T, f = (x.ravel() for x in np.meshgrid(np.arange(0.0, 50.0, 5.0), [1.0, 3.0, 10.0]))
+    a = 10.0 ** (-0.05 * (T - 25.0))
+    y = np.asarray(TRUTH.complex_modulus(2 * np.pi * f * a))
+    at = ORDERS[order](T, f)
+    columns = {
+        "f (Hz)": f,
+        "T (degC)": T + 0.1 * np.sin(7 * f),
+        "E' (MPa)": y.real,
+        "E'' (MPa)": y.imag,
+    }
+    columns["run"] = T.astype(int)
+    write(Path("dma.csv"), {name: x[at] for name, x in columns.items()})
+    chosen = ("--frequency", "f (Hz)", "--output", "E' (MPa)", "--loss", "E'' (MPa)")
+    more = ("--condition", "T (degC)", *(("--group", "run") if grouped else ()))
+    fit = run("fit", "dma.csv", *chosen, *more, "--out", "out", "--json").json()
+    shifts = fit["spectrum"]["shifts"]
+    assert len(shifts["log_a"]) == 10
+    wanted = -0.05 * (np.array(shifts["temperature"]) - shifts["reference"])
+    np.testing.assert_allclose(shifts["log_a"], wanted, atol=0.06)
+
+
+def test_the_last_part_of_a_sweep_held_out():
+    y = moduli()
+    write(Path("sweep.csv"), {"f (Hz)": F, "E' (MPa)": y.real, "E'' (MPa)": y.imag})
+    chosen = ("--frequency", "f (Hz)", "--output", "E' (MPa)", "--loss", "E'' (MPa)")
+    fit = run("fit", "sweep.csv", *chosen, "--test-tail", 0.2, "--out", "out", "--json").json()
+    assert fit["metrics"]["test"]["rmse"] < 1.0
