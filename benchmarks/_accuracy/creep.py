@@ -5,11 +5,11 @@ named: even in log time, two hundred to the record, ours give its figures for po
 """
 
 from pathlib import Path
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
-from identify import Spectrum, spectrum
+from identify import Response, Spectrum, spectrum
 
 from .._measure import Row, judged, noted
 
@@ -26,7 +26,7 @@ class Creep(NamedTuple):
     """A record in the folder: a header of `skip` lines, then time and J or G, read from `begin` on."""
 
     what: str
-    kind: str
+    kind: Literal["creep", "relaxation"]
     name: str
     skip: int
     references: tuple[float, float, float]
@@ -59,13 +59,14 @@ def rows(folder: Path) -> list[Row]:
 
 
 def _in_sample(record: Creep, t: np.ndarray, y: np.ndarray) -> list[Row]:
-    tried = spectrum(*_even_in_log_time(t, y), record.kind)
+    tried = spectrum(Response(*even_in_log_time(t, y), record.kind))
     found = []
     for most, reference in zip(NUMBERS, record.references, strict=True):
-        best = min((row for row in tried.table if row.parameters <= most), key=lambda row: row.rms)
+        short = [row for row in tried.table if row.parameters <= most and not row.dense]
+        best = min(short, key=lambda row: row.rms)
         what = f"{record.what}, {record.kind}, {best.parameters} parameters, relative rms error"
         found.append(judged(what, round(100 * best.rms, 1), reference))
-    chosen = tried.table[tried.order]
+    chosen = tried.row
     what = f"{record.what}, {record.kind}, order by evidence ({chosen.parameters} parameters)"
     if record.name.startswith("creep_ps130"):
         return [*found, judged(what, 100 * chosen.rms, 1.5)]
@@ -74,7 +75,7 @@ def _in_sample(record: Creep, t: np.ndarray, y: np.ndarray) -> list[Row]:
 
 def _foretold(record: Creep, t: np.ndarray, y: np.ndarray) -> list[Row]:
     head = t <= FIRST * t[-1]
-    found: Spectrum = spectrum(t[head], y[head], record.kind)
+    found: Spectrum = spectrum(Response(t[head], y[head], record.kind))
     value, low, high = found.predict(t[~head])
     noise = NOISE * found.noise.sigma * value
     inside = (low - noise <= y[~head]) & (y[~head] <= high + noise)
@@ -86,7 +87,7 @@ def _foretold(record: Creep, t: np.ndarray, y: np.ndarray) -> list[Row]:
     ]
 
 
-def _even_in_log_time(t: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def even_in_log_time(t: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Means of the rows in bins evenly spaced in log time."""
     t, y = t[t > 0], y[t > 0]
     edges = np.geomspace(t.min() * 0.999, t.max() * 1.001, BINS + 1)
