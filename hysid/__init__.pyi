@@ -31,6 +31,7 @@ from hysteresis import GeneralizedMaxwell as GeneralizedMaxwell
 from hysteresis import GeneralizedPlays as GeneralizedPlays
 from hysteresis import InputError as InputError
 from hysteresis import LinearSponge as LinearSponge
+from hysteresis import Mixture as Mixture
 from hysteresis import ModulatedStops as ModulatedStops
 from hysteresis import MonotoneCurve as MonotoneCurve
 from hysteresis import NonlinearMaxwell as NonlinearMaxwell

@@ -265,12 +265,11 @@ def read_document(folder: str | Path) -> dict[str, Any]:
 
 def _date_of(record: Record) -> str | None:
     """The day, ISO 8601, on which the record's file was written; None where that file is not at hand."""
+    if not record.sha256:
+        return None
     try:
         with Path(record.source).open("rb") as file:
-            if (
-                not record.sha256
-                or hashlib.file_digest(file, "sha256").hexdigest() != record.sha256
-            ):
+            if hashlib.file_digest(file, "sha256").hexdigest() != record.sha256:
                 return None
             return datetime.fromtimestamp(os.fstat(file.fileno()).st_mtime, UTC).date().isoformat()
     except OSError:
