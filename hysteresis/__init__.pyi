@@ -68,6 +68,9 @@ from .records._csv import parse_condition as parse_condition
 from .records._csv import read_csv as read_csv
 from .records._data_warnings import loop_direction as loop_direction
 from .records._excitation import check_identifiable as check_identifiable
+from .records._loop_table import LoopFigure as LoopFigure
+from .records._loop_table import LoopSummary as LoopSummary
+from .records._loop_table import LoopTable as LoopTable
 from .records._read_table import read_table as read_table
 from .records._record import Record as Record
 from .records._row_blocks import row_blocks as row_blocks

@@ -18,7 +18,7 @@ import numpy as np
 
 import identify
 from hysteresis import InputError, Record
-from identify.records._loads import kind_of_units
+from hysteresis.records._loads import kind_of_units
 
 LEVELS = 60
 """Inputs at which the middle line is taken."""

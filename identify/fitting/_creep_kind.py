@@ -4,8 +4,8 @@ import numpy as np
 from jaxtyping import Bool
 
 from hysteresis import InputError, Note, Record
+from hysteresis.records._loads import kind_of_units
 
-from ..records._loads import kind_of_units
 from ..spectra._of_record import is_moduli, is_survey
 from ..spectra._prony_series import Kind
 

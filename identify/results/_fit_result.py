@@ -13,6 +13,7 @@ from hysteresis import (
     AbstractModel,
     ChannelMap,
     InputError,
+    LoopTable,
     Record,
     Units,
     extended,
@@ -33,7 +34,7 @@ from ..records._clocks import Clocks
 from ..records._new_record import new_record
 from ..records._run_model import predict
 from ._baseline import Baseline
-from ._characteristics import Characteristic, characteristics
+from ._characteristics import Characteristic, characteristics, fitted_loops
 from ._detail import Composition, Detail, Parametric
 from ._extrapolation import Extrapolation
 from ._likelihood import Criteria, criteria_of
@@ -306,6 +307,17 @@ class FitResult:
             return ()
         return characteristics(self.train, self.residuals, self.used)
 
+    def loops(self) -> LoopTable:
+        """The table of the fitted loops, see `Record.loops`; its `model` has those of the model beside.
+
+        **Example:**
+
+            >>> table = fit.loops()
+            >>> bool(abs(table["stiffness"].value[0] / table.model["stiffness"].value[0] - 1) < 0.2)
+            True
+        """
+        return fitted_loops(self.train, self.residuals, self.used)
+
     @property
     def determined(self) -> tuple[Parameter, ...]:
         """Parameters to show: of a linear fit the sums that the data determine, else all of them.
@@ -379,7 +391,7 @@ class FitResult:
              f"R2 {m.r2:.4f}")
             for part, m in self.metrics.items() if m is not None
         ]  # fmt: skip
-        told = [_told(one) for one in self.characteristics if one.value is not None]
+        told = [one.cells for one in self.characteristics if one.value is not None]
         rows = [p.cells for p in self.determined]
         hidden = len(self.parameters) - len(rows)
         kind = "Composition" if isinstance(self.detail, Composition) else self.name
@@ -416,18 +428,6 @@ class FitResult:
 
     def _repr_html_(self) -> str | None:
         return html_of(self)
-
-
-def _told(one: Characteristic) -> tuple[str, ...]:
-    """A characteristic as cells."""
-    assert one.value is not None
-    error = "" if one.error is None else f" +- {one.error:.2g}"
-    return (
-        f"  {one.name}",
-        f"{one.value:.4g}{error}",
-        "" if one.unit == "1" else one.unit,
-        one.basis,
-    )
 
 
 def check_unit(name: str, unit: str, fitted: str) -> None:

@@ -39,12 +39,12 @@ def test_figures_of_a_known_loop():
     assert found["softening"].value == pytest.approx(10, abs=0.5)
     assert found["zero drift"].value == pytest.approx(0.3, abs=0.02)
     errors = [one.error for one in found.values() if one.value is not None]
-    assert errors == pytest.approx([0.0] * 5, abs=1e-9)
+    assert errors == pytest.approx([0.0] * 6, abs=1e-9)
     x, force, t = rig()
     found = told(record_of(force, x, t))
     assert found["loop width"].value == pytest.approx(WIDTH, rel=0.02)
-    assert found["energy a cycle"].value == pytest.approx(2 * WIDTH, rel=0.02)
-    assert found["energy a cycle"].unit == "N * mm"
+    assert found["energy lost"].value == pytest.approx(2 * WIDTH, rel=0.02)
+    assert found["energy lost"].unit == "N * mm"
     x, force, t = rig(hold=30.0)
     assert told(record_of(force, x, t))["relaxation time"].value == pytest.approx(TAU, rel=0.1)
 
@@ -74,7 +74,7 @@ def test_what_is_not_told_has_a_reason():
     assert found["relaxation time"].reason == "the input is never held"
     faster = np.where(np.arange(len(t)) < 2 * ROWS, t, 2 * t - t[2 * ROWS])
     found = told(record_of(force, x, faster))
-    assert found["softening"].reason == "these cycles differ in rate or rest"
+    assert found["softening"].reason == "the loop before it differs in range, rate or rest"
     ramp = slice(0, ROWS // 2)
     found = told(record_of(force[ramp], x[ramp], t[ramp]))
     assert {one.reason for one in found.values()} == {

@@ -103,7 +103,7 @@ def test_a_report_stands_alone(preisach: Path, page: Page):
     assert file.stat().st_size < 2_000_000
     # The sums of a grid's weights are folded, below what the specimen does.
     assert page.headings() == [*HEADINGS[:2], "Posterior", "Density", *HEADINGS[4:]]
-    for said in ("stiffness", "loop width", "energy a cycle", "the input is never held"):
+    for said in ("stiffness", "loop width", "energy lost", "the input is never held"):
         assert said in page.text.split("Loops")[0]
     assert "<summary>Show its parts</summary>" in page.html
     assert not page.all("script")

@@ -2,14 +2,15 @@
 
 from typing import Literal
 
-from hysteresis import Record, conversion
+from .._quantities import conversion
+from ._abstract_record import AbstractRecord
 
 LOADS = ("N", "Pa", "N*m")
 DEFORMATIONS = ("m", "rad", "percent")
 """One unit of each quantity. A ratio, as of a strain, is one only beside a load."""
 
 
-def kind_of_units(record: Record) -> Literal["creep", "relaxation"] | None:
+def kind_of_units(record: AbstractRecord) -> Literal["creep", "relaxation"] | None:
     """Creep where a load is the input and a deformation is read, relaxation the other way round.
 
     None where the units do not say: they are unknown, or neither of the two is a load.

@@ -1,0 +1,165 @@
+"""Loops of a record: the rows at which each begins, turns and ends, and the noise of those rows."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ._abstract_record import AbstractRecord
+from ._cycles import default_dead_band, noise_level, turning_points
+
+CLOSED = 0.05
+"""Of its range of inputs: a loop whose ends are so close is closed by a straight line. The tip that this
+cuts off a round loop is less than a hundredth of its area."""
+
+COUNTED = 0.9
+"""Of a loop's rows that have to count."""
+
+MOST_TURNS = 16
+"""Turning points of the longest period that is looked for."""
+
+STAIRS = 0.1
+"""Of the rows that differ from the one before: so many follow rows that are equal where steps of a
+converter are wider than the noise. A hold is one such place, not many."""
+
+
+class LoopRows(NamedTuple):
+    """Loops of all sequences, as positions in the rows that count.
+
+    - `rows`: (n,) of the record. `bounds`: (sequences + 1,) first of each sequence in `rows`.
+    - `first`, `turn`, `last`: (k,) where a loop begins, reverses, and meets its first input again.
+    - `sequence`, `number`: (k,) of each loop; numbers count from 1 within a sequence.
+    - `counted`: (k,) whether enough of its rows count. `closed`: (k,) whether it comes back to its first
+      input.
+    - `noise`: (2, sequences) standard deviations of input and output. `clock`: the usual time from row to
+      row, 0 without a clock.
+    """
+
+    rows: np.ndarray
+    bounds: np.ndarray
+    first: np.ndarray
+    turn: np.ndarray
+    last: np.ndarray
+    sequence: np.ndarray
+    number: np.ndarray
+    counted: np.ndarray
+    closed: np.ndarray
+    noise: np.ndarray
+    clock: float
+
+
+def loop_rows(record: AbstractRecord) -> LoopRows:
+    """Cut every sequence into loops.
+
+    A loop is a cycle of the record: two successive legs of the input. It is one leg later where more
+    loops close so, as behind a virgin curve, and has more legs where the input repeats itself only after
+    several turning points. A second leg that passes the loop's first input is cut off there.
+    """
+    found: list[np.ndarray] = []
+    kept: list[np.ndarray] = []
+    noise = np.zeros((2, len(record.labels)))
+    total = 0
+    for k, (_, where) in enumerate(record.sequences()):
+        u, y = record.input[where], record.output[where]
+        rows = np.flatnonzero(record.mask[where] & np.isfinite(y))
+        noise[:, k] = [_noise(x[rows]) for x in (u, y)]
+        cut, share = _legs(u), np.zeros(0)
+        # Rows that do not count are taken away: a bound in them moves to the next that counts.
+        at = np.searchsorted(rows, cut)
+        ends = np.searchsorted(rows, cut[:, 2], side="right")
+        with np.errstate(invalid="ignore"):
+            share = (ends - at[:, 0]) / (cut[:, 2] + 1 - cut[:, 0])
+        at[:, 2] = ends - 1
+        good = (share >= COUNTED) & (at[:, 1] > at[:, 0]) & (at[:, 2] > at[:, 1])
+        at[~good] = 0
+        at[good, 2], closed = _closed(u[rows], at[good])
+        shut = np.zeros(len(cut), bool)
+        shut[good] = closed
+        number = np.arange(1, len(cut) + 1)
+        found.append(np.column_stack([at + total, np.full(len(cut), k), number, good, shut]))
+        kept.append(where.start + rows)
+        total += len(rows)
+    first, turn, last, sequence, number, counted, shut = np.concatenate(found).astype(int).T
+    bounds = np.cumsum([0, *map(len, kept)])
+    clock = 0.0 if record.time is None else float(np.median(np.diff(record.time)))
+    return LoopRows(
+        np.concatenate(kept), bounds, first, turn, last, sequence, number, counted.astype(bool),
+        shut.astype(bool), noise, clock,
+    )  # fmt: skip
+
+
+def _legs(u: np.ndarray) -> np.ndarray:
+    """First row, turning row and last row of each loop of a sequence, (k, 3)."""
+    band = default_dead_band(u)
+    points = turning_points(u, band)
+    v = u[points]
+    best, most = _groups(points, v, 0, 2, band), -1.0
+    for legs in range(2, MOST_TURNS, 2):
+        for begin in range(legs):
+            cut = _groups(points, v, begin, legs, band)
+            if not len(cut) or (legs > 2 and len(cut) < 2):
+                continue
+            gap, size = np.abs(np.diff(u[cut[:, ::2]]))[:, 0], np.ptp(u[cut], axis=1)
+            passes = (u[cut[:, 2]] - u[cut[:, 0]]) * (u[cut[:, 1]] - u[cut[:, 0]]) < 0
+            # Of the legs, not the loops, so that a longer period is no better for having fewer.
+            score = legs * float(
+                np.sum((gap <= CLOSED * size) + 0.5 * (passes & (gap > CLOSED * size)))
+            )
+            if legs > 2:
+                score *= float(np.ptp(v[begin : begin + legs + 1]) >= (1 - CLOSED) * np.ptp(v))
+            if score > most:
+                best, most = cut, score
+        if most > 0.5 * max(len(points) - 1, 1):
+            break
+    return best
+
+
+def _groups(points: np.ndarray, v: np.ndarray, begin: int, legs: int, band: float) -> np.ndarray:
+    """Loops of so many legs from a turning point on, (k, 3), complete as `first_of_cycles` says."""
+    count = max(len(points) - 1 - begin, 0) // legs
+    if count and begin + count * legs == len(points) - 1:
+        a, b, c = v[-3:]
+        count -= not abs(c - b) > max(band, 0.5 * abs(b - a))
+    at = begin + legs * np.arange(count)
+    inside = at[:, None] + np.arange(1, legs)
+    away = np.abs(v[inside] - v[at][:, None])
+    turn = inside[np.arange(count), away.argmax(1)] if count else at
+    return points[np.column_stack([at, turn, at + legs])]
+
+
+def _closed(u: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where each loop comes back to its first input, and whether it does, (k,) each."""
+    first, turn, last = at.T
+    side = np.sign(u[turn] - u[first])
+    size = np.abs(u[turn] - u[first])
+    gap = side * (u[last] - u[first])
+    passes = np.flatnonzero(gap < -CLOSED * size)
+    rows = ranges(turn[passes], last[passes] + 1)
+    lengths = last[passes] + 1 - turn[passes]
+    beyond = np.repeat(side[passes], lengths) * (u[rows] - np.repeat(u[first[passes]], lengths)) < 0
+    last = last.copy()
+    if len(passes):
+        starts = np.cumsum([0, *lengths[:-1]])
+        crossing = np.minimum.reduceat(np.where(beyond, rows, len(u)), starts)
+        last[passes] = np.maximum(crossing - 1, turn[passes] + 1)
+    return last, gap <= CLOSED * size
+
+
+def ranges(first: np.ndarray, stop: np.ndarray) -> np.ndarray:
+    """All numbers from each first to before its stop, one range after the other."""
+    lengths = stop - first
+    begins = np.cumsum(lengths) - lengths
+    return np.arange(int(lengths.sum())) + np.repeat(first - begins, lengths)
+
+
+def _noise(x: np.ndarray) -> float:
+    """Standard deviation of a reading: its noise, or what the steps of a converter leave open."""
+    return max(noise_level(x), step_of(x) / np.sqrt(12))
+
+
+def step_of(x: np.ndarray) -> float:
+    """The step of a converter that is wider than the noise, 0 of other series."""
+    rests = np.diff(x) == 0
+    moves = np.abs(np.diff(x)[~rests])
+    if np.sum(rests[:-1] & ~rests[1:]) <= STAIRS * max(len(moves), 1):
+        return 0.0
+    return float(np.median(moves))

@@ -1,0 +1,191 @@
+"""Figures of magnetic and ferroelectric loops: coercive field, remanence, saturation, loss."""
+
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .._quantities import conversion
+from ._abstract_record import AbstractRecord
+from ._loop_figures import Loops, Pair
+
+STEEP = 0.15
+"""Of the largest output: rows so close to zero tell where a branch crosses it."""
+
+HIGH, HIGHER = 0.7, 0.85
+"""Of the largest field: from here on the slope counts as that of what does not saturate."""
+
+SETTLED = 0.05
+"""Of the saturation: by so much the two ranges of high fields may disagree."""
+
+NOT_CROSSED = "a branch does not cross zero"
+NOT_SATURATED = (
+    "the loop does not saturate: the slope still changes above 70 % of the largest field"
+)
+NO_VOLUME = "the units tell no volume, or no energy"
+
+MU0 = 4e-7 * np.pi
+
+
+class FieldUnit(NamedTuple):
+    """What a unit of a field or of its answer measures, and one of it in SI units."""
+
+    quantity: str
+    size: float
+
+
+_MAGNETIC: tuple[dict[str, FieldUnit], ...] = (
+    {
+        "A/m": FieldUnit("H", 1.0), "kA/m": FieldUnit("H", 1e3), "Oe": FieldUnit("H", 1e-4 / MU0),
+        "kOe": FieldUnit("H", 0.1 / MU0), "T": FieldUnit("H", 1 / MU0), "mT": FieldUnit("H", 1e-3 / MU0),
+        "G": FieldUnit("H", 1e-4 / MU0),
+    },
+    {
+        "A/m": FieldUnit("M", 1.0), "kA/m": FieldUnit("M", 1e3), "MA/m": FieldUnit("M", 1e6),
+        "emu/cm^3": FieldUnit("M", 1e3), "emu/cc": FieldUnit("M", 1e3), "T": FieldUnit("B", 1.0),
+        "mT": FieldUnit("B", 1e-3), "G": FieldUnit("B", 1e-4), "emu": FieldUnit("moment", 1e-3),
+        "memu": FieldUnit("moment", 1e-6), "A*m^2": FieldUnit("moment", 1.0),
+        "A*m²": FieldUnit("moment", 1.0), "emu/g": FieldUnit("moment a mass", 1.0),
+        "A*m^2/kg": FieldUnit("moment a mass", 1.0),
+    },
+)  # fmt: skip
+"""Units of a field, and of what answers it. A field in tesla is one in vacuum."""
+
+_ELECTRIC = (
+    {"V/m": "E", "V": "voltage"},
+    {"C/m^2": "P", "C": "charge"},
+)
+
+
+def field_unit(unit: str, kind: str, role: int) -> FieldUnit | None:
+    """What a unit measures as a field (`role` 0) or its answer (1); None where it is of neither."""
+    if kind == "magnetic":
+        return _MAGNETIC[role].get(unit)
+    for one, quantity in _ELECTRIC[role].items():
+        if (size := conversion(unit, one)) is not None:
+            return FieldUnit(quantity, size)
+    return None
+
+
+_LOSSES = {
+    ("H", "B"): ("J/m^3", 1.0), ("H", "M"): ("J/m^3", MU0), ("H", "moment a mass"): ("J/kg", MU0),
+    ("H", "moment"): ("J", MU0), ("E", "P"): ("J/m^3", 1.0), ("voltage", "charge"): ("J", 1.0),
+}  # fmt: skip
+
+
+def field_figures(
+    record: AbstractRecord, kind: str, loops: Loops, around: Pair, opened: np.ndarray
+) -> Iterator[tuple[str, Pair, str, Any]]:
+    """Name, value with error, unit and reason of each figure of loops over a field."""
+    unit_u, unit_y = record.input_unit, record.output_unit
+    slope_unit = unit_y if unit_u == "1" else f"{unit_y} / {unit_u}"
+    crossings = _crossings(loops)
+    why = np.where(np.isfinite(crossings[0][0] + crossings[1][0]), "", NOT_CROSSED)
+    for way, pair in zip(("rising", "falling"), crossings, strict=True):
+        yield (
+            f"coercive field, {way}",
+            pair,
+            unit_u,
+            np.where(np.isfinite(pair[0]), "", NOT_CROSSED),
+        )
+    yield "coercive field", _halves(crossings, -1), unit_u, why
+    yield "bias field", _halves(crossings, 1), unit_u, why
+    at_zero, tangents = (
+        ((value[:, 0], error[:, 0]), (value[:, 1], error[:, 1]))
+        for value, error in loops.at_input(0.0)
+    )
+    for way, pair in zip(("rising", "falling"), at_zero, strict=True):
+        yield f"remanence, {way}", pair, unit_y, ""
+    remanence = _halves(at_zero[::-1], -1)
+    yield "remanence", remanence, unit_y, ""
+    yield "susceptibility", _halves(tangents, 1), slope_unit, ""
+    high, saturation = _saturation(loops, HIGH)
+    _, further = _saturation(loops, HIGHER)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        off = np.abs(further[0] - saturation[0]) - 3 * np.hypot(further[1], saturation[1])
+        unsettled = np.where(off > SETTLED * np.abs(saturation[0]), NOT_SATURATED, "")
+        square = remanence[0] / saturation[0]
+        parts = remanence[1] / remanence[0], saturation[1] / saturation[0]
+        squareness = square, np.abs(square) * np.hypot(*parts)
+    yield "high-field slope", high, slope_unit, ""
+    yield "saturation", saturation, unit_y, unsettled
+    yield "squareness", squareness, "1", unsettled
+    known = [field_unit(unit, kind, role) for role, unit in enumerate((unit_u, unit_y))]
+    unit, size = "J/m^3", np.nan
+    if known[0] and known[1]:
+        unit, size = _LOSSES.get((known[0].quantity, known[1].quantity), (unit, np.nan))
+        size *= known[0].size * known[1].size
+    # Where the output lags, a loop runs counter-clockwise and its polygon is negative: energy is lost.
+    loss = -size * around[0], size * around[1]
+    name = (
+        "loss a cycle"
+        if unit == "J"
+        else "loss a cycle and mass"
+        if unit == "J/kg"
+        else "loss a cycle and volume"
+    )
+    yield name, loss, unit, opened if np.isfinite(size) else NO_VOLUME
+    if unit == "J":
+        empty = np.full(loops.size, np.nan)
+        yield "loss a cycle and volume", (empty, empty), "J/m^3", NO_VOLUME
+
+
+def _halves(pairs: Sequence[Pair], sign: int) -> Pair:
+    """Half the sum, or half the difference of the first and the second."""
+    (a, ea), (b, eb) = pairs
+    return (a + sign * b) / 2, np.hypot(ea, eb) / 2
+
+
+def _crossings(loops: Loops) -> tuple[Pair, Pair]:
+    """The inputs at which the rising and the falling branch cross zero output."""
+    at, branch, begins = loops.legs
+    u, y = loops.u[at], loops.y[at]
+    same = np.append(branch[1:] == branch[:-1], False)
+    crosses = same & ((y >= 0) != (np.append(y[1:], 0.0) >= 0))
+    number = np.arange(len(u))
+    # Noise crosses several times: between the first and the last of them.
+    first = np.minimum.reduceat(np.where(crosses, number, len(u)), begins)
+    last = np.maximum.reduceat(np.where(crosses, number, -1), begins)
+    there = last >= 0
+    edge = []
+    for at_row in (first, last):
+        k = np.where(there, at_row, 0)
+        after = np.minimum(k + 1, len(u) - 1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            edge.append(u[k] - y[k] * (u[after] - u[k]) / (y[after] - y[k]))
+    found = np.where(there, (edge[0] + edge[1]) / 2, np.nan)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        k = np.where(there, first, 0)
+        after = np.minimum(np.where(there, last, 0) + 1, len(u) - 1)
+        slope = (y[after] - y[k]) / (u[after] - u[k])
+    error = np.hypot(np.repeat(loops.sy, 2) / np.abs(slope), np.repeat(loops.su, 2))
+    if loops.noisy:
+        top = np.maximum.reduceat(np.abs(y), begins)
+        inside = (np.abs(y) <= STEEP * top[branch]) & there[branch]
+        line, slope_error, (mean_u, mean_y, mean_error) = loops.lines(inside, u, y)
+        enough = np.bincount(branch[inside], minlength=len(found)) >= 6
+        with np.errstate(divide="ignore", invalid="ignore"):
+            crossing = mean_u - mean_y / line
+            wrong = np.hypot(mean_error, slope_error * (crossing - mean_u)) / np.abs(line)
+        good = enough & there & np.isfinite(crossing)
+        found, error = np.where(good, crossing, found), np.where(good, wrong, error)
+    values, errors = (loops.by_way(x.reshape(-1, 2)) for x in (found, error))
+    return (values[:, 0], errors[:, 0]), (values[:, 1], errors[:, 1])
+
+
+def _saturation(loops: Loops, share: float) -> tuple[Pair, Pair]:
+    """The slope at high fields, and half the distance of the lines through either end at no field."""
+    at, branch, _ = loops.legs
+    u, y = loops.u[at], loops.y[at]
+    loop = branch // 2
+    largest = np.maximum(np.abs(loops.low), np.abs(loops.high))
+    inside = np.abs(u) >= share * largest[loop]
+    slope, slope_error, (mean_u, mean_y, mean_error) = loops.lines(
+        inside, u, y, groups=2 * loop + (u > 0)
+    )
+    level = mean_y - slope * mean_u
+    wrong = np.hypot(mean_error, slope_error * mean_u)
+    pairs = [x.reshape(-1, 2) for x in (slope, slope_error, level, wrong)]
+    (s, es, m, em) = ((x[:, 1], x[:, 0]) for x in pairs)
+    high = (s[0] + s[1]) / 2, np.hypot(*es) / 2
+    return high, ((m[0] - m[1]) / 2, np.hypot(*em) / 2)

@@ -1,0 +1,442 @@
+"""Figures of loops: what each loop of a record tells, with an error, for all loops at once.
+
+Errors are propagated from the noise of input and output, which counts as white, and from the sampling step.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ._abstract_record import AbstractRecord
+from ._loop_cut import LoopRows, ranges
+
+LEVELS = 65
+"""Inputs at which the branches of a loop without noise are compared."""
+
+BIN_ROWS = 8
+"""Rows of a branch that are averaged at a level where there is noise."""
+
+MARGIN = 0.05
+"""Of the input's range, left out at either end of the line through the middle of a loop."""
+
+TANGENT, INITIAL = 0.1, 0.1
+"""Of a branch: its tangent is taken so far on either side of its middle, its initial slope up to here."""
+
+TIP_ROWS = 16
+"""Rows beside a turning point that tell its level where there is noise."""
+
+MAY_BE = 4.0
+"""Standard deviations of the noise: rows so close to the largest value may be where a series turns."""
+
+MAY_BE_LARGEST = 2.0
+"""Standard errors: levels at which a width is so close to the largest may be where it is."""
+
+MOST_ROWS = 400
+"""Rows of a branch that are enough: the means of further ones lose a hundred-thousandth of a round tip."""
+
+QUIET = 1e-7
+"""Of a series' range: noise below this is rounding."""
+
+Pair = tuple[np.ndarray, np.ndarray]
+
+
+class Rows(NamedTuple):
+    """The rows of all branches one after the other: branch 2 k and 2 k + 1 are those of loop k.
+
+    - `at`: (m,) positions; `branch`: (m,) of each; `begins`: (2 k,) first of each branch in `at`.
+    """
+
+    at: np.ndarray
+    branch: np.ndarray
+    begins: np.ndarray
+
+
+class Loops:
+    """The loops of a record in numbers, (k,) each; pairs are values and their standard errors.
+
+    **Arguments:**
+
+    - `record`, `cut`: the readings, and the loops that can be evaluated.
+    - `y`: (n,) another output in the place of the readings; it is averaged as these are.
+    """
+
+    def __init__(self, record: AbstractRecord, cut: LoopRows, y: np.ndarray | None = None):
+        self.cut, self.size = cut, len(cut.first)
+        self.u = record.input[cut.rows]
+        self.y = (record.output if y is None else y)[cut.rows]
+        self.t = None if record.time is None else record.time[cut.rows]
+        self.su, self.sy = cut.noise[:, cut.sequence]
+        both = (self.u, self.su), (record.output[cut.rows], self.sy)
+        quiet = [not (self.size and np.median(s) > QUIET * np.ptp(x)) for x, s in both]
+        self.quiet_u, self.quiet_y = quiet
+        self.noisy = not all(quiet)
+        usual = int(np.median(cut.last - cut.first)) // 2 if self.size else 0
+        if self.noisy and usual >= 2 * MOST_ROWS:
+            self._average(usual // MOST_ROWS)
+        cut = self.cut
+        lengths = np.column_stack([cut.turn - cut.first, cut.last - cut.turn]).ravel() + 1
+        near = int(np.quantile(lengths, 0.1)) // 6 if self.size else 0
+        self.tip_rows = min(near, TIP_ROWS) if self.noisy and near >= 4 else 0
+        tips = [self.tip(self.u, at) for at in (cut.first, cut.turn, cut.last)]
+        first, turn, last = (at for at, _ in tips)
+        self.cut = cut = cut._replace(first=first, turn=turn, last=last)
+        self.turns = tips
+        self.tips = [
+            (self.value(self.u, at, both=True), self.value(self.y, at, off)) for at, off in tips
+        ]
+        self.leg_first = np.column_stack([first, turn]).ravel()
+        self.leg_last = np.column_stack([turn, last]).ravel()
+        self.lengths = lengths = self.leg_last + 1 - self.leg_first
+        self.legs = Rows(
+            ranges(self.leg_first, self.leg_last + 1), np.repeat(np.arange(len(lengths)), lengths),
+            np.cumsum(lengths) - lengths,
+        )  # fmt: skip
+        self.rising = self.u[turn] > self.u[first]
+        u = self.u[self.legs.at]
+        low, high = (f.reduceat(u, self.legs.begins) for f in (np.minimum, np.maximum))
+        self.ends = low, high
+        both = low.reshape(-1, 2), high.reshape(-1, 2)
+        self.low, self.high = both[0].min(1), both[1].max(1)
+        self.common = both[0].max(1), both[1].min(1)
+        self._levels()
+
+    def _average(self, rows: int) -> None:
+        """Take the means of so many rows each, which have less noise and lose nothing of a branch."""
+        cut, bounds = self.cut, self.cut.bounds
+        counts = -(-np.diff(bounds) // rows)
+        new = np.cumsum([0, *counts])
+        begins = np.repeat(bounds[:-1] - rows * new[:-1], counts) + rows * np.arange(new[-1])
+        size = np.diff(begins, append=len(self.u))
+        self.u, self.y = (np.add.reduceat(x, begins) / size for x in (self.u, self.y))
+        if self.t is not None:
+            self.t = np.add.reduceat(self.t, begins) / size
+        self.su, self.sy = self.su / np.sqrt(rows), self.sy / np.sqrt(rows)
+        first, turn, last = (
+            new[cut.sequence] + (at - bounds[cut.sequence]) // rows
+            for at in (cut.first, cut.turn, cut.last)
+        )
+        moved = {"first": first, "turn": turn, "last": np.maximum(last, turn + 1)}
+        moved["first"] = np.minimum(first, turn - 1)
+        self.cut = cut._replace(bounds=new, clock=cut.clock * rows, **moved)
+
+    # --- single rows -------------------------------------------------------------------------------
+
+    def noise_of(self, x: np.ndarray) -> tuple[np.ndarray, bool]:
+        """The standard deviation of input or output, and whether that is rounding alone."""
+        return (self.su, self.quiet_u) if x is self.u else (self.sy, self.quiet_y)
+
+    def tip(self, x: np.ndarray, at: np.ndarray) -> Pair:
+        """Where a series turns, near these rows, and the standard error of that row.
+
+        The row of the largest value is chosen by its noise: of the rows that noise may have chosen, it is
+        the one at the vertex of a parabola through the rows on either side.
+        """
+        w, (sigma, quiet) = 2 * self.tip_rows, self.noise_of(x)
+        if not w or quiet:
+            return at, np.zeros(len(at))
+        begin, end = (self.cut.bounds[self.cut.sequence + k] for k in (0, 1))
+        centre = np.clip(at, begin + w, np.maximum(end - 1 - w, begin + w))
+        steps = np.arange(-w, w + 1)
+        window = x[np.clip(centre[:, None] + steps, 0, len(x) - 1)]
+        window = window - window[:, w : w + 1]
+        mean, lean, bend = (window @ row for row in _parabola(steps))
+        top = (x[at] - x[centre])[:, None]
+        near = np.sign(top - mean[:, None]) * (top - window) <= MAY_BE * sigma[:, None]
+        first = centre - w + near.argmax(1)
+        last = centre + w - near[:, ::-1].argmax(1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            vertex = np.nan_to_num(-lean / (2 * bend))
+            error = sigma * np.linalg.norm(_parabola(steps)[1]) / np.abs(2 * bend)
+        found = np.clip(np.rint(centre + vertex), first, last).astype(int)
+        rounded = np.hypot(np.nan_to_num(error, nan=np.inf), 1 / np.sqrt(12))
+        return found, np.minimum(rounded, np.maximum(last - first, 1) / np.sqrt(12))
+
+    def value(
+        self, x: np.ndarray, at: np.ndarray, off: np.ndarray | float = 0.0, both: bool = False
+    ) -> Pair:
+        """The level of a series at a row, by parabolas through the rows beside it where there is noise.
+
+        Of the rows before it and at it, and with `both` of those on both sides without it: an extreme is
+        the row whose noise is largest, and lies between two rows. `off`: the standard error of the row.
+        """
+        w, (sigma, quiet) = self.tip_rows, self.noise_of(x)
+        begin, end = (self.cut.bounds[self.cut.sequence + k] for k in (0, 1))
+        if not w or quiet:
+            near = [x[np.clip(at + k, begin, end - 1)] for k in (-1, 0, 1)]
+            return x[at], np.hypot(sigma, both * np.abs(near[0] - 2 * near[1] + near[2]) / 8)
+        level, lean, _ = _parabola(np.arange(w) + both)
+        before, after = (
+            x[np.clip(at[:, None] + sign * (np.arange(w) + both), 0, len(x) - 1)]
+            for sign in (-1, 1)
+        )
+        has_before, has_after = at - w >= begin, at + w < end
+        two = has_before & has_after
+        left, right = before @ level, after @ level
+        mean = np.where(two, (left + right) / 2, np.where(has_before, left, right))
+        found = mean if both else np.where(has_before, left, right)
+        slopes = before @ lean, after @ lean
+        error = np.hypot(
+            sigma * np.sqrt(np.sum(level**2) / (1 + both)),
+            np.where(two, (slopes[0] + slopes[1]) / 8, 0.0)
+            if both
+            else np.where(has_before, *slopes) * off,
+        )
+        told = has_before | has_after
+        return np.where(told, found, x[at]), np.where(told, error, sigma)
+
+    def peak(self, x: np.ndarray, largest: bool) -> tuple[np.ndarray, np.ndarray, Pair]:
+        """The row of a series' extreme in each loop, that row's error, and the level there.
+
+        Where the output turns with the input, as by friction, it has a corner: its level is then that of
+        the branch that comes to it.
+        """
+        rows, off = self.tip(x, self.extreme(x, largest))
+        level = self.value(x, rows, both=True)
+        if x is self.u or not self.tip_rows:
+            return rows, off, level
+        for (at, error), (_, corner) in zip(self.turns, self.tips, strict=True):
+            beyond = (1 if largest else -1) * (level[0] - corner[0])
+            there = (np.abs(rows - at) <= self.tip_rows) & (beyond < 2 * level[1])
+            rows, off = np.where(there, at, rows), np.where(there, error, off)
+            level = np.where(there, corner[0], level[0]), np.where(there, corner[1], level[1])
+        return rows, off, level
+
+    def extreme(self, x: np.ndarray, largest: bool) -> np.ndarray:
+        """The row at which a series is largest or least within each loop."""
+        return largest_row(x if largest else -x, self.cut.first, self.cut.last)
+
+    # --- branches over the input ------------------------------------------------------------------
+
+    def _levels(self) -> None:
+        """The outputs of both branches at inputs that both pass: (k, 2, levels), the rising one first."""
+        low, high = self.common
+        usual = int(np.median(self.lengths)) if self.size else 0
+        binned = self.noisy and usual >= 8 * BIN_ROWS
+        most = usual // BIN_ROWS if binned else usual // 2 if self.noisy else LEVELS
+        self.levels = max(min(most, LEVELS), 9) | 1
+        self.place = (np.arange(self.levels) + 0.5) / self.levels
+        at, branch, _ = self.legs
+        loop = branch // 2
+        u, y = self.u[at], self.y[at]
+        own_low, own_high = self.ends
+        width = np.where(own_high > own_low, own_high - own_low, 1.0)
+        key = 2.0 * branch + (u - own_low[branch]) / width[branch]
+        order = np.argsort(key, kind="stable")
+        with np.errstate(invalid="ignore"):
+            level = low[:, None] + (high - low)[:, None] * self.place
+        each = np.repeat(level, 2, axis=0)
+        number = np.arange(len(own_low))[:, None]
+        wanted = 2.0 * number + (each - own_low[:, None]) / width[:, None]
+        self.key, self.key_y, self.order = key[order], y[order], order
+        found = np.interp(wanted, self.key, self.key_y) if len(key) else wanted
+        error = np.broadcast_to(np.hypot(self.sy, 0)[:, None], level.shape).repeat(2, axis=0)
+        if binned:
+            size = np.where(high > low, high - low, 1.0)
+            place = (u - low[loop]) / size[loop] * self.levels
+            inside = (place >= 0) & (place < self.levels)
+            cell = np.where(inside, place, 0).astype(int)
+            off = place - cell - 0.5
+            cell = (cell + branch * self.levels)[inside]
+            off, y = off[inside], y[inside]
+            count, s1, s2, sy, s1y = (
+                np.bincount(cell, weights, found.size).reshape(found.shape)
+                for weights in (np.ones(len(off)), off, off**2, y, off * y)
+            )
+            det = count * s2 - s1**2
+            # Rows on one side of a level alone would be extrapolated from.
+            good = (count >= 3) & (s1**2 < 0.5 * det)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                found = np.where(good, (s2 * sy - s1 * s1y) / det, found)
+                error = np.where(good, error * np.sqrt(s2 / det), error)
+            # The line through a bin lies off a curve by a 24th of its bend.
+            found[:, 1:-1] -= np.diff(found, 2, axis=1) / 24
+        # Noise of the input counts as noise of the output, by the slope there.
+        slope = np.gradient(found, axis=1) * self.levels
+        with np.errstate(divide="ignore", invalid="ignore"):
+            steep = slope / np.repeat(high - low, 2)[:, None]
+        more = np.abs(steep) * np.repeat(self.su / np.where(self.sy > 0, self.sy, 1), 2)[:, None]
+        error = np.where(
+            np.repeat(self.sy > 0, 2)[:, None], error * np.hypot(1, more),
+            np.abs(steep) * np.repeat(self.su, 2)[:, None],
+        )  # fmt: skip
+        shape = self.size, 2, self.levels
+        found, error = (self.by_way(x.reshape(shape)) for x in (found, error))
+        self.branches, self.branch_errors = found, error
+        self.gap = found[:, 1] - found[:, 0]
+        self.gap_error = np.hypot(error[:, 0], error[:, 1])
+
+    def by_way(self, x: np.ndarray) -> np.ndarray:
+        """(k, 2, ...) of first and second branch as rising and falling branch."""
+        return np.where(self.rising.reshape(-1, *[1] * (x.ndim - 1)), x, x[:, ::-1])
+
+    def width_at_middle(self) -> Pair:
+        """Unloading less loading, at the middle of the inputs that both branches pass."""
+        k = self.levels // 2
+        return self.gap[:, k], self.gap_error[:, k]
+
+    def largest_width(self) -> Pair:
+        """The largest distance of the branches, with the sign of that place."""
+        if not self.noisy:
+            smooth, lean, bend = self._smoothed(1)[0]
+            at, row = np.abs(smooth).argmax(1), np.arange(self.size)
+            value, b, c = (x[row, at] for x in (smooth, lean, bend))
+            with np.errstate(divide="ignore", invalid="ignore"):
+                top = -b / (2 * c)
+            return np.where(np.abs(top) <= 1, value + b * top / 2, value), self.gap_error[
+                row, at + 1
+            ]
+        best = self._largest(1)
+        level, wrong = best
+        agree = np.ones(self.size, bool)
+        for w in range(2, max(self.levels // 10, 1) + 1):
+            value, error = self._largest(w)
+            # Smoothed as far as it says the same.
+            agree &= np.abs(value - level) <= MAY_BE_LARGEST * wrong
+            best = np.where(agree, value, best[0]), np.where(agree, error, best[1])
+        return best
+
+    def _smoothed(self, w: int) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
+        """Level, slope and bend of the width by parabolas over `2 w + 1` levels, and its mean there."""
+        windows = np.lib.stride_tricks.sliding_window_view(self.gap, 2 * w + 1, axis=1)
+        return tuple(windows @ row for row in _parabola(np.arange(-w, w + 1))), windows.mean(2)
+
+    def _largest(self, w: int) -> Pair:
+        (smooth, _, _), mean = self._smoothed(w)
+        errors = self.gap_error[:, w : self.levels - w] * np.linalg.norm(
+            _parabola(np.arange(-w, w + 1))[0]
+        )
+        # A parabola through a corner would be too high; the mean is high beside no corner.
+        height, row = np.abs(mean), np.arange(self.size)
+        at = height.argmax(1)
+        value, error = smooth[row, at], errors[row, at]
+        # The largest of many is chosen by its noise: the mean of those that may be it is not.
+        near = height[row, at][:, None] - height <= MAY_BE_LARGEST * error[:, None]
+        near &= np.sign(smooth) == np.sign(value)[:, None]
+        return np.where(near, smooth, 0.0).sum(1) / np.maximum(near.sum(1), 1), error
+
+    def middle_slope(self) -> Pair:
+        """Of the line through the middle between the branches, output over input."""
+        low, high = self.common
+        middle, half = (low + high) / 2, (0.5 - MARGIN) * (high - low)
+        at, branch, begins = self.legs
+        loop = branch // 2
+        # int y (u - middle) du over the inputs within, as int y dg, g = (u - middle)^2 / 2.
+        way = np.clip(self.u[at] - middle[loop], -half[loop], half[loop])
+        sign = np.where(np.repeat(self.rising, 2) == (np.arange(2 * self.size) % 2 == 0), 1.0, -1.0)
+        g = way**2 / 2
+        same = branch[1:] == branch[:-1]
+        y = self.y[at] - self.y[self.leg_first][branch]
+        step, ahead = np.diff(g), np.diff(y)
+        parts = np.where(same, (y[1:] + y[:-1]) / 2 * step, 0.0)
+        inside = np.abs(way) < half[loop]
+        noise = [
+            np.where(same, step, 0.0) ** 2 * self.sy[loop[1:]] ** 2,
+            np.where(same, way[1:] * inside[1:] * ahead, 0.0) ** 2 * self.su[loop[1:]] ** 2,
+        ]
+        total, variance = (
+            np.add.reduceat(np.append(x, 0.0), begins) for x in (parts, noise[0] + noise[1])
+        )
+        with np.errstate(divide="ignore", invalid="ignore"):
+            slope = (sign * total).reshape(-1, 2).sum(1) / (4 * half**3 / 3)
+            error = np.sqrt(variance.reshape(-1, 2).sum(1)) / (4 * half**3 / 3)
+        # Between the rows of a round motion its chords are so much flatter.
+        chord = (np.pi / self.lengths.reshape(-1, 2).min(1)) ** 2 / 6
+        return slope, np.hypot(error, slope * chord)
+
+    def slopes(self, initial: bool) -> tuple[Pair, Pair]:
+        """Of the rising and of the falling branch: the initial slope, or the tangent at its middle."""
+        at, branch, _ = self.legs
+        u, y = self.u[at], self.y[at]
+        ends = [one[0][0] for one in self.tips]
+        begin, end = np.column_stack(ends[:2]).ravel(), np.column_stack(ends[1:]).ravel()
+        with np.errstate(divide="ignore", invalid="ignore"):
+            way = (u - begin[branch]) / (end - begin)[branch]
+        inside = way <= INITIAL if initial else np.abs(way - 0.5) <= TANGENT
+        if initial:  # a branch with inner loops comes back to its beginning
+            inside &= at - self.leg_first[branch] <= 0.5 * self.lengths[branch]
+        slope, error, _ = self.lines(inside, u, y)
+        if initial:  # a steep beginning depends on where it begins
+            where = np.column_stack([one[0][1] for one in self.tips[:2]]).ravel()
+            straight, _, _ = self.lines(np.abs(way - 0.5) <= TANGENT, u, y)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                error = np.hypot(
+                    error, (slope - straight) * where / (INITIAL * np.abs(end - begin))
+                )
+        pairs = [self.by_way(x.reshape(-1, 2)) for x in (slope, error)]
+        rising, falling = ((pairs[0][:, k], pairs[1][:, k]) for k in (0, 1))
+        return rising, falling
+
+    def lines(
+        self, inside: np.ndarray, u: np.ndarray, y: np.ndarray, groups: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, ...]]:
+        """Least-squares lines of the rows `inside` of each branch: slope, its error, and centre.
+
+        `groups`: (m,) of each row, in place of its branch. The centre is the mean input, the mean output
+        and its standard error.
+        """
+        group = self.legs.branch if groups is None else groups
+        count = 2 * self.size
+        own, u, y = group[inside], u[inside], y[inside]
+        n = np.bincount(own, minlength=count)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            mean_u, mean_y = (np.bincount(own, x, count) / n for x in (u, y))
+            du, dy = u - mean_u[own], y - mean_y[own]
+            suu, suy = (np.bincount(own, du * x, count) for x in (du, dy))
+            slope = np.where(n >= 3, suy / suu, np.nan)
+            sigma = np.hypot(np.repeat(self.sy, 2), slope * np.repeat(self.su, 2))
+            error = sigma / np.sqrt(suu)
+            centre = mean_u, mean_y, sigma / np.sqrt(n)
+        return np.where(np.isfinite(slope), slope, np.nan), error, centre
+
+    def at_input(self, u: float) -> tuple[Pair, Pair]:
+        """Outputs and slopes of the rising and the falling branch at an input: (k, 2) each.
+
+        By parabolas through the rows next to it; NaN where a branch does not pass it.
+        """
+        low, high = self.ends
+        w = max(self.tip_rows // 2, 2)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            place = 2.0 * np.arange(2 * self.size) + (u - low) / (high - low)
+        begin = self.legs.begins
+        middle = np.searchsorted(self.key, place)
+        first = np.clip(middle - w, begin, np.maximum(begin + self.lengths - 2 * w, begin))
+        rows = first[:, None] + np.arange(2 * w)
+        inside = rows < (begin + self.lengths)[:, None]
+        rows = np.where(inside, rows, 0)
+        x = (
+            np.where(inside, self.u[self.legs.at[self.order]][rows] - u, 0.0)
+            if len(self.key)
+            else rows
+        )
+        size = np.maximum(np.abs(x).max(1, initial=0.0), 1e-300)
+        powers = inside[..., None] * (x / size[:, None])[..., None] ** np.arange(3)
+        square = np.swapaxes(powers, 1, 2) @ powers
+        fits = (u >= low) & (u <= high) & (np.linalg.cond(square) < 1e12)
+        square[~fits] = np.eye(3)
+        inverse = np.linalg.inv(square)
+        y = self.key_y[rows] if len(self.key) else x
+        found = (inverse @ (np.swapaxes(powers, 1, 2) @ (y * inside)[..., None]))[..., 0]
+        slope = found[:, 1] / size
+        sigma = np.hypot(np.repeat(self.sy, 2), slope * np.repeat(self.su, 2))
+        pairs = []
+        for value, spread in ((found[:, 0], inverse[:, 0, 0]), (slope, inverse[:, 1, 1] / size**2)):
+            both = np.where(fits, value, np.nan), np.where(fits, sigma * np.sqrt(spread), np.nan)
+            pairs.append(tuple(self.by_way(x.reshape(-1, 2)) for x in both))
+        return pairs[0], pairs[1]
+
+
+def largest_row(x: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarray:
+    """The first row of the largest value between two rows, both included, for each pair."""
+    lengths = last + 1 - first
+    rows = ranges(first, last + 1)
+    begins = np.cumsum(lengths) - lengths
+    if not len(rows):
+        return first
+    top = np.maximum.reduceat(x[rows], begins)
+    hit = np.where(x[rows] == np.repeat(top, lengths), rows, len(x))
+    return np.minimum.reduceat(hit, begins)
+
+
+def _parabola(places: np.ndarray) -> np.ndarray:
+    """Weights (3, n) of values at these places in their least-squares parabola: at 0, slope, and square."""
+    return np.linalg.pinv(np.vander(places, 3, increasing=True).astype(float))

@@ -1,0 +1,418 @@
+"""The table of a record's loops: a row a loop, each figure with error and unit, or why it is empty."""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .._errors import InputError
+from .._format import plain
+from .._show import aligned, at_most
+from ._abstract_record import AbstractRecord
+from ._loads import kind_of_units
+from ._loop_areas import area, given_back
+from ._loop_cut import loop_rows
+from ._loop_fields import field_figures, field_unit
+from ._loop_figures import Loops, Pair
+
+KINDS = ("mechanical", "magnetic", "ferroelectric", "plain")
+
+FULL = 0.95
+"""Of the widest loop's range of inputs: loops that pass so much of it are compared."""
+
+PACE = 1.25
+"""Times the shortest of these loops that the longest may take: at another rate, or after another rest,
+creep moves stiffness and zero as well."""
+
+FEW_ROWS, NO_OVERLAP, OPEN = (
+    "too few of its rows count", "its branches pass no input alike", "it does not return to its first input"
+)  # fmt: skip
+SHORT, FIRST, OTHER = (
+    "too few rows there", "no loop before it", "the loop before it differs in range, rate or rest"
+)  # fmt: skip
+THIN = "the loop is no wider than its error"
+SURE = 3.0
+"""Standard errors from which on a loop has an area whose halves can be compared."""
+
+SHOWN = 12
+"""Loops that are printed."""
+
+
+class LoopFigure(NamedTuple):
+    """One figure of every loop: `value` and standard `error` (k,), NaN where `reason` (k,) says why."""
+
+    name: str
+    value: np.ndarray
+    error: np.ndarray
+    unit: str
+    reason: np.ndarray
+
+
+class LoopSummary(NamedTuple):
+    """A figure over the full loops: those that pass 95 % of the widest loop's inputs, and tell it.
+
+    - `value`, `error`: mean, and its standard error from the noise. `scatter`: standard deviation from loop
+      to loop, None of one.
+    - `loops`: how many. `first`, `later`: of each run's first loop, and of the later ones, where runs have
+      both. `reason`: why there is no value.
+    """
+
+    name: str
+    value: float | None
+    error: float | None
+    scatter: float | None
+    unit: str
+    loops: int
+    first: float | None
+    later: float | None
+    reason: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class LoopTable:
+    """Loops of a record, a row each; see `Record.loops`.
+
+    - `kind`: "mechanical", "magnetic", "ferroelectric" or "plain".
+    - `run`, `cycle`: (k,) sequence and number in it. `first`, `last`: (k,) lines. `full`: (k,) whether its
+      range of inputs is 95 % of the widest.
+    - `figures`: a `LoopFigure` each. `model`: the same loops as a fitted model has them, or None.
+    """
+
+    kind: str
+    run: np.ndarray
+    cycle: np.ndarray
+    first: np.ndarray
+    last: np.ndarray
+    full: np.ndarray
+    figures: tuple[LoopFigure, ...]
+    model: "LoopTable | None" = None
+
+    def __len__(self) -> int:
+        return len(self.run)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the figures."""
+        return tuple(one.name for one in self.figures)
+
+    def __getitem__(self, name: str) -> LoopFigure:
+        """A figure by name. Raises `InputError` `no-column`."""
+        for one in self.figures:
+            if one.name == name:
+                return one
+        raise InputError("no-column", f"No figure {name!r}; have {', '.join(self.names)}.")
+
+    @property
+    def summary(self) -> tuple[LoopSummary, ...]:
+        """Each figure over the full loops, a `LoopSummary` each."""
+        return tuple(self._summary(one) for one in self.figures)
+
+    def _summary(self, one: LoopFigure) -> LoopSummary:
+        told = self.full & np.isfinite(one.value)
+        none = LoopSummary(one.name, None, None, None, one.unit, 0, None, None)
+        if not told.any():
+            return none._replace(
+                reason=str(one.reason[self.full][0]) if self.full.any() else "no loop"
+            )
+        x, n = one.value[told], int(told.sum())
+        scatter = float(np.std(x, ddof=1)) if n > 1 else None
+        run = self.run[told]
+        begins = np.append(True, run[1:] != run[:-1])
+        both = begins.any() and not begins.all()
+        first, later = (float(x[w].mean()) if both else None for w in (begins, ~begins))
+        error = float(np.sqrt(np.sum(one.error[told] ** 2)) / n)
+        return LoopSummary(one.name, float(x.mean()), error, scatter, one.unit, n, first, later)
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """The table as columns (k,) for a data frame: names carry units, and errors follow values."""
+        found = {
+            "run": self.run,
+            "cycle": self.cycle,
+            "first line": self.first,
+            "last line": self.last,
+        }
+        for one in self.figures:
+            unit = "" if one.unit == "1" else f" ({one.unit})"
+            found |= {f"{one.name}{unit}": one.value, f"error of {one.name}{unit}": one.error}
+        if self.model is not None:
+            found |= {f"model's {name}": x for name, x in [*self.model.columns().items()][4::2]}
+        return found
+
+    def document(self) -> dict[str, Any]:
+        """All of it, as data that JSON can hold."""
+        rows: list[dict[str, Any]] = [
+            {name: getattr(self, name)[k] for name in ("run", "cycle", "first", "last", "full")}
+            for k in range(len(self))
+        ]
+        for k, row in enumerate(rows):
+            row["figures"] = {
+                one.name: {
+                    "value": one.value[k], "error": one.error[k], "unit": one.unit, "reason": one.reason[k],
+                }
+                for one in self.figures
+            }  # fmt: skip
+            for one in () if self.model is None else self.model.figures:
+                row["figures"][one.name]["model"] = one.value[k]
+        summary = [one._asdict() for one in self.summary]
+        return plain({"kind": self.kind, "summary": summary, "loops": rows})
+
+    def lines(self) -> Iterator[str]:
+        """The summary, and the main figures of the first loops, as lines."""
+        full = int(self.full.sum())
+        if not len(self):
+            yield "No loop: the input does not go and come back."
+            return
+        loops = f"{len(self)} loop{'s' * (len(self) != 1)}, {full} full ({self.kind})"
+        yield f"{loops}; mean ± error, scatter from loop to loop"
+        cells = [("  figure", "mean", "scatter", "unit", "first", "later")]
+        cells += [_cells(one) for one in self.summary]
+        yield from aligned(cells)
+        main = [one for one in self.figures if one.name in MAIN and np.isfinite(one.value).any()]
+        if not main:
+            return
+        yield ""
+        heads = [f"{one.name}{'' if one.unit == '1' else f' ({one.unit})'}" for one in main]
+        rows = [("  run", "cycle", "lines", *heads)]
+        for k in range(min(len(self), SHOWN)):
+            told = [
+                "-" if np.isnan(one.value[k]) else f"{one.value[k]:.4g} ± {one.error[k]:.1g}"
+                for one in main
+            ]
+            rows.append(
+                (f"  {self.run[k]}", str(self.cycle[k]), f"{self.first[k]}-{self.last[k]}", *told)
+            )
+        yield from aligned(rows)
+        if len(self) > SHOWN:
+            yield f"  ... and {len(self) - SHOWN} more loops"
+
+    def __str__(self) -> str:
+        return "\n".join(at_most([*self.lines()], 80))
+
+
+MAIN = (
+    "energy lost", "loop area", "width at mid-range", "stiffness", "slope", "damping ratio", "closure",
+    "coercive field", "remanence", "saturation", "squareness",
+)  # fmt: skip
+"""Figures that are printed for each loop."""
+
+
+def _cells(one: LoopSummary) -> tuple[str, ...]:
+    if one.value is None:
+        return f"  {one.name}", "-", "", "", "", one.reason
+    more = ("" if x is None else f"{x:.4g}" for x in (one.first, one.later))
+    scatter = "" if one.scatter is None else f"{one.scatter:.2g}"
+    unit = "" if one.unit == "1" else one.unit
+    return f"  {one.name}", f"{one.value:.5g} ± {one.error:.2g}", scatter, unit, *more
+
+
+def kind_of_loops(record: AbstractRecord) -> str:
+    """What the loops are of, by the units of input and output, or by their names where they have none."""
+    if kind_of_units(record) is not None:
+        return "mechanical"
+    units = record.input_unit, record.output_unit
+    names = record.input_name.lower(), record.output_name.lower()
+    if "1" not in units and all(field_unit(u, "magnetic", k) for k, u in enumerate(units)):
+        return "magnetic"
+    if re.search(r"magneti[sz]|moment", names[1]) and re.search(r"field|^[bh]\b", names[0]):
+        return "magnetic"
+    if "1" not in units and all(field_unit(u, "ferroelectric", k) for k, u in enumerate(units)):
+        return "ferroelectric"
+    if re.search(r"polari[sz]", names[1]) and re.search(r"field|volt|^[ev]\b", names[0]):
+        return "ferroelectric"
+    return "plain"
+
+
+def loop_table(
+    record: AbstractRecord, kind: str | None = None, model: np.ndarray | None = None
+) -> LoopTable:
+    """The loops of a record, and those of a `model`'s output (n,) beside. See `Record.loops`."""
+    if kind is None:
+        kind = kind_of_loops(record)
+    if kind not in KINDS:
+        raise InputError("bad-option", f"kind={kind!r}.", fix=f"{', '.join(KINDS)}.")
+    cut = loop_rows(record)
+    size, usable = len(cut.first), np.flatnonzero(cut.counted)
+    part = {name: getattr(cut, name)[usable] for name in (*cut._fields[2:7], "closed")}
+    chosen = cut._replace(**part)
+    t = cut.rows if record.time is None else record.time[cut.rows]
+
+    def whole(x: np.ndarray, empty: Any = np.nan) -> np.ndarray:
+        found = np.full(size, empty, dtype=object if isinstance(empty, str) else float)
+        found[usable] = x
+        return found
+
+    def figures(loops: Loops, overlaps: np.ndarray) -> Iterator[LoopFigure]:
+        for name, (value, error), unit, why in _figures(record, kind, loops):
+            why = np.where(overlaps, why, NO_OVERLAP).astype(object)
+            empty = (why != "") | ~np.isfinite(value) | ~np.isfinite(error)
+            why[empty & (why == "")] = SHORT
+            value, error = (whole(np.where(empty, np.nan, x)) for x in (value, error))
+            yield LoopFigure(name, value, error, unit, whole(why, FEW_ROWS))
+
+    def table(y: np.ndarray | None) -> LoopTable:
+        loops = Loops(record, chosen, y)
+        overlaps = loops.common[1] > loops.common[0]
+        span = whole(np.where(overlaps, loops.high - loops.low, np.nan))
+        full = span >= FULL * max(span[np.isfinite(span)], default=0.0)
+        found = tuple(figures(loops, overlaps))
+        if kind in ("mechanical", "plain"):
+            found += (
+                _softening(
+                    record, cut.sequence, full, whole(t[chosen.last] - t[chosen.first]), found
+                ),
+            )
+        labels = np.array(record.labels, object)[cut.sequence]
+        first, last = (record.line[cut.rows[x]] for x in (cut.first, cut.last))
+        return LoopTable(kind, labels, cut.number, first, last, full, found)
+
+    return replace(table(None), model=None if model is None else table(model))
+
+
+def _softening(
+    record: AbstractRecord, run: np.ndarray, full: np.ndarray, seconds: np.ndarray,
+    found: tuple[LoopFigure, ...],
+) -> LoopFigure:  # fmt: skip
+    """Loss of stiffness from the loop before, in per cent."""
+    stiff = next(one for one in found if one.name in ("stiffness", "slope"))
+    x, error = stiff.value, stiff.error
+    x0, error0, full0, seconds0 = (np.append(y[:1], y[:-1]) for y in (x, error, full, seconds))
+    new = np.append(True, run[1:] != run[:-1])[: len(x)]
+    longer = np.maximum(seconds, seconds0) > PACE * np.minimum(seconds, seconds0)
+    held = f"{', '.join(record.conditions)} may change between loops" if record.conditions else ""
+    why = np.where(~full | ~full0 | longer, OTHER, held).astype(object)
+    why[new] = FIRST
+    why[stiff.reason != ""] = stiff.reason[stiff.reason != ""]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        value, wrong = 100 * (1 - x / x0), 100 / np.abs(x0) * np.hypot(error, x / x0 * error0)
+    value, wrong = (np.where(why == "", y, np.nan) for y in (value, wrong))
+    return LoopFigure("softening", value, wrong, "percent", why)
+
+
+Peak = tuple[np.ndarray, np.ndarray, Pair]
+Told = tuple[str, Pair, str, "np.ndarray | str"]
+
+
+def _figures(record: AbstractRecord, kind: str, loops: Loops) -> Iterator[Told]:
+    """Name, value with error, unit and reason of each figure of all loops."""
+    cut, unit_u, unit_y = loops.cut, record.input_unit, record.output_unit
+    u, y, su, sy = loops.u, loops.y, loops.su, loops.sy
+    if loops.t is not None:
+        step = np.full(loops.size, cut.clock / np.sqrt(6))
+        yield "duration", (loops.t[cut.last] - loops.t[cut.first], step), record.time_unit, ""
+    peaks: dict[Any, Peak] = {}
+    for name, x, unit in (("input", u, unit_u), ("output", y, unit_y)):
+        for which in ("lowest", "highest"):
+            peaks[name, which] = loops.peak(x, which == "highest")
+            yield f"{which} {name}", peaks[name, which][2], unit, ""
+    rows, off, _ = peaks["input", "lowest"]
+    yield "output at lowest input", loops.value(y, rows, off), unit_y, ""
+    opened = np.where(cut.closed, "", OPEN)
+    yield "closure", less(loops.tips[2][1], loops.tips[0][1]), unit_y, opened
+    around = area(loops, u, y, su, sy)
+    size = less(peaks["input", "highest"][2], peaks["input", "lowest"][2])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        mean = np.abs(around[0]) / size[0]
+        yield "loop width", (mean, np.hypot(around[1], mean * size[1]) / size[0]), unit_y, opened
+    yield "width at mid-range", loops.width_at_middle(), unit_y, ""
+    yield "largest width", loops.largest_width(), unit_y, ""
+    if kind in ("magnetic", "ferroelectric"):
+        yield from field_figures(record, kind, loops, around, opened)
+        return
+    yield from _of_stiffness(record, loops)
+    yield from _of_energy(record, kind, loops, around, opened, peaks)
+
+
+def _of_stiffness(record: AbstractRecord, loops: Loops) -> Iterator[Told]:
+    """Slopes of the loop and of its branches: load over deformation where the units tell them apart."""
+    creep = kind_of_units(record) == "creep"
+    units = record.output_unit, record.input_unit
+    unit = over(*units[::-1] if creep else units)
+    name = "slope" if kind_of_units(record) is None else "stiffness"
+
+    def turned(pair: Pair) -> Pair:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return (1 / pair[0], pair[1] / pair[0] ** 2) if creep else pair
+
+    yield name, turned(loops.middle_slope()), unit, ""
+    ends = pairwise(loops.tips)
+    chords = [_ratio(less(y1, y0), less(u1, u0)) for (u0, y0), (u1, y1) in ends]
+    values, errors = (loops.by_way(np.stack(x, axis=1)) for x in zip(*chords, strict=True))
+    secants = [(values[:, k], errors[:, k]) for k in (0, 1)]
+    for what, pairs in (
+        ("secant", secants),
+        ("tangent", loops.slopes(initial=False)),
+        ("initial", loops.slopes(initial=True)),
+    ):  # fmt: skip
+        for way, pair in zip(("loading", "unloading"), pairs, strict=True):
+            yield f"{what} {name}, {way}", turned(pair), unit, ""
+
+
+def _of_energy(
+    record: AbstractRecord,
+    kind: str,
+    loops: Loops,
+    around: Pair,
+    opened: np.ndarray,
+    peaks: dict[Any, Peak],
+) -> Iterator[Told]:
+    """Work done on the specimen, what it gives back and loses, and the damping that is worth."""
+    creep = kind_of_units(record) == "creep"
+    load, x, sl, sx = loops.y, loops.u, loops.sy, loops.su
+    way, units = "input", (record.output_unit, record.input_unit)
+    if creep:
+        load, x, sl, sx, way, units = x, load, sx, sl, "output", units[::-1]
+    # A polygon's area over the other axis has the other sign.
+    whole = -around[0] if creep else around[0]
+    unit, error = times(*units), around[1]
+    lost = np.abs(whole) if kind == "plain" else whole
+    if kind == "plain":
+        yield "loop area", (lost, error), unit, opened
+    else:
+        given, wrong = given_back(loops, x, load)
+        wrong = np.hypot(wrong, error / np.sqrt(2))
+        yield "energy lost", (lost, error), unit, opened
+        yield "energy in", (lost + given, wrong), unit, opened
+        yield "energy out", (given, wrong), unit, opened
+    most, least = peaks[way, "highest"], peaks[way, "lowest"]
+    size = less(most[2], least[2])
+    rise = less(*(loops.value(load, rows, off) for rows, off, _ in (most, least)))
+    if kind == "plain":
+        rise = np.abs(rise[0]), rise[1]
+    ratio, off = _ratio(_ratio((2 / np.pi * lost, 2 / np.pi * error), size), rise)
+    yield "damping ratio", (ratio, off), "1", opened
+    yield "loss factor", (2 * ratio, 2 * off), "1", opened
+    middle = (most[2][0] + least[2][0]) / 2
+    above = np.empty_like(x)
+    rows = loops.legs.at
+    above[rows] = np.maximum(x[rows] - middle[loops.legs.branch // 2], 0.0)
+    # Both halves err by as much; where they part errs by the error of the middle.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        uneven = 2 * area(loops, above, load, sx, sl)[0] / whole - 1
+        parted = loops.width_at_middle()[0] * size[1]
+        wrong = np.hypot(error * np.hypot(1, uneven), parted) / np.abs(whole)
+    thin = np.where(np.abs(whole) > SURE * error, opened, THIN)
+    yield "energy asymmetry", (uneven, wrong), "1", thin
+
+
+def less(one: Pair, other: Pair) -> Pair:
+    """The difference of two figures."""
+    return one[0] - other[0], np.hypot(one[1], other[1])
+
+
+def _ratio(one: Pair, other: Pair) -> Pair:
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = one[0] / other[0]
+        return ratio, np.hypot(one[1], ratio * other[1]) / np.abs(other[0])
+
+
+def over(one: str, other: str) -> str:
+    """The unit of a quotient."""
+    return one if other == "1" else f"{one} / {other}"
+
+
+def times(one: str, other: str) -> str:
+    """The unit of a product."""
+    return one if other == "1" else other if one == "1" else f"{one} * {other}"
