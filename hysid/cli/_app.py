@@ -34,6 +34,7 @@ for _command, _example in {
     _asked.Demo: "hysid demo --out demo",
     _asked.Init: "hysid init run.csv",
     _asked.Check: f"hysid check run.csv {SPONGE}",
+    _asked_more.Loops: f"hysid loops run.csv {SPONGE}",
     _asked.Fit: f"hysid fit run.csv {SPONGE} --test-cycles 1 --out sponge",
     _asked.Predict: "hysid predict sponge new.csv --inverse",
     _asked.Qualify: "hysid qualify sponge new.csv --max-error 2 --rate 1000",
@@ -49,7 +50,7 @@ for _command, _example in {
     _asked.Warm: "hysid warm sponge",
     _asked_more.Bench: "hysid bench preisach --quick",
 }.items():
-    _class = FindsConfig if _command in (_asked.Check, _asked.Fit) else None
+    _class = FindsConfig if "config" in _command.__dataclass_fields__ else None
     app.command(epilog=example(_example), cls=_class)(command_of(_command))
 for _name, _about, _commands_of in (
     (

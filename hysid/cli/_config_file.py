@@ -25,7 +25,7 @@ else:
 SELECTION = tuple(FIELDS)
 """Options of `hysid fit` that choose rows and columns: the table [selection]. The others are in [fit]."""
 
-NOT_HERE = ("file", "out", "config", "overwrite", "as_json")
+NOT_HERE = ("file", "out", "config", "overwrite", "as_json", "kind", "csv")
 """Options that only the command line has."""
 
 INSTEAD = (HELD_OUT, ("time", "dt"))
@@ -195,7 +195,7 @@ class FindsConfig(TyperCommand):
 
         from ..intake._init import begun
 
-        if self.name != "fit":
+        if self.name not in ("fit", "loops"):
             raise _error(
                 "cannot-decide",
                 "No column is chosen, and the file has no configuration.",

@@ -8,6 +8,7 @@ import typer
 
 from ..catalogue._catalogue import SHIPPED
 from ..intake._option import option
+from ..intake._selection_options import FIELDS, HELD_OUT
 from ._asked import Command, overwriting, seeding, selecting
 
 BENCHMARKS = (
@@ -29,6 +30,28 @@ _shape_unit = partial(
 )
 _sessions = partial(option, "CSV files; each is one session.", argument=True, metavar="FILE...")
 _epochs = partial(option, "Epochs per network (default: 20,000 steps of 64 rows).", None, least=1)
+
+
+class Loops(Command):
+    """Tell the figures of every loop: energy, width, stiffness, damping, each with an error.
+
+    Loops over a magnetic or an electric field have coercive field, remanence, saturation and loss. FILE
+    alone is enough where its columns are plain, as for hysid fit.
+    """
+
+    does, jax = "commands._loop_table:run", False
+    file: Path = option("CSV file of the test rig.", argument=True, metavar="FILE")
+    selection: dict[str, Any] = selecting(*(name for name in FIELDS if name not in HELD_OUT))
+    kind: str | None = option(
+        "What the loops are of: mechanical, magnetic, ferroelectric or plain (default: by the units).",
+        None,
+    )
+    csv: Path | None = option(
+        "Write the table: a row a loop, and each figure with its error.", None, metavar="FILE.csv"
+    )
+    config: Path | None = option(
+        "TOML file of options: [selection]. Options given here override it.", None, config=True
+    )
 
 
 class Calibrate(Command):

@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 import identify
+from hysteresis import LoopTable
 
 from ..figures import _base as f
 from ..figures._format import label, number, pretty, quantity
@@ -46,8 +47,44 @@ def loops(case: Case) -> Section:
         section.draw(figure, alt, caption)
     if fit.test is None:
         section.notes.append("Nothing was held out, so there is only one panel.")
+    if fit.channels is None:
+        section.parts.append(Section("Figures of the loops", tables=[_figures(fit.loops())]))
     section.notes += _beyond(case)
     return section
+
+
+def _figures(table: LoopTable) -> Table:
+    """The figures of the fitted loops, of the readings and of the model."""
+    assert table.model is not None
+    rows = []
+    for one, model in zip(table.summary, table.model.summary, strict=True):
+        unit = pretty(one.unit).replace("percent", "%")
+        if one.value is None:
+            rows.append((one.name, "-", "", "", "", "", unit, one.reason))
+            continue
+        told = (one.value, model.value, one.scatter, one.first, one.later)
+        value, by_model, scatter, first, later = (
+            "" if x is None else number(x, one.error) for x in told
+        )
+        assert one.error is not None
+        rows.append(
+            (one.name, f"{value} ± {number(one.error)}", by_model, scatter, first, later, unit, "")
+        )
+    caption = (
+        f"{int(table.full.sum())} full loops of {len(table)}: means of the readings, with the errors that"
+        " noise and sampling leave, beside those of the model. hysid loops tells every loop."
+    )
+    heads = (
+        "figure",
+        "readings",
+        "model",
+        "scatter",
+        "first loop",
+        "later loops",
+        "unit",
+        "why not",
+    )
+    return Table(caption, heads, rows)
 
 
 def _beyond(case: Case) -> list[str]:

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -15,9 +15,6 @@ from .._note import Note
 from ._arrays import same_length
 from ._cells import LARGEST, LEAST_RANGE
 from ._cycles import branches, cycles, first_of_cycles
-
-if TYPE_CHECKING:
-    from ._loop_table import LoopTable
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,29 +177,6 @@ class AbstractRecord:
     def n_cycles(self) -> int:
         """Complete cycles of all sequences together."""
         return int(self.cycle_counts.sum())
-
-    def loops(self, kind: str | None = None) -> "LoopTable":
-        """A `LoopTable`: of every loop its extremes, widths, stiffness, energy and damping, with errors.
-
-        Loops over a magnetic or an electric field have coercive field, remanence, saturation and loss.
-        Errors come from the noise of the readings and the sampling step. What a loop does not tell is
-        empty, with a reason.
-
-        **Arguments:**
-
-        - `kind`: "mechanical", "magnetic", "ferroelectric" or "plain"; by default as units and names tell.
-
-        **Raises:** `InputError` `bad-option`.
-
-        **Example:**
-
-            >>> table = record.loops()
-            >>> len(table), table["energy lost"].unit, table.summary[0].name
-            (5, 'N * mm', 'duration')
-        """
-        from ._loop_table import loop_table  # late: it builds on this file
-
-        return loop_table(self, kind)
 
     def digest(self) -> str:
         """SHA-256 of arrays and labels: equal for equal data, wherever they came from."""

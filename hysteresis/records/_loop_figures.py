@@ -29,7 +29,7 @@ MAY_BE = 4.0
 """Standard deviations of the noise: rows so close to the largest value may be where a series turns."""
 
 MAY_BE_LARGEST = 2.0
-"""Standard errors: levels at which a width is so close to the largest may be where it is."""
+"""Standard errors of a width by which a wider smoothing of it may differ and still be taken."""
 
 MOST_ROWS = 400
 """Rows of a branch that are enough: the means of further ones lose a hundred-thousandth of a round tip."""
@@ -310,7 +310,7 @@ class Loops:
         at = height.argmax(1)
         value, error = smooth[row, at], errors[row, at]
         # The largest of many is chosen by its noise: the mean of those that may be it is not.
-        near = height[row, at][:, None] - height <= MAY_BE_LARGEST * error[:, None]
+        near = height[row, at][:, None] - height <= error[:, None]
         near &= np.sign(smooth) == np.sign(value)[:, None]
         return np.where(near, smooth, 0.0).sum(1) / np.maximum(near.sum(1), 1), error
 

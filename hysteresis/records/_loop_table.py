@@ -170,7 +170,8 @@ class LoopTable:
         cells = [("  figure", "mean", "scatter", "unit", "first", "later")]
         cells += [_cells(one) for one in self.summary]
         yield from aligned(cells)
-        main = [one for one in self.figures if one.name in MAIN and np.isfinite(one.value).any()]
+        main = [self[name] for name in MAIN if name in self.names]
+        main = [one for one in main if np.isfinite(one.value).any()]
         if not main:
             return
         yield ""

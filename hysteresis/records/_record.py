@@ -15,7 +15,6 @@ from numpy.typing import ArrayLike
 
 from .._drawing import html_of, plot_of
 from .._errors import InputError
-from .._format import quantity
 from .._note import Note
 from .._show import at_most
 from ._abstract_record import AbstractRecord
@@ -23,6 +22,8 @@ from ._arrays import fill, named_columns, numbers, same_length, seconds
 from ._branch_rows import selected
 from ._common_part import common_part, constant_within
 from ._excitation import describe, summary
+from ._loop_table import LoopTable, loop_table
+from ._resampled import resampled
 from ._units import named_unit
 
 _FIELDS = signature(AbstractRecord.__init__)
@@ -396,31 +397,30 @@ class Record(AbstractRecord):
         Mask, lines and further columns are those of the nearest row. No filter: average first
         where the step is much longer than the noise.
         """
-        if self.time is None or not dt > 0:
-            why = "there is no time column" if self.time is None else f"the step is {dt:g}"
-            raise InputError("no-time", f"Cannot resample: {why}.", fix="give time= or dt=.")
-        y, clock, rows = [], [], []
-        inputs = {"": self.input}
-        inputs |= {name: self.columns[name] for name in (*self.channels, *self.conditions)}
-        moved: dict[str, list[np.ndarray]] = {name: [] for name in inputs}
-        for _, s in self.sequences():
-            t, out = self.time[s], self.output[s]
-            c = t[0] + dt * np.arange(int((t[-1] - t[0]) / dt * (1 + 1e-12)) + 1)
-            good = np.isfinite(out)
-            for name, x in inputs.items():
-                moved[name].append(np.interp(c, t, x[s]))
-            y.append(np.interp(c, t[good], out[good]) if good.any() else np.full(len(c), np.nan))
-            rows.append(s.start + np.searchsorted((t[1:] + t[:-1]) / 2, c))
-            clock.append(c)
-        starts = np.cumsum([0, *map(len, clock[:-1])])
-        whole = {name: np.concatenate(parts) for name, parts in moved.items()}
-        sentence = f"Resampled {len(self)} rows to a step of {quantity(dt, self.time_unit)}."
-        said = Note("resampled", sentence)
-        taken = self._take(
-            np.concatenate(rows), said, starts=starts, input=whole.pop(""),
-            output=np.concatenate(y), time=np.concatenate(clock),
-        )  # fmt: skip
-        return replace(taken, columns={**taken.columns, **whole})
+        rows, said, changes, moved = resampled(self, dt)
+        taken = self._take(rows, said, **changes)
+        return replace(taken, columns={**taken.columns, **moved})
+
+    def loops(self, kind: str | None = None) -> LoopTable:
+        """A `LoopTable`: of every loop its extremes, widths, stiffness, energy and damping, with errors.
+
+        Loops over a magnetic or an electric field have coercive field, remanence, saturation and loss.
+        Errors come from the noise of the readings and the sampling step. What a loop does not tell is
+        empty, with a reason.
+
+        **Arguments:**
+
+        - `kind`: "mechanical", "magnetic", "ferroelectric" or "plain"; by default as units and names tell.
+
+        **Raises:** `InputError` `bad-option`.
+
+        **Example:**
+
+            >>> table = record.loops()
+            >>> len(table), table["energy lost"].unit, table.summary[0].name
+            (5, 'N * mm', 'duration')
+        """
+        return loop_table(self, kind)
 
     def summary(self) -> dict[str, Any]:
         """Rows, sequences, cycles, ranges, noise, clock, saturation and loop direction."""

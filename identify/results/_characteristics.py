@@ -96,17 +96,10 @@ def characteristics(
         ends = [table[f"{which} input"].value[full].mean() for which in ("lowest", "highest")]
         unit = "" if record.input_unit == "1" else f" {record.input_unit}"
         basis += f" between {ends[0]:.3g} and {ends[1]:.3g}{unit}"
-    found = [
-        _mean(
-            name,
-            _pairs(table, name)[full],
-            table[name].unit,
-            basis,
-            why or table[name].reason[full[0]],
-        )
-        for name in TOLD
-        if name in table.names
-    ]
+    found = []
+    for name in (name for name in TOLD if name in table.names):
+        reason = why or str(table[name].reason[full[0]])
+        found.append(_mean(name, _pairs(table, name)[full], table[name].unit, basis, reason))
     if table.kind in ("mechanical", "plain"):
         if not why and len(run) < 2:
             why = "one complete cycle in a row"

@@ -33,7 +33,7 @@ def one(table: LoopTable, name: str) -> float:
 @example(stiffness=3.0, damping=0.7, size=2.0, offset=0.0)
 @settings(max_examples=20)
 def test_a_viscous_loop_has_the_figures_of_its_equation(stiffness, damping, size, offset):
-    """F = k x + c v over x = a sin: area pi c a^2, width 2 c a, damping c / 2 k, work in and out by parts."""
+    """F = k x + c v over x = a sin: area pi c a^2, width 2 c a, damping c / 2 k, loss factor c / k."""
     angle = angles(2)
     x = size * np.sin(angle)
     table = record_of(x, stiffness * x + damping * size * np.cos(angle) + offset).loops()
@@ -93,7 +93,9 @@ def magnetic(rows: int = ROWS, noise: float = 0.0) -> Record:
     shift = np.where(np.sin(angle) > 0, -8, 12)  # falling: crosses zero at -8
     moment = 50 * np.tanh((field - shift) / 15) + 0.02 * (field - shift)
     moment += noise * np.random.default_rng(0).normal(size=len(field))
-    return record_of(field, moment, ("kA/m", "kA/m"), input_name="field", output_name="magnetization")
+    return record_of(
+        field, moment, ("kA/m", "kA/m"), input_name="field", output_name="magnetization"
+    )
 
 
 def test_a_magnetic_loop_is_known_by_its_units():
@@ -132,7 +134,9 @@ def test_what_a_loop_does_not_tell_has_a_reason():
     assert len(ramp) == 0
     assert str(ramp).startswith("No loop")
     x = np.array([0, 1, 2, 3, 2, 1.4] * 1, float)
-    open_one = record_of(np.interp(np.linspace(0, 5, 200), np.arange(6), x), np.arange(200.0)).loops()
+    open_one = record_of(
+        np.interp(np.linspace(0, 5, 200), np.arange(6), x), np.arange(200.0)
+    ).loops()
     assert "first input" in open_one["energy lost"].reason[0]
     assert np.isfinite(open_one["width at mid-range"].value[0])
     unknown = record_of(*weak, ("1", "1")).loops()

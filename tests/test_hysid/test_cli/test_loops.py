@@ -1,0 +1,39 @@
+"""`hysid loops`: from a file to the table of its loops."""
+
+import csv
+
+import numpy as np
+import pytest
+
+import hysid
+from tests.test_hysid.command import COLUMNS, run, sponge, text
+
+
+def test_a_file_alone_gives_the_loops_of_its_record(tmp_path):
+    file = tmp_path / "run.csv"
+    file.write_text(text(sponge()))
+    found = run("loops", file, *COLUMNS, "--json").json()
+    table = hysid.read_csv(file, "force (N)", "displacement (mm)", "time (s)").loops()
+    assert [one["cycle"] for one in found["loops"]] == table.cycle.tolist()
+    energy = [one["figures"]["energy lost"]["value"] for one in found["loops"]]
+    assert energy == pytest.approx(table["energy lost"].value.tolist())
+    assert found["kind"] == "mechanical"
+    guessed = run("loops", file, "--json").json()  # hysid chooses the columns itself
+    assert guessed["summary"] == found["summary"]
+    said = run("loops", file).out
+    assert "energy lost" in said
+    assert "N * mm" in said
+
+
+def test_the_table_is_written_for_other_programs(tmp_path):
+    file = tmp_path / "run.csv"
+    file.write_text(text(sponge()))
+    out = tmp_path / "loops.csv"
+    assert run("loops", file, *COLUMNS, "--each", "cycle", "--csv", out).code == 0
+    rows = [*csv.DictReader(out.read_text().splitlines())]
+    assert {row["cycle"] for row in rows} >= {"1"}
+    assert np.isfinite(float(rows[0]["width at mid-range (mm)"]))
+    fault = run("loops", file, *COLUMNS, "--csv", tmp_path / "no" / "loops.csv")
+    assert fault.code == 2
+    assert "cannot-write" in run("loops", file, *COLUMNS, "--csv", tmp_path, "--json").err
+    assert "bad-option" in run("loops", file, *COLUMNS, "--kind", "round", "--json").err
