@@ -7,16 +7,16 @@ import numpy as np
 
 from .._quantities import conversion
 from ._abstract_record import AbstractRecord
-from ._loop_figures import Loops, Pair
-
-STEEP = 0.15
-"""Of the largest output: rows so close to zero tell where a branch crosses it."""
+from ._loop_figures import TIP_ROWS, Loops, Pair, widest
 
 HIGH, HIGHER = 0.7, 0.85
 """Of the largest field: from here on the slope counts as that of what does not saturate."""
 
 SETTLED = 0.05
 """Of the saturation: by so much the two ranges of high fields may disagree."""
+
+SINGULAR = 1e12
+"""Condition of a parabola from which on its rows do not tell it."""
 
 NOT_CROSSED = "a branch does not cross zero"
 NOT_SATURATED = (
@@ -79,7 +79,8 @@ def field_figures(
     """Name, value with error, unit and reason of each figure of loops over a field."""
     unit_u, unit_y = record.input_unit, record.output_unit
     slope_unit = unit_y if unit_u == "1" else f"{unit_y} / {unit_u}"
-    crossings = _crossings(loops)
+    crossings, _ = map(_by_branch, _at_zero(loops, loops.y, loops.u))
+    at_zero, tangents = map(_by_branch, _at_zero(loops, loops.u, loops.y))
     why = np.where(np.isfinite(crossings[0][0] + crossings[1][0]), "", NOT_CROSSED)
     for way, pair in zip(("rising", "falling"), crossings, strict=True):
         yield (
@@ -90,10 +91,6 @@ def field_figures(
         )
     yield "coercive field", _halves(crossings, -1), unit_u, why
     yield "bias field", _halves(crossings, 1), unit_u, why
-    at_zero, tangents = (
-        ((value[:, 0], error[:, 0]), (value[:, 1], error[:, 1]))
-        for value, error in loops.at_input(0.0)
-    )
     for way, pair in zip(("rising", "falling"), at_zero, strict=True):
         yield f"remanence, {way}", pair, unit_y, ""
     remanence = _halves(at_zero[::-1], -1)
@@ -130,47 +127,67 @@ def field_figures(
         yield "loss a cycle and volume", (empty, empty), "J/m^3", NO_VOLUME
 
 
+def _by_branch(both: Pair) -> list[Pair]:
+    """The figures of the rising and of the falling branch."""
+    return [(both[0][:, k], both[1][:, k]) for k in (0, 1)]
+
+
 def _halves(pairs: Sequence[Pair], sign: int) -> Pair:
     """Half the sum, or half the difference of the first and the second."""
     (a, ea), (b, eb) = pairs
     return (a + sign * b) / 2, np.hypot(ea, eb) / 2
 
 
-def _crossings(loops: Loops) -> tuple[Pair, Pair]:
-    """The inputs at which the rising and the falling branch cross zero output."""
+def _at_zero(loops: Loops, x: np.ndarray, y: np.ndarray) -> tuple[Pair, Pair]:
+    """The level of `y` where `x` crosses zero, and its slope over `x` there: (k, 2) each, with errors.
+
+    On the rising and the falling branch, NaN where a branch does not cross zero.
+    """
     at, branch, begins = loops.legs
-    u, y = loops.u[at], loops.y[at]
-    same = np.append(branch[1:] == branch[:-1], False)
-    crosses = same & ((y >= 0) != (np.append(y[1:], 0.0) >= 0))
-    number = np.arange(len(u))
+    own, level = x[at], y[at]
+    number = np.arange(len(at))
+    crosses = (branch[1:] == branch[:-1]) & ((own[1:] >= 0) != (own[:-1] >= 0))
+    crosses = np.append(crosses, False)
     # Noise crosses several times: between the first and the last of them.
-    first = np.minimum.reduceat(np.where(crosses, number, len(u)), begins)
+    first = np.minimum.reduceat(np.where(crosses, number, len(at)), begins)
     last = np.maximum.reduceat(np.where(crosses, number, -1), begins)
     there = last >= 0
-    edge = []
-    for at_row in (first, last):
-        k = np.where(there, at_row, 0)
-        after = np.minimum(k + 1, len(u) - 1)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            edge.append(u[k] - y[k] * (u[after] - u[k]) / (y[after] - y[k]))
-    found = np.where(there, (edge[0] + edge[1]) / 2, np.nan)
+    first, last = np.where(there, first, 0), np.where(there, last, 0)
+    last = np.minimum(last + 1, max(len(at) - 1, 0))
     with np.errstate(divide="ignore", invalid="ignore"):
-        k = np.where(there, first, 0)
-        after = np.minimum(np.where(there, last, 0) + 1, len(u) - 1)
-        slope = (y[after] - y[k]) / (u[after] - u[k])
-    error = np.hypot(np.repeat(loops.sy, 2) / np.abs(slope), np.repeat(loops.su, 2))
-    if loops.noisy:
-        top = np.maximum.reduceat(np.abs(y), begins)
-        inside = (np.abs(y) <= STEEP * top[branch]) & there[branch]
-        line, slope_error, (mean_u, mean_y, mean_error) = loops.lines(inside, u, y)
-        enough = np.bincount(branch[inside], minlength=len(found)) >= 6
-        with np.errstate(divide="ignore", invalid="ignore"):
-            crossing = mean_u - mean_y / line
-            wrong = np.hypot(mean_error, slope_error * (crossing - mean_u)) / np.abs(line)
-        good = enough & there & np.isfinite(crossing)
-        found, error = np.where(good, crossing, found), np.where(good, wrong, error)
-    values, errors = (loops.by_way(x.reshape(-1, 2)) for x in (found, error))
-    return (values[:, 0], errors[:, 0]), (values[:, 1], errors[:, 1])
+        slope = (level[last] - level[first]) / (own[last] - own[first])
+        middle = (level[first] - own[first] * slope + level[last] - own[last] * slope) / 2
+    sigma_x, sigma_y = (np.repeat(loops.noise_of(z)[0], 2) for z in (x, y))
+    error = np.hypot(sigma_y, slope * sigma_x)
+    size = np.abs(own[last] - own[first])
+    found = [(middle, error), (slope, np.sqrt(2) * error / np.where(size > 0, size, np.nan))]
+    centre, stop = (first + last + 1) // 2, begins + loops.lengths
+    widths = [w for w in (3, TIP_ROWS // 4, TIP_ROWS // 2, TIP_ROWS) if w <= loops.tip_rows]
+    fits = [found]
+    for w in widths if loops.noisy else ():
+        rows = centre[:, None] + np.arange(-w, w)
+        inside = (rows >= begins[:, None]) & (rows < stop[:, None])
+        rows = np.where(inside, rows, 0)
+        scale = np.maximum(np.abs(np.where(inside, own[rows], 0.0)).max(1), 1e-300)
+        powers = inside[..., None] * (own[rows] / scale[:, None])[..., None] ** np.arange(3)
+        square = np.swapaxes(powers, 1, 2) @ powers
+        good = there & inside.all(1) & (np.linalg.cond(square) < SINGULAR)
+        square[~good] = np.eye(3)
+        inverse = np.linalg.inv(square)
+        line = (inverse @ np.swapaxes(powers, 1, 2) @ (level[rows] * inside)[..., None])[..., 0]
+        sigma = np.hypot(sigma_y, line[:, 1] / scale * sigma_x)
+        sizes = np.ones_like(scale), scale
+        fits.append(
+            [
+                (np.where(good, line[:, k] / by, np.nan), sigma * np.sqrt(inverse[:, k, k]) / by)
+                for k, by in enumerate(sizes)
+            ]
+        )
+    pairs = []
+    for each in zip(*fits, strict=True):
+        both = (np.where(there, z, np.nan) for z in widest(each))
+        pairs.append(tuple(loops.by_way(z.reshape(-1, 2)) for z in both))
+    return pairs[0], pairs[1]
 
 
 def _saturation(loops: Loops, share: float) -> tuple[Pair, Pair]:

@@ -3,6 +3,7 @@
 Errors are propagated from the noise of input and output, which counts as white, and from the sampling step.
 """
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -28,8 +29,8 @@ TIP_ROWS = 16
 MAY_BE = 4.0
 """Standard deviations of the noise: rows so close to the largest value may be where a series turns."""
 
-MAY_BE_LARGEST = 2.0
-"""Standard errors of a width by which a wider smoothing of it may differ and still be taken."""
+AGREE = 2.0
+"""Standard errors of an estimate from fewer rows by which one from more may differ and still be taken."""
 
 MOST_ROWS = 400
 """Rows of a branch that are enough: the means of further ones lose a hundred-thousandth of a round tip."""
@@ -134,8 +135,8 @@ class Loops:
         w, (sigma, quiet) = 2 * self.tip_rows, self.noise_of(x)
         if not w or quiet:
             return at, np.zeros(len(at))
-        begin, end = (self.cut.bounds[self.cut.sequence + k] for k in (0, 1))
-        centre = np.clip(at, begin + w, np.maximum(end - 1 - w, begin + w))
+        begin, end = self._ends()
+        centre = np.clip(at, begin + w, np.maximum(end - w, begin + w))
         steps = np.arange(-w, w + 1)
         window = x[np.clip(centre[:, None] + steps, 0, len(x) - 1)]
         window = window - window[:, w : w + 1]
@@ -159,28 +160,37 @@ class Loops:
         Of the rows before it and at it, and with `both` of those on both sides without it: an extreme is
         the row whose noise is largest, and lies between two rows. `off`: the standard error of the row.
         """
-        w, (sigma, quiet) = self.tip_rows, self.noise_of(x)
-        begin, end = (self.cut.bounds[self.cut.sequence + k] for k in (0, 1))
-        if not w or quiet:
-            near = [x[np.clip(at + k, begin, end - 1)] for k in (-1, 0, 1)]
+        sigma, quiet = self.noise_of(x)
+        if not self.tip_rows or quiet:
+            near = [x[np.clip(at + k, *self._ends())] for k in (-1, 0, 1)]
             return x[at], np.hypot(sigma, both * np.abs(near[0] - 2 * near[1] + near[2]) / 8)
-        level, lean, _ = _parabola(np.arange(w) + both)
-        before, after = (
-            x[np.clip(at[:, None] + sign * (np.arange(w) + both), 0, len(x) - 1)]
-            for sign in (-1, 1)
+        return widest(
+            self._beside(x, at, off, both, w)
+            for w in (self.tip_rows // 4, self.tip_rows // 2, self.tip_rows)
+            if w >= 4
         )
-        has_before, has_after = at - w >= begin, at + w < end
-        two = has_before & has_after
-        left, right = before @ level, after @ level
-        mean = np.where(two, (left + right) / 2, np.where(has_before, left, right))
-        found = mean if both else np.where(has_before, left, right)
-        slopes = before @ lean, after @ lean
-        error = np.hypot(
-            sigma * np.sqrt(np.sum(level**2) / (1 + both)),
-            np.where(two, (slopes[0] + slopes[1]) / 8, 0.0)
-            if both
-            else np.where(has_before, *slopes) * off,
-        )
+
+    def _ends(self) -> tuple[np.ndarray, np.ndarray]:
+        """First and last position of each loop's sequence."""
+        begin, end = (self.cut.bounds[self.cut.sequence + k] for k in (0, 1))
+        return begin, end - 1
+
+    def _beside(
+        self, x: np.ndarray, at: np.ndarray, off: np.ndarray | float, both: bool, w: int
+    ) -> Pair:
+        """`value` by so many rows on a side."""
+        sigma, _ = self.noise_of(x)
+        begin, end = self._ends()
+        steps = np.arange(w) + both
+        level, lean, _ = _parabola(steps)
+        sides = [x[np.clip(at[:, None] + k * steps, 0, len(x) - 1)] for k in (-1, 1)]
+        (left, right), slopes = ([side @ row for side in sides] for row in (level, lean))
+        has_before, has_after = at - w >= begin, at + w <= end
+        two = has_before & has_after & both
+        found = np.where(two, (left + right) / 2, np.where(has_before, left, right))
+        # Half a row beside a corner, or so many rows along the slope.
+        moved = (slopes[0] + slopes[1]) / 8 * two if both else np.where(has_before, *slopes) * off
+        error = np.hypot(sigma * np.linalg.norm(level) / np.where(two, np.sqrt(2), 1), moved)
         told = has_before | has_after
         return np.where(told, found, x[at]), np.where(told, error, sigma)
 
@@ -227,8 +237,8 @@ class Loops:
         each = np.repeat(level, 2, axis=0)
         number = np.arange(len(own_low))[:, None]
         wanted = 2.0 * number + (each - own_low[:, None]) / width[:, None]
-        self.key, self.key_y, self.order = key[order], y[order], order
-        found = np.interp(wanted, self.key, self.key_y) if len(key) else wanted
+        key, sorted_y = key[order], y[order]
+        found = np.interp(wanted, key, sorted_y) if len(key) else wanted
         error = np.broadcast_to(np.hypot(self.sy, 0)[:, None], level.shape).repeat(2, axis=0)
         if binned:
             size = np.where(high > low, high - low, 1.0)
@@ -285,15 +295,7 @@ class Loops:
             return np.where(np.abs(top) <= 1, value + b * top / 2, value), self.gap_error[
                 row, at + 1
             ]
-        best = self._largest(1)
-        level, wrong = best
-        agree = np.ones(self.size, bool)
-        for w in range(2, max(self.levels // 10, 1) + 1):
-            value, error = self._largest(w)
-            # Smoothed as far as it says the same.
-            agree &= np.abs(value - level) <= MAY_BE_LARGEST * wrong
-            best = np.where(agree, value, best[0]), np.where(agree, error, best[1])
-        return best
+        return widest(self._largest(w) for w in range(1, max(self.levels // 10, 1) + 1))
 
     def _smoothed(self, w: int) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
         """Level, slope and bend of the width by parabolas over `2 w + 1` levels, and its mean there."""
@@ -388,41 +390,16 @@ class Loops:
             centre = mean_u, mean_y, sigma / np.sqrt(n)
         return np.where(np.isfinite(slope), slope, np.nan), error, centre
 
-    def at_input(self, u: float) -> tuple[Pair, Pair]:
-        """Outputs and slopes of the rising and the falling branch at an input: (k, 2) each.
 
-        By parabolas through the rows next to it; NaN where a branch does not pass it.
-        """
-        low, high = self.ends
-        w = max(self.tip_rows // 2, 2)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            place = 2.0 * np.arange(2 * self.size) + (u - low) / (high - low)
-        begin = self.legs.begins
-        middle = np.searchsorted(self.key, place)
-        first = np.clip(middle - w, begin, np.maximum(begin + self.lengths - 2 * w, begin))
-        rows = first[:, None] + np.arange(2 * w)
-        inside = rows < (begin + self.lengths)[:, None]
-        rows = np.where(inside, rows, 0)
-        x = (
-            np.where(inside, self.u[self.legs.at[self.order]][rows] - u, 0.0)
-            if len(self.key)
-            else rows
-        )
-        size = np.maximum(np.abs(x).max(1, initial=0.0), 1e-300)
-        powers = inside[..., None] * (x / size[:, None])[..., None] ** np.arange(3)
-        square = np.swapaxes(powers, 1, 2) @ powers
-        fits = (u >= low) & (u <= high) & (np.linalg.cond(square) < 1e12)
-        square[~fits] = np.eye(3)
-        inverse = np.linalg.inv(square)
-        y = self.key_y[rows] if len(self.key) else x
-        found = (inverse @ (np.swapaxes(powers, 1, 2) @ (y * inside)[..., None]))[..., 0]
-        slope = found[:, 1] / size
-        sigma = np.hypot(np.repeat(self.sy, 2), slope * np.repeat(self.su, 2))
-        pairs = []
-        for value, spread in ((found[:, 0], inverse[:, 0, 0]), (slope, inverse[:, 1, 1] / size**2)):
-            both = np.where(fits, value, np.nan), np.where(fits, sigma * np.sqrt(spread), np.nan)
-            pairs.append(tuple(self.by_way(x.reshape(-1, 2)) for x in both))
-        return pairs[0], pairs[1]
+def widest(found: Iterable[Pair]) -> Pair:
+    """Of estimates from more and more rows the last one that agrees with those before it."""
+    estimates = iter(found)
+    value, error = next(estimates)
+    best, agree = (value, error), np.ones(len(value), bool)
+    for more, wrong in estimates:
+        agree = agree & (np.abs(more - best[0]) <= AGREE * best[1])
+        best = np.where(agree, more, best[0]), np.where(agree, wrong, best[1])
+    return best
 
 
 def largest_row(x: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarray:
