@@ -13,7 +13,7 @@ from ._asked import Command, overwriting, seeding, selecting
 
 BENCHMARKS = (
     "preisach", "viscoelastic", "accuracy", "identification", "recovery", "compensation", "armor",
-    "microchannel", "reading", "studio", "ruggedness",
+    "microchannel", "reading", "numbers", "studio", "ruggedness",
 )  # fmt: skip
 """Modules of `benchmarks` that judge the package, in the order in which they are run."""
 _catalogue = partial(
