@@ -72,6 +72,9 @@ from .posterior._sample import sample as sample
 from .records._run_model import predict as predict
 from .results._baseline import Baseline as Baseline
 from .results._characteristics import Characteristic as Characteristic
+from .results._data_sheet import DataSheet as DataSheet
+from .results._data_sheet import SheetRow as SheetRow
+from .results._data_sheet import data_sheet as data_sheet
 from .results._detail import Composition as Composition
 from .results._detail import DiscreteSpectrum as DiscreteSpectrum
 from .results._detail import FoldedState as FoldedState

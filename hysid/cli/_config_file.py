@@ -25,7 +25,7 @@ else:
 SELECTION = tuple(FIELDS)
 """Options of `hysid fit` that choose rows and columns: the table [selection]. The others are in [fit]."""
 
-NOT_HERE = ("file", "out", "config", "overwrite", "as_json", "kind", "csv")
+NOT_HERE = ("file", "out", "config", "overwrite", "as_json", "kind", "csv", "files")
 """Options that only the command line has."""
 
 INSTEAD = (HELD_OUT, ("time", "dt"))
@@ -163,7 +163,8 @@ class FindsConfig(TyperCommand):
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         given, _, _ = self.make_parser(ctx).parse_args(args=list(args))
         looked_at = not (given.get("help") or ctx.resilient_parsing)
-        if looked_at and isinstance(file := given.get("file"), str):
+        file = next(iter(given.get("files") or ()), given.get("file"))
+        if looked_at and isinstance(file, str):
             ctx.meta[REPLACED] = [n for group in INSTEAD if {*group} & {*given} for n in group]
             if (config := self._own_config(ctx, Path(file), given)) is not None:
                 args = ["--config", str(config), *args]
@@ -195,7 +196,7 @@ class FindsConfig(TyperCommand):
 
         from ..intake._init import begun
 
-        if self.name not in ("fit", "loops"):
+        if self.name not in ("fit", "loops", "datasheet"):
             raise _error(
                 "cannot-decide",
                 "No column is chosen, and the file has no configuration.",

@@ -54,6 +54,30 @@ class Loops(Command):
     )
 
 
+class Datasheet(Command):
+    """Write the data sheet of a sensor: one page of PDF, and the same as HTML.
+
+    Sensitivity, zero, non-linearity, hysteresis, repeatability, zero return, drift, creep and recovery,
+    resolution, settling, and with --condition the coefficients, by the terms of IEC 61298-2 and ISO 376.
+    The input is what the sensor measures, the output its reading; each file is one run or more.
+    """
+
+    does = "commands._data_sheet:run"
+    files: list[Path] = option("CSV files of the runs.", argument=True, metavar="RUNS...")
+    selection: dict[str, Any] = selecting(
+        *(name for name in FIELDS if name not in (*HELD_OUT, "each", "step", "hold"))
+    )
+    out: Path | None = option(
+        "The page without its suffix (default: the first file's name, and -datasheet).",
+        None,
+        metavar="PAGE",
+    )
+    config: Path | None = option(
+        "TOML file of options: [selection]. Options given here override it.", None, config=True
+    )
+    overwrite: bool = overwriting()
+
+
 class Calibrate(Command):
     """Calibrate sensor, cover and frame with presses at known points.
 

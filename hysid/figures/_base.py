@@ -171,7 +171,7 @@ def chart(
     if limits is not None:
         axes.set_xlim(*_widened(limits[0]))
         axes.set_ylim(*_widened(limits[1]))
-    axes.set(xlabel=_short(x_label), ylabel=_short(y_label))
+    axes.set(xlabel=short(x_label), ylabel=short(y_label))
     _legend(figure)
     return figure
 
@@ -192,10 +192,10 @@ def bars(names: Sequence[str], values: np.ndarray, colours: Sequence[str], keys:
         axes.bar([0], [0], color=colour, label=meaning)
     every = -(-len(at) // 24)
     long = max(map(len, names)) * len(at[::every]) > 40
-    axes.set_xticks(at[::every], [_short(name, 14) for name in names[::every]],
+    axes.set_xticks(at[::every], [short(name, 14) for name in names[::every]],
                     rotation=90 if long else 0)  # fmt: skip
     axes.grid(axis="x", visible=False)
-    axes.set(xlabel=_short(x_label), ylabel=_short(y_label))
+    axes.set(xlabel=short(x_label), ylabel=short(y_label))
     _legend(figure)
     return figure
 
@@ -235,10 +235,10 @@ def corner(labels: Sequence[str], draws: np.ndarray, fitted: Sequence[float]) ->
             axes.xaxis.set_major_formatter(_ticks(log[j]))
             axes.tick_params(labelbottom=i == n - 1, labelleft=0 == j < i)
             if i == n - 1:
-                axes.set_xlabel(_short(labels[j], 24))
+                axes.set_xlabel(short(labels[j], 24))
                 axes.tick_params("x", rotation=40)
             if 0 == j < i:
-                axes.set_ylabel(_short(labels[i], 24))
+                axes.set_ylabel(short(labels[i], 24))
     figure.align_labels()
     return figure
 
@@ -261,9 +261,9 @@ def triangle(x: np.ndarray, y: np.ndarray, values: np.ndarray, unexcited: np.nda
         hatched.set_clip_path(inside, axes.transData)
     axes.plot([x[0], x[-1]], [x[0], x[-1]], color=EDGE, lw=0.8)
     axes.set_aspect("equal")
-    axes.set(xlabel=_short(x_label), ylabel=_short(y_label))
+    axes.set(xlabel=short(x_label), ylabel=short(y_label))
     bar = figure.colorbar(mesh, ax=axes, shrink=0.85, extend="max" if beyond else "neither")
-    bar.set_label(_short(bar_label))
+    bar.set_label(short(bar_label))
     bar.outline.set_visible(False)  # type: ignore[operator]
     return figure
 
@@ -275,9 +275,9 @@ def panels(names: Sequence[str], x: np.ndarray, y: np.ndarray, y_label: str) -> 
     for panel, name, here, there in zip(axes, names, x, y, strict=True):
         panel.axhline(0, color=EDGE, lw=0.8)
         panel.plot(here, there, lw=1.6, color=BLUE)
-        panel.set_xlabel(_short(name, 30))
+        panel.set_xlabel(short(name, 30))
         panel.xaxis.set_major_locator(MaxNLocator(4))
-    figure.supylabel(_short(y_label), fontsize=9.5)
+    figure.supylabel(short(y_label), fontsize=9.5)
     return figure
 
 
@@ -315,7 +315,7 @@ def _legend(figure: Figure) -> None:
     """Above the axes, where it hides nothing."""
     handles, labels = figure.axes[0].get_legend_handles_labels()
     if labels:
-        figure.legend(handles, [_short(x, 36) for x in labels], loc="outside upper left",
+        figure.legend(handles, [short(x, 36) for x in labels], loc="outside upper left",
                       ncols=min(len(labels), 3 if sum(map(len, labels)) < 42 else 2),
                       columnspacing=1.4, handlelength=1.6, markerscale=1.6)  # fmt: skip
 
@@ -351,6 +351,6 @@ def _ticks(log: bool) -> FuncFormatter:
     return FuncFormatter(lambda x, _: power_of_ten(x) if log else f"{x:.4g}")
 
 
-def _short(text: str, most: int = 44) -> str:
+def short(text: str, most: int = 44) -> str:
     text = " ".join(text.split())
     return text if len(text) <= most else text[: most - 1] + "…"

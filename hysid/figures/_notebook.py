@@ -12,9 +12,10 @@ from matplotlib.figure import Figure
 from compensate import AbstractCompensator, Status
 from hysteresis import InputError, Record, check_identifiable, parameters
 from hysteresis._escape import markup
-from identify import FitResult, Posterior
+from identify import DataSheet, FitResult, Posterior
 
 from . import _base as f
+from ._data_sheet import draw_sheet, title
 from ._format import number, plain_name, pretty, quantity
 from ._plot import draw_compensator, draw_fit, draw_record, swept
 
@@ -35,6 +36,8 @@ def html(thing: Any) -> str:
         return _posterior(thing)
     if isinstance(thing, AbstractCompensator):
         return _compensator(thing)
+    if isinstance(thing, DataSheet):
+        return _page(title(thing), [_image(draw_sheet(thing), title(thing))])
     raise InputError(
         "no-picture",
         f"A {type(thing).__name__} has no HTML form.",

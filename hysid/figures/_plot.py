@@ -9,10 +9,11 @@ from matplotlib.figure import Figure
 from compensate import AbstractCompensator, GuardedCompensator, Status
 from compensate._readings import conditioned_in
 from hysteresis import AbstractModel, InputError, Record
-from identify import DiscreteSpectrum, FitResult, Posterior
+from identify import DataSheet, DiscreteSpectrum, FitResult, Posterior
 from identify.internal import is_survey
 
 from . import _base as f
+from ._data_sheet import draw_sheet
 from ._format import label, plain_name
 from ._survey import master_of
 
@@ -124,6 +125,7 @@ def path(
 
 
 _DRAWN: dict[type, Any] = {
+    DataSheet: draw_sheet,
     Record: draw_record,
     FitResult: draw_fit,
     Posterior: draw_posterior,

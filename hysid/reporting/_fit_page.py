@@ -82,6 +82,8 @@ def write_report(
         headline=HEADLINES[case.fit.verdict.level],
         reasons=case.fit.verdict.reasons,
         answers=answers(case),
+        answers_note="The specimen, by the model over the fitted rows. ± is how far the readings of the"
+        " same cycles or holds are from that.",
         facts=facts(case),
         model="" if case.fit.detail.is_linear else in_words(case),
         command=next_command(case),

@@ -46,6 +46,11 @@ class LoopRows(NamedTuple):
     noise: np.ndarray
     clock: float
 
+    def only(self, chosen: np.ndarray) -> "LoopRows":
+        """Some of the loops."""
+        names = ("first", "turn", "last", "sequence", "number", "counted", "closed")
+        return self._replace(**{name: getattr(self, name)[chosen] for name in names})
+
 
 def loop_rows(record: AbstractRecord) -> LoopRows:
     """Cut every sequence into loops.

@@ -9,7 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ._abstract_record import AbstractRecord
-from ._loop_cut import LoopRows, ranges
+from ._loop_cut import LoopRows, loop_rows, ranges
+
+FULL = 0.95
+"""Of the widest loop's range of inputs: loops that pass so much of it are compared."""
 
 LEVELS = 65
 """Inputs at which the branches of a loop without noise are compared."""
@@ -59,9 +62,16 @@ class Loops:
 
     - `record`, `cut`: the readings, and the loops that can be evaluated.
     - `y`: (n,) another output in the place of the readings; it is averaged as these are.
+    - `alike`: whether all branches are read at the same inputs, those that all of them pass.
     """
 
-    def __init__(self, record: AbstractRecord, cut: LoopRows, y: np.ndarray | None = None):
+    def __init__(
+        self,
+        record: AbstractRecord,
+        cut: LoopRows,
+        y: np.ndarray | None = None,
+        alike: bool = False,
+    ):
         self.cut, self.size = cut, len(cut.first)
         self.u = record.input[cut.rows]
         self.y = (record.output if y is None else y)[cut.rows]
@@ -71,6 +81,7 @@ class Loops:
         quiet = [not (self.size and np.median(s) > QUIET * np.ptp(x)) for x, s in both]
         self.quiet_u, self.quiet_y = quiet
         self.noisy = not all(quiet)
+        self.turning_rows = cut.rows[cut.turn] if self.size else cut.turn
         usual = int(np.median(cut.last - cut.first)) // 2 if self.size else 0
         if self.noisy and usual >= 2 * MOST_ROWS:
             self._average(usual // MOST_ROWS)
@@ -99,7 +110,21 @@ class Loops:
         both = low.reshape(-1, 2), high.reshape(-1, 2)
         self.low, self.high = both[0].min(1), both[1].max(1)
         self.common = both[0].max(1), both[1].min(1)
+        if alike and self.size:
+            low, high = self.common
+            self.common = np.full(self.size, low.max()), np.full(self.size, high.min())
         self._levels()
+
+    @classmethod
+    def full(cls, record: AbstractRecord) -> "Loops":
+        """The loops that pass 95 % of the widest loop's inputs, read at the same inputs."""
+        cut = loop_rows(record)
+        cut = cut.only(cut.counted)
+        every = cls(record, cut)
+        span = np.where(every.common[1] > every.common[0], every.high - every.low, 0.0)
+        return cls(
+            record, cut.only(span >= FULL * span.max(initial=np.nextafter(0, 1))), alike=True
+        )
 
     def _average(self, rows: int) -> None:
         """Take the means of so many rows each, which have less noise and lose nothing of a branch."""

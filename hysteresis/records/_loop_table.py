@@ -16,12 +16,9 @@ from ._loads import kind_of_units
 from ._loop_areas import area, given_back
 from ._loop_cut import loop_rows
 from ._loop_fields import field_figures, field_unit
-from ._loop_figures import Loops, Pair
+from ._loop_figures import FULL, Loops, Pair
 
 KINDS = ("mechanical", "magnetic", "ferroelectric", "plain")
-
-FULL = 0.95
-"""Of the widest loop's range of inputs: loops that pass so much of it are compared."""
 
 PACE = 1.25
 """Times the shortest of these loops that the longest may take: at another rate, or after another rest,
@@ -235,9 +232,7 @@ def loop_table(
     if kind not in KINDS:
         raise InputError("bad-option", f"kind={kind!r}.", fix=f"{', '.join(KINDS)}.")
     cut = loop_rows(record)
-    size, usable = len(cut.first), np.flatnonzero(cut.counted)
-    part = {name: getattr(cut, name)[usable] for name in (*cut._fields[2:7], "closed")}
-    chosen = cut._replace(**part)
+    size, usable, chosen = len(cut.first), cut.counted, cut.only(cut.counted)
     t = cut.rows if record.time is None else record.time[cut.rows]
 
     def whole(x: np.ndarray, empty: Any = np.nan) -> np.ndarray:

@@ -131,7 +131,7 @@ def _relaxation(
 
     if record.time is None:
         return none("the record has no clock")
-    held = (rows[counted[rows]] for rows in _holds(record))
+    held = (rows[counted[rows]] for rows in holds_of(record))
     holds = [rows for rows in held if len(rows) >= HELD_ROWS]
     if not holds:
         return none("the input is never held")
@@ -153,7 +153,7 @@ def _relaxation(
     return _mean("relaxation time", np.array(times), record.time_unit, basis, "")
 
 
-def _holds(record: Record) -> list[np.ndarray]:
+def holds_of(record: Record) -> list[np.ndarray]:
     """Rows of each stretch in which the input stays where it is: a smooth turn is slow, but moves on."""
     assert record.time is not None
     found, t = [], record.time

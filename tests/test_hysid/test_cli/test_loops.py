@@ -37,3 +37,20 @@ def test_the_table_is_written_for_other_programs(tmp_path):
     assert fault.code == 2
     assert "cannot-write" in run("loops", file, *COLUMNS, "--csv", tmp_path, "--json").err
     assert "bad-option" in run("loops", file, *COLUMNS, "--kind", "round", "--json").err
+
+
+def test_a_data_sheet_takes_two_commands(tmp_path):
+    files = [tmp_path / f"run{k}.csv" for k in range(2)]
+    for file in files:
+        file.write_text(text(sponge()))
+    assert run("init", files[0]).code == 0
+    found = run("datasheet", *files, "--json").json()
+    assert [place.rpartition(".")[2] for place in found["files"]] == ["html", "pdf"]
+    rows = {row["name"]: row for row in found["rows"]}
+    assert rows["reproducibility"]["value"] == pytest.approx(0)
+    assert rows["hysteresis"]["value"] > 1
+    assert '"would-overwrite"' in run("datasheet", *files, "--json").err
+    other = tmp_path / "other.csv"
+    other.write_text(text(sponge()).replace("(N)", "(kN)"))
+    columns = ("--input", "force (N)", "--output", "displacement (mm)", "--overwrite", "--json")
+    assert '"no-column"' in run("datasheet", files[0], other, *columns).err

@@ -1,0 +1,65 @@
+"""`hysid datasheet`: the runs of a sensor in files, and its data sheet as a page."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+import identify
+from hysteresis import InputError, Record
+
+from ..intake._selection import Selection
+from ..reporting._data_sheet_page import write_data_sheet
+from ._asked_more import Datasheet
+from ._console import Done
+
+
+def run(asked: Datasheet) -> Done:
+    """Read the runs, write both pages, and print the lines."""
+    selection = Selection(**asked.selection).without_hold_out()
+    selection.check_columns()
+    first = asked.files[0]
+    page = asked.out or first.with_name(f"{first.stem}-datasheet")
+    places = [page.with_name(f"{page.name}{suffix}") for suffix in (".html", ".pdf")]
+    for place in places:
+        identify.internal.check_free(place.parent, asked.overwrite, place.name)
+    runs: dict[str, Record] = {}
+    for file in asked.files:
+        ((record, _),) = selection.records(selection.read(file))[0].values()
+        runs[str(file)] = record
+    sheet = identify.data_sheet(_joined(runs))
+    for place in places:
+        write_data_sheet(sheet, place)
+    return Done(
+        sheet.document() | {"files": [str(place) for place in places]},
+        [*str(sheet).split("\n"), f"Pages: {', '.join(map(str, places))}"],
+    )
+
+
+def _joined(runs: Mapping[str, Record]) -> Record:
+    """The runs of several files as one record. Raises `InputError` `wrong-unit` where they differ."""
+    records = [*runs.values()]
+    one = records[0]
+    if len(records) == 1:
+        return one
+    for name, other in runs.items():
+        units = [(r.input_unit, r.output_unit, r.time is None) for r in (one, other)]
+        if units[0] != units[1]:
+            raise InputError(
+                "wrong-unit", f"{name} has other units, or another clock, than {next(iter(runs))}."
+            )
+    labels = [f"{name} {label}" for name, r in runs.items() for label in r.labels]
+    lengths = [rows.stop - rows.start for r in records for _, rows in r.sequences()]
+    clocks = [r.time for r in records if r.time is not None]
+    return Record.from_arrays(
+        np.concatenate([r.input for r in records]),
+        np.concatenate([r.output for r in records]),
+        np.concatenate(clocks) if clocks else None,
+        np.repeat(labels, lengths),
+        mask=np.concatenate([r.mask for r in records]),
+        time_unit=one.time_unit,
+        columns={n: np.concatenate([r.columns[n] for r in records]) for n in one.conditions},
+        conditions=one.conditions,
+        input_name=one.input_name, output_name=one.output_name,
+        input_unit=one.input_unit, output_unit=one.output_unit,
+        source=f"{len(records)} files",
+    )  # fmt: skip

@@ -1,0 +1,163 @@
+"""The data sheet of a sensor as a page: four pictures, and every line with its definition."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from identify import DataSheet, SheetRow
+
+from . import _base as f
+from ._format import label, number, plain_name, pretty
+
+PAGE = (8.27, 11.69)
+"""A4, in inches."""
+
+TOP, LINE = 0.535, 0.0253
+"""Of the page: where the lines begin, and the height of one with its definition."""
+
+
+@f.styled
+def draw_panel(sheet: DataSheet, draw: Callable[[DataSheet, Any], None]) -> Figure:
+    """One of the pictures alone."""
+    figure, axes = f.single()
+    draw(sheet, axes)
+    return figure
+
+
+@f.styled
+def draw_sheet(sheet: DataSheet) -> Figure:
+    """The whole sheet on one page."""
+    figure = Figure(figsize=PAGE)
+    figure.text(0.07, 0.962, title(sheet), fontsize=15, weight="bold", color=f.INK)
+    figure.text(0.07, 0.944, subtitle(sheet), fontsize=8.5, color=f.EDGE)
+    for k, (draw, _) in enumerate(PANELS):
+        axes = figure.add_axes((0.1 + 0.465 * (k % 2), 0.772 - 0.198 * (k // 2), 0.385, 0.142))
+        axes.tick_params(labelsize=7.5)
+        for axis in (axes.xaxis, axes.yaxis):
+            axis.label.set_fontsize(8)
+        draw(sheet, axes)
+    for k, row in enumerate(sheet.rows):
+        y = TOP - LINE * k - 0.01
+        figure.text(0.07, y, f.short(row.name, 34), fontsize=8.5, weight="bold", color=f.INK)
+        figure.text(0.50, y, value_of(row), fontsize=8.5, color=f.INK, ha="right")
+        figure.text(0.52, y, row.basis or row.reason, fontsize=7.5, color=f.EDGE)
+        figure.text(0.07, y - 0.0097, row.definition, fontsize=6.6, color=f.EDGE)
+    return figure
+
+
+def title(sheet: DataSheet) -> str:
+    """What is measured by what."""
+    record = sheet.record
+    sides = (
+        plain_name(name, unit)
+        for name, unit in (
+            (record.output_name, record.output_unit),
+            (record.input_name, record.input_unit),
+        )
+    )
+    return "Data sheet: {} for {}".format(*sides)
+
+
+def subtitle(sheet: DataSheet) -> str:
+    """Range, runs and loops."""
+    record, unit = sheet.record, pretty(sheet.record.input_unit)
+    runs = len(record.labels)
+    told = [
+        f"Range {number(sheet.low)} to {number(sheet.high)} {unit}".rstrip(),
+        f"{len(sheet.rising)} loops of {runs} run{'s' * (runs != 1)}",
+        f"{len(record):,} rows" + (f" of {record.source}" if record.source else ""),
+    ]
+    return (
+        "; ".join(told)
+        + ". Per cent are of the full-scale output, unless a line says of the reading."
+    )
+
+
+def value_of(row: SheetRow) -> str:
+    """Value, error and unit."""
+    if row.value is None:
+        return "not told"
+    unit = pretty(row.unit).replace("percent", "%")
+    error = "" if row.error is None else f" ± {row.error:.2g}"
+    return f"{number(row.value, row.error)}{error} {unit}".rstrip()
+
+
+def _line(sheet: DataSheet) -> np.ndarray:
+    return sheet.zero + sheet.scale * (sheet.inputs - sheet.low) / (sheet.high - sheet.low)
+
+
+def _axes(sheet: DataSheet, axes: Any, y: str) -> None:
+    name = plain_name(sheet.record.input_name, sheet.record.input_unit)
+    axes.set(xlabel=label(name, sheet.record.input_unit), ylabel=y)
+
+
+def _curve(sheet: DataSheet, axes: Any) -> None:
+    record = sheet.record
+    axes.plot(
+        *f.trace(record.input, record.output, record.mask, record.starts, 1500), lw=0.5, color=f.DIM
+    )
+    axes.plot(sheet.inputs, _line(sheet), lw=0.9, ls="--", color=f.EDGE, label="terminal line")
+    for curves, colour, word in _branches(sheet):
+        axes.plot(sheet.inputs, curves.mean(0), lw=1.3, color=colour, label=word)
+    axes.legend(fontsize=7)
+    _axes(
+        sheet, axes, label(plain_name(record.output_name, record.output_unit), record.output_unit)
+    )
+
+
+def _deviation(sheet: DataSheet, axes: Any) -> None:
+    axes.axhline(0, color=f.EDGE, lw=0.8)
+    for curves, colour, word in _branches(sheet):
+        axes.plot(
+            sheet.inputs,
+            _percent(sheet, curves.mean(0) - _line(sheet)),
+            lw=1.3,
+            color=colour,
+            label=word,
+        )
+    _axes(sheet, axes, "from terminal line (%)")
+
+
+def _scatter(sheet: DataSheet, axes: Any) -> None:
+    axes.axhline(0, color=f.EDGE, lw=0.8)
+    for curves, colour, _ in _branches(sheet):
+        apart = _percent(sheet, curves - curves.mean(0)).T
+        axes.plot(sheet.inputs, apart[:, :40], lw=0.6, color=colour, alpha=0.7)
+    _axes(sheet, axes, "loop less mean loop (%)")
+
+
+def _creep(sheet: DataSheet, axes: Any) -> None:
+    for t, y in sheet.holds[:40]:
+        axes.plot(t - t[0], _percent(sheet, y - y[0]), lw=0.9, color=f.VERMILLION)
+    unit = sheet.record.time_unit
+    axes.set(xlabel=label("time of the hold", unit), ylabel="change in a hold (%)")
+    if not sheet.holds:
+        axes.text(
+            0.5, 0.5, "the input is never held", ha="center", transform=axes.transAxes, color=f.EDGE
+        )
+
+
+def _branches(sheet: DataSheet) -> tuple[tuple[np.ndarray, str, str], ...]:
+    return (sheet.rising, f.ORANGE, "upscale"), (sheet.falling, f.BLUE, "downscale")
+
+
+def _percent(sheet: DataSheet, y: np.ndarray) -> np.ndarray:
+    return 100 * y / abs(sheet.scale)
+
+
+PANELS: tuple[tuple[Callable[[DataSheet, Any], None], str], ...] = (
+    (
+        _curve,
+        "The readings (grey), the mean upscale and downscale curves, and the line through their ends.",
+    ),
+    (
+        _deviation,
+        "Deviation of the mean curves from that line: their distance is the hysteresis, their bend the"
+        " non-linearity.",
+    ),
+    (_scatter, "Every loop less the mean loop: repeatability, and what differs between runs."),
+    (_creep, "Change of the output while the input is held in the upper half of the range."),
+)
+"""The pictures of a sheet, and what to look for in each."""
