@@ -71,8 +71,7 @@ def loop_rows(record: AbstractRecord) -> LoopRows:
         # Rows that do not count are taken away: a bound in them moves to the next that counts.
         at = np.searchsorted(rows, cut)
         ends = np.searchsorted(rows, cut[:, 2], side="right")
-        with np.errstate(invalid="ignore"):
-            share = (ends - at[:, 0]) / (cut[:, 2] + 1 - cut[:, 0])
+        share = (ends - at[:, 0]) / (cut[:, 2] + 1 - cut[:, 0])
         at[:, 2] = ends - 1
         good = (share >= COUNTED) & (at[:, 1] > at[:, 0]) & (at[:, 2] > at[:, 1])
         at[~good] = 0
@@ -85,7 +84,9 @@ def loop_rows(record: AbstractRecord) -> LoopRows:
         total += len(rows)
     first, turn, last, sequence, number, counted, shut = np.concatenate(found).astype(int).T
     bounds = np.cumsum([0, *map(len, kept)])
-    clock = 0.0 if record.time is None else float(np.median(np.diff(record.time)))
+    clock = 0.0
+    if record.time is not None and len(record) > 1:
+        clock = float(np.median(np.diff(record.time)))
     return LoopRows(
         np.concatenate(kept), bounds, first, turn, last, sequence, number, counted.astype(bool),
         shut.astype(bool), noise, clock,

@@ -98,12 +98,11 @@ def field_figures(
     yield "susceptibility", _halves(tangents, 1), slope_unit, ""
     high, saturation = _saturation(loops, HIGH)
     _, further = _saturation(loops, HIGHER)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        off = np.abs(further[0] - saturation[0]) - 3 * np.hypot(further[1], saturation[1])
-        unsettled = np.where(off > SETTLED * np.abs(saturation[0]), NOT_SATURATED, "")
-        square = remanence[0] / saturation[0]
-        parts = remanence[1] / remanence[0], saturation[1] / saturation[0]
-        squareness = square, np.abs(square) * np.hypot(*parts)
+    off = np.abs(further[0] - saturation[0]) - 3 * np.hypot(further[1], saturation[1])
+    unsettled = np.where(off > SETTLED * np.abs(saturation[0]), NOT_SATURATED, "")
+    square = remanence[0] / saturation[0]
+    parts = remanence[1] / remanence[0], saturation[1] / saturation[0]
+    squareness = square, np.abs(square) * np.hypot(*parts)
     yield "high-field slope", high, slope_unit, ""
     yield "saturation", saturation, unit_y, unsettled
     yield "squareness", squareness, "1", unsettled
@@ -154,9 +153,8 @@ def _at_zero(loops: Loops, x: np.ndarray, y: np.ndarray) -> tuple[Pair, Pair]:
     there = last >= 0
     first, last = np.where(there, first, 0), np.where(there, last, 0)
     last = np.minimum(last + 1, max(len(at) - 1, 0))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        slope = (level[last] - level[first]) / (own[last] - own[first])
-        middle = (level[first] - own[first] * slope + level[last] - own[last] * slope) / 2
+    slope = (level[last] - level[first]) / (own[last] - own[first])
+    middle = (level[first] - own[first] * slope + level[last] - own[last] * slope) / 2
     sigma_x, sigma_y = (np.repeat(loops.noise_of(z)[0], 2) for z in (x, y))
     error = np.hypot(sigma_y, slope * sigma_x)
     size = np.abs(own[last] - own[first])
@@ -168,7 +166,8 @@ def _at_zero(loops: Loops, x: np.ndarray, y: np.ndarray) -> tuple[Pair, Pair]:
         rows = centre[:, None] + np.arange(-w, w)
         inside = (rows >= begins[:, None]) & (rows < stop[:, None])
         rows = np.where(inside, rows, 0)
-        scale = np.maximum(np.abs(np.where(inside, own[rows], 0.0)).max(1), 1e-300)
+        scale = np.abs(np.where(inside, own[rows], 0.0)).max(1)
+        scale[scale == 0] = 1.0
         powers = inside[..., None] * (own[rows] / scale[:, None])[..., None] ** np.arange(3)
         square = np.swapaxes(powers, 1, 2) @ powers
         good = there & inside.all(1) & (np.linalg.cond(square) < SINGULAR)

@@ -170,9 +170,8 @@ class Loops:
         near = np.sign(top - mean[:, None]) * (top - window) <= MAY_BE * sigma[:, None]
         first = centre - w + near.argmax(1)
         last = centre + w - near[:, ::-1].argmax(1)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            vertex = np.nan_to_num(-lean / (2 * bend))
-            error = sigma * np.linalg.norm(_parabola(steps)[1]) / np.abs(2 * bend)
+        vertex = np.nan_to_num(-lean / (2 * bend))
+        error = sigma * np.linalg.norm(_parabola(steps)[1]) / np.abs(2 * bend)
         found = np.clip(np.rint(centre + vertex), first, last).astype(int)
         rounded = np.hypot(np.nan_to_num(error, nan=np.inf), 1 / np.sqrt(12))
         return found, np.minimum(rounded, np.maximum(last - first, 1) / np.sqrt(12))
@@ -257,8 +256,7 @@ class Loops:
         width = np.where(own_high > own_low, own_high - own_low, 1.0)
         key = 2.0 * branch + (u - own_low[branch]) / width[branch]
         order = np.argsort(key, kind="stable")
-        with np.errstate(invalid="ignore"):
-            level = low[:, None] + (high - low)[:, None] * self.place
+        level = low[:, None] + (high - low)[:, None] * self.place
         each = np.repeat(level, 2, axis=0)
         number = np.arange(len(own_low))[:, None]
         wanted = 2.0 * number + (each - own_low[:, None]) / width[:, None]
@@ -280,15 +278,13 @@ class Loops:
             det = count * s2 - s1**2
             # Rows on one side of a level alone would be extrapolated from.
             good = (count >= 3) & (s1**2 < 0.5 * det)
-            with np.errstate(divide="ignore", invalid="ignore"):
-                found = np.where(good, (s2 * sy - s1 * s1y) / det, found)
-                error = np.where(good, error * np.sqrt(s2 / det), error)
+            found = np.where(good, (s2 * sy - s1 * s1y) / det, found)
+            error = np.where(good, error * np.sqrt(s2 / det), error)
             # The line through a bin lies off a curve by a 24th of its bend.
             found[:, 1:-1] -= np.diff(found, 2, axis=1) / 24
         # Noise of the input counts as noise of the output, by the slope there.
         slope = np.gradient(found, axis=1) * self.levels
-        with np.errstate(divide="ignore", invalid="ignore"):
-            steep = slope / np.repeat(high - low, 2)[:, None]
+        steep = slope / np.repeat(high - low, 2)[:, None]
         more = np.abs(steep) * np.repeat(self.su / np.where(self.sy > 0, self.sy, 1), 2)[:, None]
         error = np.where(
             np.repeat(self.sy > 0, 2)[:, None], error * np.hypot(1, more),
@@ -315,8 +311,7 @@ class Loops:
             smooth, lean, bend = self._smoothed(1)[0]
             at, row = np.abs(smooth).argmax(1), np.arange(self.size)
             value, b, c = (x[row, at] for x in (smooth, lean, bend))
-            with np.errstate(divide="ignore", invalid="ignore"):
-                top = -b / (2 * c)
+            top = -b / (2 * c)
             return np.where(np.abs(top) <= 1, value + b * top / 2, value), self.gap_error[
                 row, at + 1
             ]
@@ -363,9 +358,8 @@ class Loops:
         total, variance = (
             np.add.reduceat(np.append(x, 0.0), begins) for x in (parts, noise[0] + noise[1])
         )
-        with np.errstate(divide="ignore", invalid="ignore"):
-            slope = (sign * total).reshape(-1, 2).sum(1) / (4 * half**3 / 3)
-            error = np.sqrt(variance.reshape(-1, 2).sum(1)) / (4 * half**3 / 3)
+        slope = (sign * total).reshape(-1, 2).sum(1) / (4 * half**3 / 3)
+        error = np.sqrt(variance.reshape(-1, 2).sum(1)) / (4 * half**3 / 3)
         # Between the rows of a round motion its chords are so much flatter.
         chord = (np.pi / self.lengths.reshape(-1, 2).min(1)) ** 2 / 6
         return slope, np.hypot(error, slope * chord)
@@ -376,8 +370,7 @@ class Loops:
         u, y = self.u[at], self.y[at]
         ends = [one[0][0] for one in self.tips]
         begin, end = np.column_stack(ends[:2]).ravel(), np.column_stack(ends[1:]).ravel()
-        with np.errstate(divide="ignore", invalid="ignore"):
-            way = (u - begin[branch]) / (end - begin)[branch]
+        way = (u - begin[branch]) / (end - begin)[branch]
         inside = way <= INITIAL if initial else np.abs(way - 0.5) <= TANGENT
         if initial:  # a branch with inner loops comes back to its beginning
             inside &= at - self.leg_first[branch] <= 0.5 * self.lengths[branch]
@@ -385,10 +378,7 @@ class Loops:
         if initial:  # a steep beginning depends on where it begins
             where = np.column_stack([one[0][1] for one in self.tips[:2]]).ravel()
             straight, _, _ = self.lines(np.abs(way - 0.5) <= TANGENT, u, y)
-            with np.errstate(divide="ignore", invalid="ignore"):
-                error = np.hypot(
-                    error, (slope - straight) * where / (INITIAL * np.abs(end - begin))
-                )
+            error = np.hypot(error, (slope - straight) * where / (INITIAL * np.abs(end - begin)))
         pairs = [self.by_way(x.reshape(-1, 2)) for x in (slope, error)]
         rising, falling = ((pairs[0][:, k], pairs[1][:, k]) for k in (0, 1))
         return rising, falling
@@ -405,14 +395,13 @@ class Loops:
         count = 2 * self.size
         own, u, y = group[inside], u[inside], y[inside]
         n = np.bincount(own, minlength=count)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            mean_u, mean_y = (np.bincount(own, x, count) / n for x in (u, y))
-            du, dy = u - mean_u[own], y - mean_y[own]
-            suu, suy = (np.bincount(own, du * x, count) for x in (du, dy))
-            slope = np.where(n >= 3, suy / suu, np.nan)
-            sigma = np.hypot(np.repeat(self.sy, 2), slope * np.repeat(self.su, 2))
-            error = sigma / np.sqrt(suu)
-            centre = mean_u, mean_y, sigma / np.sqrt(n)
+        mean_u, mean_y = (np.bincount(own, x, count) / n for x in (u, y))
+        du, dy = u - mean_u[own], y - mean_y[own]
+        suu, suy = (np.bincount(own, du * x, count) for x in (du, dy))
+        slope = np.where(n >= 3, suy / suu, np.nan)
+        sigma = np.hypot(np.repeat(self.sy, 2), slope * np.repeat(self.su, 2))
+        error = sigma / np.sqrt(suu)
+        centre = mean_u, mean_y, sigma / np.sqrt(n)
         return np.where(np.isfinite(slope), slope, np.nan), error, centre
 
 

@@ -223,6 +223,7 @@ def kind_of_loops(record: AbstractRecord) -> str:
     return "plain"
 
 
+@np.errstate(all="ignore")  # a figure that is not a number is empty
 def loop_table(
     record: AbstractRecord, kind: str | None = None, model: np.ndarray | None = None
 ) -> LoopTable:
@@ -281,8 +282,7 @@ def _softening(
     why = np.where(~full | ~full0 | longer, OTHER, held).astype(object)
     why[new] = FIRST
     why[stiff.reason != ""] = stiff.reason[stiff.reason != ""]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        value, wrong = 100 * (1 - x / x0), 100 / np.abs(x0) * np.hypot(error, x / x0 * error0)
+    value, wrong = 100 * (1 - x / x0), 100 / np.abs(x0) * np.hypot(error, x / x0 * error0)
     value, wrong = (np.where(why == "", y, np.nan) for y in (value, wrong))
     return LoopFigure("softening", value, wrong, "percent", why)
 
@@ -309,9 +309,8 @@ def _figures(record: AbstractRecord, kind: str, loops: Loops) -> Iterator[Told]:
     yield "closure", less(loops.tips[2][1], loops.tips[0][1]), unit_y, opened
     around = area(loops, u, y, su, sy)
     size = less(peaks["input", "highest"][2], peaks["input", "lowest"][2])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        mean = np.abs(around[0]) / size[0]
-        yield "loop width", (mean, np.hypot(around[1], mean * size[1]) / size[0]), unit_y, opened
+    mean = np.abs(around[0]) / size[0]
+    yield "loop width", (mean, np.hypot(around[1], mean * size[1]) / size[0]), unit_y, opened
     yield "width at mid-range", loops.width_at_middle(), unit_y, ""
     yield "largest width", loops.largest_width(), unit_y, ""
     if kind in ("magnetic", "ferroelectric"):
@@ -329,8 +328,7 @@ def _of_stiffness(record: AbstractRecord, loops: Loops) -> Iterator[Told]:
     name = "slope" if kind_of_units(record) is None else "stiffness"
 
     def turned(pair: Pair) -> Pair:
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return (1 / pair[0], pair[1] / pair[0] ** 2) if creep else pair
+        return (1 / pair[0], pair[1] / pair[0] ** 2) if creep else pair
 
     yield name, turned(loops.middle_slope()), unit, ""
     ends = pairwise(loops.tips)
@@ -385,10 +383,9 @@ def _of_energy(
     rows = loops.legs.at
     above[rows] = np.maximum(x[rows] - middle[loops.legs.branch // 2], 0.0)
     # Both halves err by as much; where they part errs by the error of the middle.
-    with np.errstate(divide="ignore", invalid="ignore"):
-        uneven = 2 * area(loops, above, load, sx, sl)[0] / whole - 1
-        parted = loops.width_at_middle()[0] * size[1]
-        wrong = np.hypot(error * np.hypot(1, uneven), parted) / np.abs(whole)
+    uneven = 2 * area(loops, above, load, sx, sl)[0] / whole - 1
+    parted = loops.width_at_middle()[0] * size[1]
+    wrong = np.hypot(error * np.hypot(1, uneven), parted) / np.abs(whole)
     thin = np.where(np.abs(whole) > SURE * error, opened, THIN)
     yield "energy asymmetry", (uneven, wrong), "1", thin
 
@@ -399,9 +396,8 @@ def less(one: Pair, other: Pair) -> Pair:
 
 
 def _ratio(one: Pair, other: Pair) -> Pair:
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = one[0] / other[0]
-        return ratio, np.hypot(one[1], ratio * other[1]) / np.abs(other[0])
+    ratio = one[0] / other[0]
+    return ratio, np.hypot(one[1], ratio * other[1]) / np.abs(other[0])
 
 
 def over(one: str, other: str) -> str:

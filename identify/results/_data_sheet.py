@@ -95,6 +95,7 @@ def _cells(row: SheetRow) -> tuple[str, ...]:
     return row.name, f"{row.value:.4g}{error}", row.unit.replace("percent", "%"), row.basis
 
 
+@np.errstate(all="ignore")
 def data_sheet(record: Record) -> DataSheet:
     """The data sheet of a sensor whose output was read while its input went up and down.
 
@@ -108,7 +109,7 @@ def data_sheet(record: Record) -> DataSheet:
 
     **Returns:** a `DataSheet`. What the runs do not tell is empty, with a reason.
 
-    **Raises:** `InputError` `too-few-cycles` where the input never goes up and down.
+    **Raises:** `InputError` `too-few-cycles` where the input never goes up and down, `zero-range`.
 
     **Example:**
 
@@ -129,6 +130,11 @@ def data_sheet(record: Record) -> DataSheet:
         ends.append((level.mean(), value, float(np.sqrt(np.sum(error**2)) / loops.size)))
     (low, bottom, error0), (high, top, error1) = ends
     zero, scale = float(bottom.mean()), float(top.mean() - bottom.mean())
+    if not abs(scale) > 0:
+        raise InputError(
+            "zero-range", "The output is the same at both ends of the input's range.",
+            place=record.source, fix="Give the column of the reading (--output COL).",
+        )  # fmt: skip
     inputs = loops.common[0][0] + (loops.common[1][0] - loops.common[0][0]) * loops.place
     rising, falling = loops.branches[:, 0], loops.branches[:, 1]
     held = _holds(record)
@@ -384,8 +390,7 @@ def _slope(x: np.ndarray, y: np.ndarray, group: np.ndarray) -> tuple[float, floa
     """One slope of several groups with their own levels, and its error; None of too few."""
     count = np.bincount(group)
     own = count > 0
-    with np.errstate(invalid="ignore"):
-        x, y = (z - (np.bincount(group, z) / count)[group] for z in (x, y))
+    x, y = (z - (np.bincount(group, z) / count)[group] for z in (x, y))
     free = len(x) - int(own.sum()) - 1
     if free < 1 or len(x) < TOLD or not (x @ x) > 0:
         return None
