@@ -29,7 +29,7 @@ class LoopRows(NamedTuple):
     - `first`, `turn`, `last`: (k,) where a loop begins, reverses, and meets its first input again.
     - `sequence`, `number`: (k,) of each loop; numbers count from 1 within a sequence.
     - `counted`: (k,) whether enough of its rows count. `closed`: (k,) whether it comes back to its first
-      input.
+      input. `ends`: (k, 2) first and last row of the record.
     - `noise`: (2, sequences) standard deviations of input and output. `clock`: the usual time from row to
       row, 0 without a clock.
     """
@@ -43,12 +43,13 @@ class LoopRows(NamedTuple):
     number: np.ndarray
     counted: np.ndarray
     closed: np.ndarray
+    ends: np.ndarray
     noise: np.ndarray
     clock: float
 
     def only(self, chosen: np.ndarray) -> "LoopRows":
         """Some of the loops."""
-        names = ("first", "turn", "last", "sequence", "number", "counted", "closed")
+        names = ("first", "turn", "last", "sequence", "number", "counted", "closed", "ends")
         return self._replace(**{name: getattr(self, name)[chosen] for name in names})
 
 
@@ -61,35 +62,34 @@ def loop_rows(record: AbstractRecord) -> LoopRows:
     """
     found: list[np.ndarray] = []
     kept: list[np.ndarray] = []
-    noise = np.zeros((2, len(record.labels)))
-    total = 0
+    noise, bounds = np.zeros((2, len(record.labels))), [0]
     for k, (_, where) in enumerate(record.sequences()):
         u, y = record.input[where], record.output[where]
         rows = np.flatnonzero(record.mask[where] & np.isfinite(y))
         noise[:, k] = [_noise(x[rows]) for x in (u, y)]
-        cut, share = _legs(u), np.zeros(0)
+        cut = _legs(u)
         # Rows that do not count are taken away: a bound in them moves to the next that counts.
         at = np.searchsorted(rows, cut)
-        ends = np.searchsorted(rows, cut[:, 2], side="right")
-        share = (ends - at[:, 0]) / (cut[:, 2] + 1 - cut[:, 0])
-        at[:, 2] = ends - 1
-        good = (share >= COUNTED) & (at[:, 1] > at[:, 0]) & (at[:, 2] > at[:, 1])
-        at[~good] = 0
-        at[good, 2], closed = _closed(u[rows], at[good])
-        shut = np.zeros(len(cut), bool)
-        shut[good] = closed
-        number = np.arange(1, len(cut) + 1)
-        found.append(np.column_stack([at + total, np.full(len(cut), k), number, good, shut]))
+        at[:, 2] = np.searchsorted(rows, cut[:, 2], side="right") - 1
+        counted = (at[:, 2] + 1 - at[:, 0]) >= COUNTED * (cut[:, 2] + 1 - cut[:, 0])
+        counted &= (at[:, 1] > at[:, 0]) & (at[:, 2] > at[:, 1])
+        closed = np.zeros(len(cut), bool)
+        at[counted, 2], closed[counted] = _closed(u[rows], at[counted])
+        ends = cut[:, ::2]
+        ends[counted] = rows[at[counted, ::2]]
+        which = np.full(len(cut), k), np.arange(1, len(cut) + 1)
+        found.append(
+            np.column_stack([at + bounds[-1], *which, counted, closed, where.start + ends])
+        )
         kept.append(where.start + rows)
-        total += len(rows)
-    first, turn, last, sequence, number, counted, shut = np.concatenate(found).astype(int).T
-    bounds = np.cumsum([0, *map(len, kept)])
+        bounds.append(bounds[-1] + len(rows))
     clock = 0.0
     if record.time is not None and len(record) > 1:
         clock = float(np.median(np.diff(record.time)))
+    first, turn, last, sequence, number, counted, closed, *ends = np.concatenate(found).T
     return LoopRows(
-        np.concatenate(kept), bounds, first, turn, last, sequence, number, counted.astype(bool),
-        shut.astype(bool), noise, clock,
+        np.concatenate(kept), np.array(bounds), first, turn, last, sequence, number,
+        counted.astype(bool), closed.astype(bool), np.column_stack(ends), noise, clock,
     )  # fmt: skip
 
 

@@ -262,7 +262,7 @@ def loop_table(
                 ),
             )
         labels = np.array(record.labels, object)[cut.sequence]
-        first, last = (record.line[cut.rows[x]] for x in (cut.first, cut.last))
+        first, last = record.line[cut.ends].T
         return LoopTable(kind, labels, cut.number, first, last, full, found)
 
     return replace(table(None), model=None if model is None else table(model))
