@@ -1,5 +1,7 @@
 """Loops of a record: the rows at which each begins, turns and ends, and the noise of those rows."""
 
+from collections.abc import Iterator
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +22,10 @@ MOST_TURNS = 16
 STAIRS = 0.1
 """Of the rows that differ from the one before: so many follow rows that are equal where steps of a
 converter are wider than the noise. A hold is one such place, not many."""
+
+
+BLOCK = 500_000
+"""Rows of loops that are evaluated at once: a row takes 175 bytes."""
 
 
 class LoopRows(NamedTuple):
@@ -51,6 +57,20 @@ class LoopRows(NamedTuple):
         """Some of the loops."""
         names = ("first", "turn", "last", "sequence", "number", "counted", "closed", "ends")
         return self._replace(**{name: getattr(self, name)[chosen] for name in names})
+
+    def blocks(self) -> Iterator["LoopRows"]:
+        """All loops in parts of so many rows that their arrays stay small; one part without loops."""
+        edges = np.searchsorted(self.last, np.arange(BLOCK, self.last.max(initial=0), BLOCK))
+        edges = np.unique([0, *edges, len(self.last)])
+        for begin, end in pairwise(edges) if len(edges) > 1 else [(0, 0)]:
+            part = self.only(np.arange(begin, end))
+            # The rows beside a tip tell its level: some of the loops on either side are kept.
+            beside = int(np.median(part.last - part.first)) // 4 if end > begin else 0
+            low = max(int(part.first.min(initial=len(self.rows))) - beside, 0)
+            high = min(int(part.last.max(initial=0)) + beside + 1, len(self.rows))
+            moved = {name: getattr(part, name) - low for name in ("first", "turn", "last")}
+            bounds = np.clip(self.bounds, low, max(high, low)) - low
+            yield part._replace(rows=self.rows[low:high], bounds=bounds, **moved)
 
 
 def loop_rows(record: AbstractRecord) -> LoopRows:

@@ -241,36 +241,41 @@ def loop_table(
         found[usable] = x
         return found
 
-    def figures(loops: Loops, overlaps: np.ndarray) -> Iterator[LoopFigure]:
+    def of_block(loops: Loops) -> Iterator[tuple[Any, ...]]:
+        """Name, unit, and of each loop value, error and reason; the range of inputs first."""
+        overlaps = loops.common[1] > loops.common[0]
+        yield "", "", np.where(overlaps, loops.high - loops.low, np.nan), overlaps, overlaps
         for name, (value, error), unit, why in _figures(record, kind, loops):
             why = np.where(overlaps, why, NO_OVERLAP).astype(object)
             empty = (why != "") | ~np.isfinite(value) | ~np.isfinite(error)
             why[empty & (why == "")] = SHORT
-            value, error = (whole(np.where(empty, np.nan, x)) for x in (value, error))
-            yield LoopFigure(name, value, error, unit, whole(why, FEW_ROWS))
+            yield name, unit, *(np.where(empty, np.nan, x) for x in (value, error)), why
 
     def table(y: np.ndarray | None) -> LoopTable:
-        loops = Loops(record, chosen, y)
-        overlaps = loops.common[1] > loops.common[0]
-        span = whole(np.where(overlaps, loops.high - loops.low, np.nan))
-        full = span >= FULL * max(span[np.isfinite(span)], default=0.0)
-        found = tuple(figures(loops, overlaps))
-        if kind in ("mechanical", "plain"):
-            found += (
-                _softening(
-                    record, cut.sequence, full, whole(t[chosen.last] - t[chosen.first]), found
-                ),
+        blocks = [[*of_block(Loops(record, part, y))] for part in chosen.blocks()]
+        found = []
+        for parts in zip(*blocks, strict=True):
+            value, error, why = (np.concatenate([part[k] for part in parts]) for k in (2, 3, 4))
+            if not (name := parts[0][0]):
+                span = whole(value)
+                full = span >= FULL * max(span[np.isfinite(span)], default=0.0)
+                continue
+            found.append(
+                LoopFigure(name, whole(value), whole(error), parts[0][1], whole(why, FEW_ROWS))
             )
+        if kind in ("mechanical", "plain"):
+            seconds = whole(t[chosen.last] - t[chosen.first])
+            found.append(_softening(record, cut.sequence, full, seconds, found))
         labels = np.array(record.labels, object)[cut.sequence]
         first, last = record.line[cut.ends].T
-        return LoopTable(kind, labels, cut.number, first, last, full, found)
+        return LoopTable(kind, labels, cut.number, first, last, full, tuple(found))
 
     return replace(table(None), model=None if model is None else table(model))
 
 
 def _softening(
     record: AbstractRecord, run: np.ndarray, full: np.ndarray, seconds: np.ndarray,
-    found: tuple[LoopFigure, ...],
+    found: list[LoopFigure],
 ) -> LoopFigure:  # fmt: skip
     """Loss of stiffness from the loop before, in per cent."""
     stiff = next(one for one in found if one.name in ("stiffness", "slope"))
