@@ -4,53 +4,83 @@ import csv
 import io
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from hysteresis import InputError, LoopTable
 from hysteresis._atomic_file import write_whole
+from hysteresis._show import aligned
+from hysteresis.records._loop_table import MAIN
 
 from ..intake._selection import Selection, all_of
 from ._asked_more import Loops
 from ._console import Done
 
+FEW, FAR = 5, 3.5
+"""Specimens from which on one may lie apart, and how many robust standard deviations are apart."""
+
 
 def run(asked: Loops) -> Done:
-    """The table of each record of the file, with its summary first."""
+    """The table of the file's record, or a row for each value of `each`."""
     selection = Selection(**asked.selection).without_hold_out()
     selection.check_columns()
     records, faults = selection.records(selection.read(asked.file))
     if not records:
         raise all_of(faults)
     found = {value: record.loops(asked.kind) for value, (record, _) in records.items()}
-    lines = [f"{selection.each} = {v} cannot be used: {e}" for v, e in faults.items()]
-    for value, table in found.items():
-        lines += [f"{selection.each} = {value}"] * bool(value) + [*table.lines()]
+    each, wrote = selection.each or "file", []
     if asked.csv is not None:
-        _write(asked.csv, found, selection.each or "")
-        lines.append(f"Table: {asked.csv}")
-    each = {value: table.document() for value, table in found.items()}
-    if "" in each:
-        return Done(each[""], lines)
-    return Done({"each": each, "failed": {v: str(e) for v, e in faults.items()}}, lines)
+        _write(asked.csv, found, each)
+        wrote = [f"Table: {asked.csv}"]
+    if "" in found:
+        return Done(found[""].document(), [*found[""].lines(), *wrote])
+    lines = [f"{each} = {v} cannot be used: {e}" for v, e in faults.items()]
+    document, rows = _specimens(found, each)
+    document |= {"each": {value: table.document() for value, table in found.items()}}
+    document |= {"failed": {value: str(error) for value, error in faults.items()}}
+    if any(one["outliers"] for one in document["specimens"].values()):
+        lines.append(f"* is further from the median than {FAR} robust standard deviations.")
+    return Done(document, [*aligned(rows), *lines, *wrote])
+
+
+def _specimens(
+    found: Mapping[str, LoopTable], each: str
+) -> tuple[dict[str, Any], list[tuple[str, ...]]]:
+    """A row a specimen: its mean figures, with a star where one is apart; then their mean and spread."""
+    columns, told = [(each, *found, "mean", "spread")], {}
+    for name in MAIN:
+        have = [{one.name: one for one in table.summary}.get(name) for table in found.values()]
+        x = np.array([np.nan if one is None or one.value is None else one.value for one in have])
+        known = x[np.isfinite(x)]
+        if not len(known):
+            continue
+        middle = np.median(known)
+        robust = 1.4826 * np.median(np.abs(known - middle))
+        apart = (np.abs(x - middle) > FAR * robust) & (len(known) >= FEW) & (robust > 0)
+        mean, spread = known.mean(), np.std(known, ddof=1) if len(known) > 1 else np.nan
+        unit = next(one.unit for one in have if one is not None)
+        outliers = [value for value, is_apart in zip(found, apart, strict=True) if is_apart]
+        told[name] = {"mean": mean, "spread": spread, "unit": unit, "outliers": outliers}
+        cells = [
+            f"{value:.4g}{' *' * bool(star)}" if np.isfinite(value) else "-"
+            for value, star in zip(x, apart, strict=True)
+        ]
+        head = name if unit == "1" else f"{name} ({unit})"
+        columns.append((head, *cells, f"{mean:.4g}", f"{spread:.2g}"))
+    return {"specimens": told}, [*zip(*columns, strict=True)]
 
 
 def _write(file: Path, found: Mapping[str, LoopTable], each: str) -> None:
     """One table of all records, a row a loop; raises `InputError` `cannot-write`."""
     page = io.StringIO()
     writer = csv.writer(page, lineterminator="\n")
-    heads: list[str] = []
-    for value, table in found.items():
+    for k, (value, table) in enumerate(found.items()):
         columns = table.columns()
-        if [*columns] != heads:
-            heads = [*columns]
-            writer.writerow([each] * bool(value) + heads)
-        writer.writerows(
-            [value] * bool(value) + [*row] for row in zip(*columns.values(), strict=True)
-        )
+        writer.writerows([[each, *columns]] * (k == 0))
+        writer.writerows([value, *row] for row in zip(*columns.values(), strict=True))
     try:
         write_whole(file, page.getvalue())
     except OSError as error:
-        raise InputError(
-            "cannot-write",
-            f"{file.name} cannot be written: {error.strerror}.",
-            place=str(file.parent),
-        ) from error
+        said = f"{file.name} cannot be written: {error.strerror}."
+        raise InputError("cannot-write", said, place=str(file.parent)) from error

@@ -55,36 +55,12 @@ def loops(case: Case) -> Section:
 
 def _figures(table: LoopTable) -> Table:
     """The figures of the fitted loops, of the readings and of the model."""
-    assert table.model is not None
-    rows = []
-    for one, model in zip(table.summary, table.model.summary, strict=True):
-        unit = pretty(one.unit).replace("percent", "%")
-        if one.value is None:
-            rows.append((one.name, "-", "", "", "", "", unit, one.reason))
-            continue
-        told = (one.value, model.value, one.scatter, one.first, one.later)
-        value, by_model, scatter, first, later = (
-            "" if x is None else number(x, one.error) for x in told
-        )
-        assert one.error is not None
-        rows.append(
-            (one.name, f"{value} ± {number(one.error)}", by_model, scatter, first, later, unit, "")
-        )
+    heads, *rows = table.cells()
     caption = (
         f"{int(table.full.sum())} full loops of {len(table)}: means of the readings, with the errors that"
         " noise and sampling leave, beside those of the model. hysid loops tells every loop."
     )
-    heads = (
-        "figure",
-        "readings",
-        "model",
-        "scatter",
-        "first loop",
-        "later loops",
-        "unit",
-        "why not",
-    )
-    return Table(caption, heads, rows)
+    return Table(caption, heads, [(*row[:-2], pretty(row[-2]), row[-1]) for row in rows])
 
 
 def _beyond(case: Case) -> list[str]:

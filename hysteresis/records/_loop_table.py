@@ -156,22 +156,32 @@ class LoopTable:
         summary = [one._asdict() for one in self.summary]
         return plain({"kind": self.kind, "summary": summary, "loops": rows})
 
+    def cells(self) -> list[tuple[str, ...]]:
+        """The summary in words, its header first, and with the model's means where there are any."""
+        rows: list[tuple[str, ...]] = [
+            ("figure", "mean", "model", "scatter", "first", "later", "unit", "why not")
+        ]
+        models = self.summary if self.model is None else self.model.summary
+        for one, model in zip(self.summary, models, strict=True):
+            more = one.scatter, one.first, one.later
+            told = ("" if x is None else f"{x:.4g}" for x in (model.value, *more))
+            mean = "-" if one.value is None else f"{one.value:.5g} ± {one.error:.2g}"
+            unit = "" if one.unit == "1" else one.unit
+            rows.append((one.name, mean, *told, unit, one.reason))
+        return rows if self.model is not None else [(*row[:2], *row[3:]) for row in rows]
+
     def lines(self) -> Iterator[str]:
         """The summary, and the main figures of the first loops, as lines."""
-        full = int(self.full.sum())
         if not len(self):
             yield "No loop: the input does not go and come back."
             return
-        loops = f"{len(self)} loop{'s' * (len(self) != 1)}, {full} full ({self.kind})"
-        yield f"{loops}; mean ± error, scatter from loop to loop"
-        cells = [("  figure", "mean", "scatter", "unit", "first", "later")]
-        cells += [_cells(one) for one in self.summary]
-        yield from aligned(cells)
+        count = (
+            f"{len(self)} loop{'s' * (len(self) != 1)}, {int(self.full.sum())} full ({self.kind})"
+        )
+        yield f"{count}; mean ± error, scatter from loop to loop"
+        yield from aligned([(f"  {name}", *more) for name, *more in self.cells()])
         main = [self[name] for name in MAIN if name in self.names]
         main = [one for one in main if np.isfinite(one.value).any()]
-        if not main:
-            return
-        yield ""
         heads = [f"{one.name}{'' if one.unit == '1' else f' ({one.unit})'}" for one in main]
         rows = [("  run", "cycle", "lines", *heads)]
         for k in range(min(len(self), SHOWN)):
@@ -179,10 +189,9 @@ class LoopTable:
                 "-" if np.isnan(one.value[k]) else f"{one.value[k]:.4g} ± {one.error[k]:.1g}"
                 for one in main
             ]
-            rows.append(
-                (f"  {self.run[k]}", str(self.cycle[k]), f"{self.first[k]}-{self.last[k]}", *told)
-            )
-        yield from aligned(rows)
+            lines = f"{self.first[k]}-{self.last[k]}"
+            rows.append((f"  {self.run[k]}", str(self.cycle[k]), lines, *told))
+        yield from ("", *aligned(rows))
         if len(self) > SHOWN:
             yield f"  ... and {len(self) - SHOWN} more loops"
 
@@ -195,15 +204,6 @@ MAIN = (
     "coercive field", "remanence", "saturation", "squareness",
 )  # fmt: skip
 """Figures that are printed for each loop."""
-
-
-def _cells(one: LoopSummary) -> tuple[str, ...]:
-    if one.value is None:
-        return f"  {one.name}", "-", "", "", "", one.reason
-    more = ("" if x is None else f"{x:.4g}" for x in (one.first, one.later))
-    scatter = "" if one.scatter is None else f"{one.scatter:.2g}"
-    unit = "" if one.unit == "1" else one.unit
-    return f"  {one.name}", f"{one.value:.5g} ± {one.error:.2g}", scatter, unit, *more
 
 
 def kind_of_loops(record: AbstractRecord) -> str:

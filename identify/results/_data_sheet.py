@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,8 +9,9 @@ import numpy as np
 from hysteresis import InputError, Record, html_of, plot_of
 from hysteresis._format import plain, quantity
 from hysteresis._show import aligned
-from hysteresis.records._loop_cut import loop_rows, step_of
-from hysteresis.records._loop_figures import Loops
+from hysteresis.records._loop_cut import step_of
+from hysteresis.records._loop_figures import Loops, Pair
+from hysteresis.records._loop_table import over
 
 from ._characteristics import HELD_ROWS, holds_of
 
@@ -27,11 +27,42 @@ UPPER, LOWER = 0.5, 0.1
 TOLD = 3
 """Loops that a drift or a coefficient needs."""
 
+HOURS = {"s": 3600.0, "ms": 3.6e6, "min": 60.0, "h": 1.0}
+"""Of a clock's unit in an hour."""
+
+DEFINITIONS = {
+    "full-scale output": "Output at the upper end of the range less output at its lower end.",
+    "sensitivity": "Full-scale output over the range of inputs.",
+    "zero": "Output at the lower end of the range.",
+    "non-linearity, terminal":
+        "Largest deviation of the mean curve, up and down, from the line through its ends.",
+    "non-linearity, best line":
+        "The same from the line for which the largest deviation is least (independent linearity).",
+    "hysteresis":
+        "Largest difference between the mean downscale and the mean upscale reading at one input.",
+    "reversibility error":
+        "Downscale less upscale reading, of the upscale reading, from 10 % of the range on (ISO 376).",
+    "repeatability":
+        "Largest spread of the readings at one input, approached from one side, within a run.",
+    "repeatability error":
+        "Spread of the upscale readings at one input, of the reading, from 10 % on (ISO 376).",
+    "reproducibility": "Largest spread at one input, from one side, between the means of the runs.",
+    "zero return": "Reading at the lower end after a loop less that before it, the mean of all loops.",
+    "zero error": "The largest of these, without regard to sign (ISO 376).",
+    "drift of the zero":
+        "Rate at which the reading at the lower end changes within the runs, from their second loop on.",
+    "creep": "Change of the output while the input is held in the upper half of its range; the largest.",
+    "creep recovery": "The same while the input is held at the lower end after a load.",
+    "resolution": "The larger of the converter's step and two standard deviations of the noise.",
+    "settling": "Time from the stop of the input until the output stays within 1 % of the full scale.",
+}  # fmt: skip
+"""What each line means."""
+
 
 class SheetRow(NamedTuple):
-    """A line of a data sheet: `value` and standard `error` in `unit`, or why there is none.
+    """A line of a data sheet: `value` and standard `error` in `unit`, or the `reason` why there is none.
 
-    - `basis`: what it is told from. `definition`: what it means.
+    - `definition`: what it means. `basis`: what it is told from.
     """
 
     name: str
@@ -126,273 +157,217 @@ def data_sheet(record: Record) -> DataSheet:
     ends = []
     for largest in (False, True):
         rows, off, (level, _) = loops.peak(loops.u, largest)
-        value, error = loops.value(loops.y, rows, off)
-        ends.append((level.mean(), value, float(np.sqrt(np.sum(error**2)) / loops.size)))
-    (low, bottom, error0), (high, top, error1) = ends
-    zero, scale = float(bottom.mean()), float(top.mean() - bottom.mean())
+        ends.append((float(level.mean()), loops.value(loops.y, rows, off)))
+    (low, bottom), (high, top) = ends
+    scale = float(np.mean(top[0] - bottom[0]))
     if not abs(scale) > 0:
         raise InputError(
             "zero-range", "The output is the same at both ends of the input's range.",
             place=record.source, fix="Give the column of the reading (--output COL).",
         )  # fmt: skip
-    inputs = loops.common[0][0] + (loops.common[1][0] - loops.common[0][0]) * loops.place
-    rising, falling = loops.branches[:, 0], loops.branches[:, 1]
-    held = _holds(record)
-    upper = tuple(one for one in held if one[0] >= low + UPPER * (high - low))
-    found = _Sheet(record, loops, float(low), float(high), zero, scale, inputs, held)
+    sheet = _Sheet(record, loops, low, high, bottom, top, scale, _holds(record))
     rows = (
-        SheetRow("full-scale output", scale, float(np.hypot(error0, error1)), record.output_unit,
-                 "Output at the upper end of the range less output at its lower end."),
-        SheetRow("sensitivity", scale / (high - low), float(np.hypot(error0, error1)) / (high - low),
-                 _over(record), "Full-scale output over the range of inputs."),
-        SheetRow("zero", zero, error0, record.output_unit, "Output at the lower end of the range."),
-        *found.linearity(), *found.scatter(), *found.zero_lines(bottom), *found.slow(),
-        *found.coefficients(bottom, top),
-    )  # fmt: skip
-    return DataSheet(
-        record, rows, float(low), float(high), zero, scale, inputs, rising, falling,
-        tuple(one[1:] for one in upper),
-    )  # fmt: skip
+        *sheet.static(),
+        *sheet.scatter(),
+        *sheet.of_zero(),
+        *sheet.slow(),
+        *sheet.coefficients(),
+    )
+    held = tuple((t, y) for level, t, y in sheet.held if level >= low + UPPER * (high - low))
+    branches = loops.branches[:, 0], loops.branches[:, 1]
+    zero = float(bottom[0].mean())
+    return DataSheet(record, rows, low, high, zero, scale, sheet.inputs, *branches, held)
 
 
-@dataclass(frozen=True)
-class _Sheet:
-    """What the lines are made of: `curves`, `error` (2, levels) of the mean rising and falling branch."""
+class _Sheet(NamedTuple):
+    """What the lines are made of: outputs at both ends of each loop, holds as level, times and outputs."""
 
     record: Record
     loops: Loops
     low: float
     high: float
-    zero: float
+    bottom: Pair
+    top: Pair
     scale: float
-    inputs: np.ndarray
     held: list[tuple[float, np.ndarray, np.ndarray]]
 
-    @cached_property
-    def share(self) -> np.ndarray:
-        return (self.inputs - self.low) / (self.high - self.low)
-
-    @cached_property
-    def curves(self) -> np.ndarray:
-        return self.loops.branches.mean(0)
-
-    @cached_property
-    def error(self) -> np.ndarray:
-        return np.sqrt(np.sum(self.loops.branch_errors**2, axis=0)) / self.loops.size
-
     @property
-    def basis(self) -> str:
-        return f"{self.loops.size} loop{'s' * (self.loops.size != 1)}"
+    def inputs(self) -> np.ndarray:
+        (low, *_), (high, *_) = self.loops.common
+        return low + (high - low) * self.loops.place
 
-    def percent(
-        self, name: str, value: float, error: float | None, definition: str, basis: str = ""
+    def row(
+        self, name: str, value: Any, error: Any, basis: str = "", unit: str = "", of: Any = None
     ) -> SheetRow:
-        """A line in per cent of the full scale."""
-        by = 100 / abs(self.scale)
-        wrong = None if error is None else by * error
-        return SheetRow(name, by * value, wrong, "percent", definition, basis or self.basis)
+        """A line; without a unit in per cent of the full scale, or of another number."""
+        by = 1.0 if unit else 100 / abs(self.scale if of is None else of)
+        basis = basis or f"{self.loops.size} loop{'s' * (self.loops.size != 1)}"
+        wrong = None if error is None else float(by * error)
+        return SheetRow(name, float(by * value), wrong, unit or "percent", DEFINITIONS[name], basis)
 
-    def linearity(self) -> Iterator[SheetRow]:
-        mean, error = self.curves.mean(0), float(np.hypot(*self.error).max() / 2)
-        x = np.concatenate([[0.0], self.share, [1.0]])
-        y = np.concatenate([[self.zero], mean, [self.zero + self.scale]])
-        off = float(np.abs(y - self.zero - self.scale * x).max())
-        yield self.percent(
-            "non-linearity, terminal", off, error,
-            "Largest deviation of the mean curve, up and down, from the line through its ends.",
-        )  # fmt: skip
+    def none(self, name: str, reason: str, unit: str = "percent") -> SheetRow:
+        """A line without a value."""
+        return SheetRow(name, None, None, unit, DEFINITIONS[name], reason=reason)
+
+    def static(self) -> Iterator[SheetRow]:
+        """Ends of the mean curve, and how straight it is."""
+        record, loops, span = self.record, self.loops, self.high - self.low
+        errors = [float(np.linalg.norm(one[1]) / loops.size) for one in (self.bottom, self.top)]
+        error, zero = float(np.linalg.norm(errors)), float(self.bottom[0].mean())
+        slope = over(record.output_unit, record.input_unit)
+        yield self.row("full-scale output", self.scale, error, unit=record.output_unit)
+        yield self.row("sensitivity", self.scale / span, error / span, unit=slope)
+        yield self.row("zero", zero, errors[0], unit=record.output_unit)
+        x = np.concatenate([[0.0], (self.inputs - self.low) / span, [1.0]])
+        y = np.concatenate([[0.0], loops.branches.mean((0, 1)) - zero, [self.scale]])
+        error = float(np.linalg.norm(loops.branch_errors, axis=(0, 1)).max() / 2 / loops.size)
+        yield self.row("non-linearity, terminal", np.abs(y - self.scale * x).max(), error)
+        # The best line is parallel to the line through two of the points.
         first, second = np.triu_indices(len(x), 1)
         slopes = (y[second] - y[first]) / (x[second] - x[first])
-        left = y - slopes[:, None] * x
-        best = float(np.ptp(left, axis=1).min() / 2)
-        yield self.percent(
-            "non-linearity, best line", best, error,
-            "The same from the line for which the largest deviation is least (independent linearity).",
-        )  # fmt: skip
+        yield self.row(
+            "non-linearity, best line", np.ptp(y - slopes[:, None] * x, axis=1).min() / 2, error
+        )
 
     def scatter(self) -> Iterator[SheetRow]:
-        rising, falling = self.curves
-        gap = falling - rising
-        at = int(np.abs(gap).argmax())
-        yield self.percent(
-            "hysteresis", float(abs(gap[at])), float(np.hypot(*self.error[:, at])),
-            "Largest difference between the mean downscale and the mean upscale reading at one input.",
-            f"{self.basis}, at {quantity(float(self.inputs[at]), self.record.input_unit, 3)}",
-        )  # fmt: skip
-        far = self.share >= LEAST
-        reading = self.curves[0] - self.zero
-        back = 100 * np.abs(gap / reading)[far]
-        yield SheetRow(
-            "reversibility error", float(back.max()),
-            float(100 * np.abs(np.hypot(*self.error) / reading)[far][back.argmax()]), "percent",
-            "Downscale less upscale reading, of the upscale reading, from 10 % of the range on (ISO 376).",
-            f"{self.basis}, of the reading",
-        )  # fmt: skip
-        # Within each run: between runs the sensor was mounted anew, or has another temperature.
-        run, branches = self.loops.cut.sequence, self.loops.branches
-        own = [branches[run == k] for k in np.unique(run)]
-        noise = np.sqrt(2) * self.loops.branch_errors.mean(0)
-        once = "Largest spread of the readings at one input, approached from one side, "
-        relative = (
-            "Spread of the upscale readings at one input, of the reading, from 10 % on (ISO 376)."
-        )
-        if max(map(len, own)) < 2:
-            for name, said in (
-                ("repeatability", f"{once}within a run."),
-                ("repeatability error", relative),
-            ):
-                yield SheetRow(name, None, None, "percent", said, reason="there is one loop a run")
-        else:
-            spread = np.max([np.ptp(one, axis=0) for one in own], axis=0)
-            at = np.unravel_index(int(spread.argmax()), spread.shape)
-            yield self.percent(
-                "repeatability", float(spread[at]), float(noise[at]), f"{once}within a run."
-            )
-            part, wrong = (100 * np.abs(x[0] / reading)[far] for x in (spread, noise))
-            yield SheetRow(
-                "repeatability error", float(part.max()), float(wrong[part.argmax()]), "percent",
-                relative, f"{self.basis}, of the reading",
-            )  # fmt: skip
-        if len(own) > 1:
-            spread = np.ptp([one.mean(0) for one in own], axis=0)
-            at = np.unravel_index(int(spread.argmax()), spread.shape)
-            yield self.percent(
-                "reproducibility", float(spread[at]), float(noise[at] / np.sqrt(max(map(len, own)))),
-                f"{once}between the means of the runs.", f"{len(own)} runs",
-            )  # fmt: skip
-
-    def zero_lines(self, bottom: np.ndarray) -> Iterator[SheetRow]:
+        """How far branches, loops and runs are apart."""
         loops = self.loops
-        definition = (
-            "Reading at the lower end after a loop less that before it, the mean of all loops."
+        each, run = loops.branches, loops.cut.sequence
+        rising, falling = each.mean(0)
+        error = np.linalg.norm(loops.branch_errors, axis=(0, 1)) / loops.size
+        at = int(np.abs(falling - rising).argmax())
+        where = (
+            f"{loops.size} loops, at {quantity(float(self.inputs[at]), self.record.input_unit, 3)}"
         )
-        largest = "The largest of these, without regard to sign (zero error of ISO 376)."
+        yield self.row("hysteresis", abs(falling - rising)[at], error[at], where)
+        reading = rising - self.bottom[0].mean()
+        far = np.flatnonzero(self.inputs >= self.low + LEAST * (self.high - self.low))
+        of_reading = f"{loops.size} loops, of the reading"
+
+        def relative(name: str, apart: np.ndarray, wrong: np.ndarray) -> SheetRow:
+            at = far[np.abs(apart / reading)[far].argmax()]
+            return self.row(name, abs(apart[at]), wrong[at], of_reading, of=reading[at])
+
+        yield relative("reversibility error", falling - rising, error)
+        # Within each run: between runs the sensor was mounted anew, or has another temperature.
+        runs = [each[run == k] for k in np.unique(run)]
+        noise = np.sqrt(2) * loops.branch_errors.mean(0)
+        most = max(map(len, runs))
+        if most < 2:
+            yield from (
+                self.none(n, "there is one loop a run")
+                for n in ("repeatability", "repeatability error")
+            )
+        else:
+            spread = np.max([np.ptp(one, axis=0) for one in runs], axis=0)
+            side = np.unravel_index(int(spread.argmax()), spread.shape)
+            yield self.row("repeatability", spread[side], noise[side])
+            yield relative("repeatability error", spread[0], noise[0])
+        if len(runs) > 1:
+            spread = np.ptp([one.mean(0) for one in runs], axis=0)
+            side = np.unravel_index(int(spread.argmax()), spread.shape)
+            yield self.row(
+                "reproducibility", spread[side], noise[side] / np.sqrt(most), f"{len(runs)} runs"
+            )
+
+    def of_zero(self) -> Iterator[SheetRow]:
+        """What becomes of the reading at the lower end."""
+        loops, unit = self.loops, self.record.time_unit
         (_, (before, error0)), _, (_, (after, error1)) = loops.tips
         up = loops.rising & loops.cut.closed
         if not up.any():
-            for name in ("zero return", "zero error"):
-                yield SheetRow(
-                    name,
-                    None,
-                    None,
-                    "percent",
-                    definition,
-                    reason="no loop begins at the lower end",
-                )
+            yield from (
+                self.none(n, "no loop begins at the lower end")
+                for n in ("zero return", "zero error")
+            )
         else:
             back, error = (after - before)[up], np.hypot(error0, error1)[up]
-            n = int(up.sum())
-            yield self.percent(
-                "zero return", float(back.mean()), float(np.sqrt(np.sum(error**2)) / n), definition
-            )
             at = int(np.abs(back).argmax())
-            yield self.percent("zero error", float(abs(back[at])), float(error[at]), largest)
-        definition = (
-            "Rate at which the reading at the lower end changes from loop to loop within the runs."
-        )
-        unit = self.record.time_unit
-        name, rate = "drift of the zero", "percent / h" if unit in HOURS else f"percent / {unit}"
+            yield self.row("zero return", back.mean(), np.linalg.norm(error) / len(back))
+            yield self.row("zero error", abs(back[at]), error[at])
+        rate = "percent / h" if unit in HOURS else f"percent / {unit}"
         if loops.t is None:
-            yield SheetRow(
-                name, None, None, "percent / h", definition, reason="the record has no clock"
-            )
+            yield self.none("drift of the zero", "the record has no clock", rate)
             return
-        t = loops.t[loops.cut.first]
-        found = _slope(t, bottom, loops.cut.sequence)
+        later = loops.cut.number > 1  # a first loop differs from the others
+        found = _slope(
+            loops.t[loops.cut.first][later], self.bottom[0][later], loops.cut.sequence[later]
+        )
         if found is None:
-            yield SheetRow(
-                name, None, None, rate, definition, reason="fewer than three loops in a run"
-            )
+            yield self.none("drift of the zero", "fewer than three later loops in a run", rate)
             return
         by = 100 / abs(self.scale) * HOURS.get(unit, 1.0)
-        yield SheetRow(name, by * found[0], by * found[1], rate, definition, self.basis)
+        yield self.row("drift of the zero", by * found[0], by * found[1], unit=rate)
 
     def slow(self) -> Iterator[SheetRow]:
-        record, size = self.record, self.high - self.low
-        creep = "Change of the output while the input is held in the upper half of its range; the largest."
-        recovery = "The same while it is held at the lower end after a load."
-        settling = (
-            "Time from the stop of the input until the output stays within 1 % of the full scale."
-        )
-        noise = float(np.median(self.loops.sy))
-        held = [(level, t - t[0], y) for level, t, y in self.held]
-        for name, own, definition in (
-            ("creep", [one for one in held if one[0] >= self.low + UPPER * size], creep),
-            (
-                "creep recovery",
-                [one for one in held if one[0] <= self.low + LOWER * size],
-                recovery,
-            ),
+        """What holds and noise tell."""
+        record, span = self.record, self.high - self.low
+        noise = float(np.median(self.loops.cut.noise[1]))
+        why = "the record has no clock" if record.time is None else "the input is never held there"
+        for name, own in (
+            ("creep", [one for one in self.held if one[0] >= self.low + UPPER * span]),
+            ("creep recovery", [one for one in self.held if one[0] <= self.low + LOWER * span]),
         ):
             if not own:
-                why = (
-                    "the record has no clock"
-                    if record.time is None
-                    else "the input is never held there"
-                )
-                yield SheetRow(name, None, None, "percent", definition, reason=why)
+                yield self.none(name, why)
                 continue
-            changes = np.array([_end(y) - y[0] for _, _, y in own])
+            changes = [_end(y) - y[0] for _, _, y in own]
             at = int(np.abs(changes).argmax())
-            basis = f"{len(own)} hold{'s' * (len(own) != 1)}, over {own[at][1][-1]:.3g} {record.time_unit}"
-            yield self.percent(name, float(changes[at]), noise * np.sqrt(1.1), definition, basis)
-        noise, step = _readings(record)
-        least = max(2 * noise, step)
-        yield self.percent(
-            "resolution", least, None,
-            "The larger of the converter's step and two standard deviations of the noise.",
-            quantity(least * size / abs(self.scale), record.input_unit, 3) + " of the input",
-        )  # fmt: skip
-        if not held:
-            why = "the record has no clock" if record.time is None else "the input is never held"
-            yield SheetRow("settling", None, None, record.time_unit, settling, reason=why)
+            length = quantity(float(np.ptp(own[at][1])), record.time_unit, 3)
+            basis = f"{len(own)} hold{'s' * (len(own) != 1)}, over {length}"
+            yield self.row(name, changes[at], noise, basis)
+        steps = [step_of(record.output[s][record.mask[s]]) for _, s in record.sequences()]
+        least = max(2 * noise, float(np.median(steps)))
+        of_input = quantity(least * span / abs(self.scale), record.input_unit, 3)
+        yield self.row("resolution", least, None, f"{of_input} of the input")
+        if not self.held:
+            yield self.none("settling", why, record.time_unit)
             return
         times = []
-        for _, t, y in held:
+        for _, t, y in self.held:
             away = np.flatnonzero(np.abs(y - _end(y)) > max(BAND * abs(self.scale), 3 * noise))
-            times.append(float(t[min(away[-1] + 1, len(t) - 1)]) if len(away) else 0.0)
-        step = float(np.median(np.diff(held[0][1])))
-        yield SheetRow(
-            "settling", max(times), step, record.time_unit, settling, f"{len(held)} holds"
-        )
+            times.append(t[min(away[-1] + 1, len(t) - 1)] - t[0] if len(away) else 0.0)
+        step, basis = np.median(np.diff(self.held[0][1])), f"{len(times)} holds"
+        yield self.row("settling", max(times), step, basis, record.time_unit)
 
-    def coefficients(self, bottom: np.ndarray, top: np.ndarray) -> Iterator[SheetRow]:
-        loops = self.loops
-        definition = (
-            "Change of the {} with the {}, by a line through the loops; of the full scale a unit."
-        )
-        conditions = self.record.conditions or {"temperature": ""}
-        for name, unit in conditions.items():
+    def coefficients(self) -> Iterator[SheetRow]:
+        """How zero and sensitivity depend on each condition."""
+        size, record = self.loops.size, self.record
+        for name, unit in (record.conditions or {"temperature": "1"}).items():
             plain_name = name.removesuffix(f"({unit})").strip()
-            unit = "percent" if not unit or unit == "1" else f"percent / {unit}"
-            if name in self.record.columns:
-                found = self.record.columns[name][loops.turning_rows]
-                why = "" if np.ptp(found) > 0 else "it does not change"
-            else:
-                found, why = np.zeros(loops.size), "no condition is given (--condition COL)"
-            for what, values in (("zero", bottom), ("sensitivity", top - bottom)):
-                said = definition.format(what, plain_name)
-                fit = None if why else _slope(found, values, np.zeros(loops.size, int))
-                label = f"{what} over {plain_name}"
-                if fit is None:
-                    reason = why or "fewer than three loops"
-                    yield SheetRow(label, None, None, unit, said, reason=reason)
-                    continue
-                by = 100 / abs(self.scale)
-                yield SheetRow(label, by * fit[0], by * fit[1], unit, said, self.basis)
-
-
-HOURS = {"s": 3600.0, "ms": 3.6e6, "min": 60.0, "h": 1.0}
-"""Of a clock's unit in an hour."""
+            rate = "percent" if unit == "1" else f"percent / {unit}"
+            x = (
+                record.columns[name][self.loops.turning_rows]
+                if record.conditions
+                else np.zeros(size)
+            )
+            why = (
+                "it does not change"
+                if record.conditions
+                else "no condition is given (--condition COL)"
+            )
+            why = why if not np.ptp(x) > 0 else "fewer than three loops"
+            for what, y in (
+                ("zero", self.bottom[0]),
+                ("sensitivity", self.top[0] - self.bottom[0]),
+            ):
+                found = _slope(x, y, np.zeros(size, int))
+                said = (
+                    f"Change of the {what} with it, by a line through the loops, of the full scale."
+                )
+                row = SheetRow(f"{what} over {plain_name}", None, None, rate, said, reason=why)
+                if found is not None:
+                    value, error = (100 / abs(self.scale) * one for one in found)
+                    row = row._replace(value=value, error=error, basis=f"{size} loops", reason="")
+                yield row
 
 
 def _slope(x: np.ndarray, y: np.ndarray, group: np.ndarray) -> tuple[float, float] | None:
     """One slope of several groups with their own levels, and its error; None of too few."""
     count = np.bincount(group)
-    own = count > 0
     x, y = (z - (np.bincount(group, z) / count)[group] for z in (x, y))
-    free = len(x) - int(own.sum()) - 1
-    if free < 1 or len(x) < TOLD or not (x @ x) > 0:
+    free = len(x) - int(np.sum(count > 0)) - 1
+    if free < 1 or len(x) < TOLD or not x @ x > 0:
         return None
     slope = float(x @ y / (x @ x))
     left = y - slope * x
@@ -415,18 +390,3 @@ def _holds(record: Record) -> list[tuple[float, np.ndarray, np.ndarray]]:
 def _end(y: np.ndarray) -> float:
     """The output at the end of a hold: the mean of its last tenth."""
     return float(y[-max(1, len(y) // 10) :].mean())
-
-
-def _readings(record: Record) -> tuple[float, float]:
-    """Standard deviation of the readings, and the converter's step, of the usual run."""
-    cut = loop_rows(record)
-    steps = [step_of(record.output[where][record.mask[where]]) for _, where in record.sequences()]
-    return float(np.median(cut.noise[1])), float(np.median(steps))
-
-
-def _over(record: Record) -> str:
-    return (
-        record.output_unit
-        if record.input_unit == "1"
-        else f"{record.output_unit} / {record.input_unit}"
-    )

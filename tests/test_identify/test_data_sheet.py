@@ -107,7 +107,7 @@ def test_intervals_of_noisy_sensors_hold_the_truth():
 def test_what_runs_do_not_tell_is_empty(tmp_path):
     one = data_sheet(record_of(run(loops=1)))
     assert one["repeatability"].reason == "there is one loop a run"
-    assert "three loops" in one["drift of the zero"].reason
+    assert "three later loops" in one["drift of the zero"].reason
     assert one["creep"].reason == "the input is never held there"
     t, force, signal = run()
     bare = data_sheet(Record.from_arrays(force, signal))

@@ -39,6 +39,27 @@ def test_the_table_is_written_for_other_programs(tmp_path):
     assert "bad-option" in run("loops", file, *COLUMNS, "--kind", "round", "--json").err
 
 
+def test_specimens_have_a_row_each_and_outliers_are_told(tmp_path):
+    rows = [
+        [*row[:2], f"{float(row[2]) * (2.0 if k == 3 else 1 + 0.01 * k):.4f}", str(k)]
+        for k in range(6)
+        for row in sponge()
+    ]
+    file = tmp_path / "six.csv"
+    file.write_text(text(rows))
+    asked = ("loops", file, *COLUMNS, "--each", "cycle")
+    found = run(*asked, "--json").json()
+    energy = found["specimens"]["energy lost"]
+    assert energy["outliers"] == ["3"]
+    each = [one["summary"] for one in found["each"].values()]
+    lost = [next(s["value"] for s in one if s["name"] == "energy lost") for one in each]
+    assert energy["mean"] == pytest.approx(np.mean(lost))
+    assert energy["spread"] == pytest.approx(np.std(lost, ddof=1))
+    said = run(*asked).out.splitlines()
+    assert sum("*" in line for line in said if line.startswith("3 ")) == 1
+    assert said[-1].startswith("* is further")
+
+
 def test_a_data_sheet_takes_two_commands(tmp_path):
     files = [tmp_path / f"run{k}.csv" for k in range(2)]
     for file in files:
