@@ -35,7 +35,7 @@ for _command, _example in {
     _asked.Init: "hysid init run.csv",
     _asked.Check: f"hysid check run.csv {SPONGE}",
     _asked_more.Loops: f"hysid loops run.csv {SPONGE}",
-    _asked_more.Datasheet: "hysid datasheet run1.csv run2.csv",
+    _asked_more.Datasheet: f"hysid datasheet run.csv {SPONGE}",
     _asked.Fit: f"hysid fit run.csv {SPONGE} --test-cycles 1 --out sponge",
     _asked.Predict: "hysid predict sponge new.csv --inverse",
     _asked.Qualify: "hysid qualify sponge new.csv --max-error 2 --rate 1000",

@@ -22,7 +22,15 @@ from . import _section_motion as _motion
 from ._case import TARGET, Case, Section
 from ._section_channels import channels
 from ._section_diagnostics import believed
-from ._section_fit import baselines, candidates, data, loops, parameters, residuals
+from ._section_fit import (
+    baselines,
+    candidates,
+    data,
+    loop_figures,
+    loops,
+    parameters,
+    residuals,
+)
 from ._section_model import compensator, density, posterior
 
 TEMPLATE = "report.html.j2"
@@ -62,6 +70,7 @@ def write_report(
         for make in (STEP_SECTIONS if of_step else MOTION_SECTIONS if of_motion else SECTIONS)
         if (make is not density or isinstance(case.fit.detail, identify.GridWeights))
         and (make is not channels or case.fit.channels is not None)
+        and (make is not loop_figures or case.fit.channels is None)
         and make is not (parameters if case.fit.detail.is_linear else made_of)
     ]
     sections: list[Section] = []
@@ -192,8 +201,8 @@ def in_words(case: Case) -> str:
 
 
 SECTIONS: tuple[Callable[[Case], Section], ...] = (
-    loops, channels, residuals, parameters, believed, posterior, density, compensator, candidates,
-    made_of, data,
+    loops, loop_figures, channels, residuals, parameters, believed, posterior, density, compensator,
+    candidates, made_of, data,
 )  # fmt: skip
 MOTION_SECTIONS: tuple[Callable[[Case], Section], ...] = (
     _motion.response, _motion.hysteresis, parameters, posterior, _motion.residuals, _motion.classes,

@@ -5,7 +5,6 @@ import math
 import numpy as np
 
 import identify
-from hysteresis import LoopTable
 
 from ..figures import _base as f
 from ..figures._format import label, number, pretty, quantity
@@ -47,20 +46,20 @@ def loops(case: Case) -> Section:
         section.draw(figure, alt, caption)
     if fit.test is None:
         section.notes.append("Nothing was held out, so there is only one panel.")
-    if fit.channels is None:
-        section.parts.append(Section("Figures of the loops", tables=[_figures(fit.loops())]))
     section.notes += _beyond(case)
     return section
 
 
-def _figures(table: LoopTable) -> Table:
+def loop_figures(case: Case) -> Section:
     """The figures of the fitted loops, of the readings and of the model."""
+    table = case.fit.loops()
     heads, *rows = table.cells()
     caption = (
         f"{int(table.full.sum())} full loops of {len(table)}: means of the readings, with the errors that"
         " noise and sampling leave, beside those of the model. hysid loops tells every loop."
     )
-    return Table(caption, heads, [(*row[:-2], pretty(row[-2]), row[-1]) for row in rows])
+    shown = Table(caption, heads, [(*row[:-2], pretty(row[-2]), row[-1]) for row in rows])
+    return Section("Figures of the loops", tables=[shown])
 
 
 def _beyond(case: Case) -> list[str]:
