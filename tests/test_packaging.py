@@ -149,7 +149,7 @@ def completed(words: str) -> list[str]:
 
 
 def test_the_shell_completes_commands_and_options():
-    assert completed("hysid da") == ["datasets"]
+    assert completed("hysid da") == ["datasheet", "datasets"]
     assert "--test-cycles" in completed("hysid fit --te")
     assert completed("hysid datasets f") == ["fetch"]
 

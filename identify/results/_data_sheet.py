@@ -82,6 +82,12 @@ class DataSheet:
       `zero`, `scale`: output at `low`, and how far it goes to `high`.
     - `inputs`: (levels,) at which branches were compared; `rising`, `falling`: (loops, levels) outputs.
     - `holds`: times and outputs of each hold above half of the range.
+
+    **Example:**
+
+        >>> sheet = identify.data_sheet(record)
+        >>> sheet["creep"].value is None, sheet["creep"].reason
+        (True, 'the input is never held there')
     """
 
     record: Record
