@@ -82,14 +82,23 @@ class Loops:
         self.quiet_u, self.quiet_y = quiet
         self.noisy = not all(quiet)
         self.turning_rows = cut.rows[cut.turn] if self.size else cut.turn
-        usual = int(np.median(cut.last - cut.first)) // 2 if self.size else 0
-        if self.noisy and usual >= 2 * MOST_ROWS:
-            self._average(usual // MOST_ROWS)
+        legs = np.column_stack([cut.turn - cut.first, cut.last - cut.turn]).ravel() + 1
+        # A short leg keeps four of its means.
+        many = min(int(np.median(legs)) // MOST_ROWS, int(legs.min()) // 4) if self.size else 0
+        if self.noisy and many > 1:
+            self._average(many)
+            legs = legs // many
         cut = self.cut
-        lengths = np.column_stack([cut.turn - cut.first, cut.last - cut.turn]).ravel() + 1
-        near = int(np.quantile(lengths, 0.1)) // 6 if self.size else 0
+        near = int(np.quantile(legs, 0.1)) // 6 if self.size else 0
         self.tip_rows = min(near, TIP_ROWS) if self.noisy and near >= 4 else 0
-        tips = [self.tip(self.u, at) for at in (cut.first, cut.turn, cut.last)]
+        bounds = cut.first, cut.turn, cut.last
+        tips = [self.tip(self.u, at) for at in bounds]
+        # In a leg much shorter than the others the ends could change places.
+        first, turn, last = (at for at, _ in tips)
+        good = (first < turn) & (turn < last)
+        tips = [
+            (np.where(good, at, bound), off) for (at, off), bound in zip(tips, bounds, strict=True)
+        ]
         first, turn, last = (at for at, _ in tips)
         self.cut = cut = cut._replace(first=first, turn=turn, last=last)
         self.turns = tips
@@ -141,9 +150,9 @@ class Loops:
             new[cut.sequence] + (at - bounds[cut.sequence]) // rows
             for at in (cut.first, cut.turn, cut.last)
         )
-        moved = {"first": first, "turn": turn, "last": np.maximum(last, turn + 1)}
-        moved["first"] = np.minimum(first, turn - 1)
-        self.cut = cut._replace(bounds=new, clock=cut.clock * rows, **moved)
+        self.cut = cut._replace(
+            bounds=new, clock=cut.clock * rows, first=first, turn=turn, last=last
+        )
 
     # --- single rows -------------------------------------------------------------------------------
 

@@ -228,6 +228,28 @@ def test_every_run_has_its_loops_and_softening_is_from_loop_to_loop():
     assert len(table.columns()["stiffness (N / mm)"]) == 6
 
 
+@given(
+    ends=st.lists(st.floats(-1, 1), min_size=2, max_size=12),
+    rows=st.lists(st.integers(1, 150), min_size=11, max_size=11),
+    noise=st.sampled_from([0.0, 1e-3, 0.05]),
+    units=st.sampled_from([("mm", "N"), ("N", "mm"), ("1", "1"), ("Oe", "emu"), ("V", "uC")]),
+)
+@settings(max_examples=60, deadline=None)
+def test_any_motion_has_a_table(ends, rows, noise, units):
+    """Long legs beside short ones, with noise and without: a figure is a number, or has a reason."""
+    at = np.cumsum([0, *rows[: len(ends) - 1]])
+    x = np.interp(np.arange(at[-1] + 1), at, ends)
+    more = noise * np.random.default_rng(0).normal(size=(2, len(x)))
+    table = record_of(x + more[0], x**3 + more[1], units).loops()
+    for figure in table.figures:
+        told = figure.reason == ""
+        assert np.isfinite(figure.value[told]).all()
+        assert (figure.error[told] >= 0).all()
+        assert np.isnan(figure.value[~told]).all()
+    assert json.dumps(table.document())
+    assert str(table)
+
+
 @pytest.mark.parametrize("rows", [120.37, 500.37])
 def test_intervals_hold_the_truth_as_often_as_they_say(rows):
     """Loops that no row begins; 300 of them, so that 90 % is told to 1.7 %."""
