@@ -22,6 +22,8 @@ from .comparison._compare import Difference as Difference
 from .comparison._compare import Pair as Pair
 from .comparison._compare import compare as compare
 from .comparison._compare import compare_candidates as compare_candidates
+from .comparison._loop_differences import LoopDifference as LoopDifference
+from .comparison._loop_differences import compare_loops as compare_loops
 from .comparison._pooling import Interval as Interval
 from .comparison._pooling import Pooled as Pooled
 from .comparison._pooling import PooledParameter as PooledParameter

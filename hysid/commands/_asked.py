@@ -307,10 +307,12 @@ class Design(Command):
 class Compare(Command):
     """Rank models of the same data, or test for a change.
 
-    With --change the folders are two fits of one model to different data: before, after.
+    With --change the folders are two fits of one model to different data: before, after. With --loops they
+    are two groups of specimens: folders of hysid fit --each.
     """
 
     folders: list[Path] = _folders()
+    loops: bool = option("Test which figures of the loops differ between two groups.", False)
     change: bool = option("Test whether one model's parameters differ between data sets.", False)
     margin: float = option("With --change: the relative difference that counts as a change.", 0.05)
 

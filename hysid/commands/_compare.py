@@ -20,6 +20,9 @@ def run(asked: Compare) -> Done:
     if asked.change:
         document = _change(asked.folders, asked.margin)
         return Done(document, _change_lines(document))
+    if asked.loops:
+        document = _groups(asked.folders)
+        return Done(document, _group_lines(document))
     document = _compare(asked.folders)
     return Done(document, _comparison_lines(document))
 
@@ -59,6 +62,45 @@ def _change(folders: Sequence[Path], margin: float) -> dict[str, Any]:
         **{k: getattr(found, k) for k in ("chi_square", "degrees", "p", "margin")},
         "words": list(found.words),
     }
+
+
+def _groups(folders: Sequence[Path]) -> dict[str, Any]:
+    """Two groups of specimens, by the measured loops of their fits."""
+    if len(folders) != 2:
+        raise InputError(
+            "too-few-fits" if len(folders) < 2 else "bad-option",
+            "Loops are compared between two groups of specimens.",
+            place=str(folders[0]),
+            fix="Name two folders of hysid fit --each.",
+        )
+    groups = [[identify.load(place).loops() for place in _places([f]).values()] for f in folders]
+    found = identify.compare_loops(*groups)
+    rows = [row._asdict() | {"clear": row.clear} for row in found]
+    return {"groups": [str(f) for f in folders], "specimens": [*map(len, groups)], "figures": rows}
+
+
+def _group_lines(document: dict[str, Any]) -> list[str]:
+    """A table of figures, and which of them differ."""
+    told = [row for row in document["figures"] if row["p"] is not None]
+    columns = {
+        "figure": [row["name"] for row in told],
+        "unit": [pretty(row["unit"]) or "1" for row in told],
+        "first": [number(row["one"], row["error"]) for row in told],
+        "second": [number(row["other"], row["error"]) for row in told],
+        "difference": [f"{number(row['difference'])} ± {row['error']:.2g}" for row in told],
+        "p": ["< 0.0001" if row["p"] < 1e-4 else f"{row['p']:.2g}" for row in told],
+        "needed": [DASH if row["needed"] is None else str(row["needed"]) for row in told],
+    }
+    clear = ", ".join(row["name"] for row in told if row["clear"]) or "no figure"
+    head = " and ".join(
+        f"{n} of {name}" for name, n in zip(document["groups"], document["specimens"], strict=True)
+    )
+    if not told:
+        return [f"{head}: nothing is told. {document['figures'][0]['reason'].capitalize()}."]
+    said = (
+        f"Clearly different: {clear}. Needed: specimens a group that would show such a difference."
+    )
+    return [head, "", *_table(columns, left=2), "", said]
 
 
 def _comparison_lines(document: dict[str, Any]) -> list[str]:

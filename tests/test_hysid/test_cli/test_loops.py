@@ -60,6 +60,27 @@ def test_specimens_have_a_row_each_and_outliers_are_told(tmp_path):
     assert said[-1].startswith("* is further")
 
 
+def test_two_groups_of_specimens_are_compared(tmp_path):
+    for name, softer in (("new", 1.0), ("old", 1.5)):
+        rows = [
+            [*row[:2], f"{float(row[2]) * softer * (1 + 0.01 * k):.4f}", str(k)]
+            for k in range(3)
+            for row in sponge()
+        ]
+        (tmp_path / f"{name}.csv").write_text(text(rows))
+        asked = ("--each", "cycle", "--model", "LinearSponge", "--noise", "gaussian", "--starts", 2)
+        assert run("fit", tmp_path / f"{name}.csv", *COLUMNS, *asked).code == 0
+    found = run("compare", tmp_path / "new", tmp_path / "old", "--loops", "--json").json()
+    figures = {row["name"]: row for row in found["figures"]}
+    assert found["specimens"] == [3, 3]
+    assert figures["stiffness"]["clear"]
+    assert figures["stiffness"]["needed"] == 2
+    assert not figures["duration"]["clear"]
+    said = run("compare", tmp_path / "new", tmp_path / "old", "--loops").out
+    assert "stiffness" in said.splitlines()[-1]
+    assert '"too-few-fits"' in run("compare", tmp_path / "new", "--loops", "--json").err
+
+
 def test_a_data_sheet_takes_two_commands(tmp_path):
     files = [tmp_path / f"run{k}.csv" for k in range(2)]
     for file in files:

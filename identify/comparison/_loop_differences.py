@@ -1,0 +1,92 @@
+"""Which figures of their loops two groups of specimens differ in, and how many specimens would tell."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import ndtri, stdtr
+
+from hysteresis import InputError, LoopTable
+
+from ._change import CLEAR, holm
+
+POWER = 0.8
+"""Probability with which the needed specimens would show a difference as large as this one."""
+
+FEW = "fewer than two specimens of a group tell it"
+
+
+class LoopDifference(NamedTuple):
+    """A figure in two groups: their means over specimens, the second less the first, and its error.
+
+    - `p`: the probability of a difference this large if there was none (Welch), corrected for the number of
+      figures (Holm). `needed`: specimens a group that would show this difference in 80 of 100 cases at the
+      same level without correction; None without a difference. `reason`: why nothing is told.
+    """
+
+    name: str
+    unit: str
+    one: float | None
+    other: float | None
+    difference: float | None
+    error: float | None
+    p: float | None
+    needed: int | None
+    reason: str = ""
+
+    @property
+    def clear(self) -> bool:
+        """Whether the difference is statistically significant."""
+        return self.p is not None and self.p < CLEAR
+
+
+def compare_loops(
+    one: Sequence[LoopTable], other: Sequence[LoopTable]
+) -> tuple[LoopDifference, ...]:
+    """The figures of two groups of specimens; each specimen counts once, by its mean over the full loops.
+
+    **Arguments:**
+
+    - `one`, `other`: a table for each specimen, of one kind.
+
+    **Raises:** `InputError` `too-few-fits` where a group is empty.
+
+    **Example:**
+
+        >>> tables = [fit.loops() for fit in specimens]
+        >>> found = identify.compare_loops(tables[:2], tables[1:])
+        >>> found[0].name, found[0].clear
+        ('duration', False)
+    """
+    if not (one and other):
+        raise InputError(
+            "too-few-fits", "A group has no specimen.", fix="Give one or more of each."
+        )
+    told = [[{s.name: s for s in table.summary} for table in group] for group in (one, other)]
+    found = []
+    for name in (n for n in one[0].names if all(n in s for group in told for s in group)):
+        x, y = (
+            np.array([s[name].value for s in group if s[name].value is not None], float)
+            for group in told
+        )
+        unit = told[0][0][name].unit
+        if min(len(x), len(y)) < 2:
+            found.append(LoopDifference(name, unit, None, None, None, None, None, None, FEW))
+            continue
+        parts = np.array([np.var(z, ddof=1) / len(z) for z in (x, y)])
+        difference, error = float(y.mean() - x.mean()), float(np.sqrt(parts.sum()))
+        p, needed = 1.0, None
+        if difference:
+            free = (
+                parts.sum() ** 2 / np.sum(parts**2 / [len(x) - 1, len(y) - 1]) if error else np.inf
+            )
+            p = float(2 * stdtr(free, -abs(difference) / error)) if error else 0.0
+            each = (np.var(x, ddof=1) + np.var(y, ddof=1)) / difference**2
+            needed = max(2, int(np.ceil(each * (ndtri(1 - CLEAR / 2) + ndtri(POWER)) ** 2)))
+        means = float(x.mean()), float(y.mean())
+        found.append(LoopDifference(name, unit, *means, difference, error, p, needed))
+    tested = [k for k, row in enumerate(found) if row.p is not None]
+    corrected = holm(np.array([found[k].p for k in tested], float)) if tested else []
+    for k, p in zip(tested, corrected, strict=True):
+        found[k] = found[k]._replace(p=float(p))
+    return tuple(found)
