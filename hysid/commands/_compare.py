@@ -91,7 +91,7 @@ def _group_lines(document: dict[str, Any]) -> list[str]:
         "p": ["< 0.0001" if row["p"] < 1e-4 else f"{row['p']:.2g}" for row in told],
         "needed": [DASH if row["needed"] is None else str(row["needed"]) for row in told],
     }
-    clear = ", ".join(row["name"] for row in told if row["clear"]) or "no figure"
+    clear = "; ".join(row["name"] for row in told if row["clear"]) or "no figure"
     head = " and ".join(
         f"{n} of {name}" for name, n in zip(document["groups"], document["specimens"], strict=True)
     )

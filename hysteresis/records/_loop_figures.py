@@ -92,18 +92,16 @@ class Loops:
         near = int(np.quantile(legs, 0.1)) // 6 if self.size else 0
         self.tip_rows = min(near, TIP_ROWS) if self.noisy and near >= 4 else 0
         bounds = cut.first, cut.turn, cut.last
-        tips = [self.tip(self.u, at) for at in bounds]
+        rows, off = zip(*(self.tip(self.u, at) for at in bounds), strict=True)
         # In a leg much shorter than the others the ends could change places.
-        first, turn, last = (at for at, _ in tips)
-        good = (first < turn) & (turn < last)
-        tips = [
-            (np.where(good, at, bound), off) for (at, off), bound in zip(tips, bounds, strict=True)
+        good = (rows[0] < rows[1]) & (rows[1] < rows[2])
+        first, turn, last = rows = [
+            np.where(good, *both) for both in zip(rows, bounds, strict=True)
         ]
-        first, turn, last = (at for at, _ in tips)
         self.cut = cut = cut._replace(first=first, turn=turn, last=last)
-        self.turns = tips
+        self.turns = list(zip(rows, off, strict=True))
         self.tips = [
-            (self.value(self.u, at, both=True), self.value(self.y, at, off)) for at, off in tips
+            (self.value(self.u, at, both=True), self.value(self.y, at, by)) for at, by in self.turns
         ]
         self.leg_first = np.column_stack([first, turn]).ravel()
         self.leg_last = np.column_stack([turn, last]).ravel()
@@ -271,7 +269,7 @@ class Loops:
         wanted = 2.0 * number + (each - own_low[:, None]) / width[:, None]
         key, sorted_y = key[order], y[order]
         found = np.interp(wanted, key, sorted_y) if len(key) else wanted
-        error = np.broadcast_to(np.hypot(self.sy, 0)[:, None], level.shape).repeat(2, axis=0)
+        part = np.ones_like(found)
         if binned:
             size = np.where(high > low, high - low, 1.0)
             place = (u - low[loop]) / size[loop] * self.levels
@@ -288,17 +286,13 @@ class Loops:
             # Rows on one side of a level alone would be extrapolated from.
             good = (count >= 3) & (s1**2 < 0.5 * det)
             found = np.where(good, (s2 * sy - s1 * s1y) / det, found)
-            error = np.where(good, error * np.sqrt(s2 / det), error)
+            part = np.where(good, np.sqrt(s2 / det), part)
             # The line through a bin lies off a curve by a 24th of its bend.
             found[:, 1:-1] -= np.diff(found, 2, axis=1) / 24
         # Noise of the input counts as noise of the output, by the slope there.
-        slope = np.gradient(found, axis=1) * self.levels
-        steep = slope / np.repeat(high - low, 2)[:, None]
-        more = np.abs(steep) * np.repeat(self.su / np.where(self.sy > 0, self.sy, 1), 2)[:, None]
-        error = np.where(
-            np.repeat(self.sy > 0, 2)[:, None], error * np.hypot(1, more),
-            np.abs(steep) * np.repeat(self.su, 2)[:, None],
-        )  # fmt: skip
+        slope = np.gradient(found, axis=1) * self.levels / np.repeat(high - low, 2)[:, None]
+        sigma_u, sigma_y = (np.repeat(x, 2)[:, None] for x in (self.su, self.sy))
+        error = np.hypot(sigma_y, slope * sigma_u) * part
         shape = self.size, 2, self.levels
         found, error = (self.by_way(x.reshape(shape)) for x in (found, error))
         self.branches, self.branch_errors = found, error
