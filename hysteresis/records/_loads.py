@@ -25,3 +25,13 @@ def kind_of_units(record: AbstractRecord) -> Literal["creep", "relaxation"] | No
     if is_load[0] and deforms[1]:
         return "creep"
     return "relaxation" if deforms[0] and is_load[1] else None
+
+
+def over(one: str, other: str) -> str:
+    """The unit of a quotient."""
+    return one if other == "1" else f"{one} / {other}"
+
+
+def times(one: str, other: str) -> str:
+    """The unit of a product."""
+    return one if other == "1" else other if one == "1" else f"{one} * {other}"

@@ -7,6 +7,7 @@ import numpy as np
 
 from .._quantities import conversion
 from ._abstract_record import AbstractRecord
+from ._loads import over
 from ._loop_figures import TIP_ROWS, Loops, Pair, widest
 
 HIGH, HIGHER = 0.7, 0.85
@@ -19,6 +20,7 @@ SINGULAR = 1e12
 """Condition of a parabola from which on its rows do not tell it."""
 
 NOT_CROSSED = "a branch does not cross zero"
+NO_ZERO = "a branch does not pass zero input"
 NOT_SATURATED = (
     "the loop does not saturate: the slope still changes above 70 % of the largest field"
 )
@@ -78,24 +80,21 @@ def field_figures(
 ) -> Iterator[tuple[str, Pair, str, Any]]:
     """Name, value with error, unit and reason of each figure of loops over a field."""
     unit_u, unit_y = record.input_unit, record.output_unit
-    slope_unit = unit_y if unit_u == "1" else f"{unit_y} / {unit_u}"
+    slope_unit = over(unit_y, unit_u)
     crossings, _ = map(_by_branch, _at_zero(loops, loops.y, loops.u))
     at_zero, tangents = map(_by_branch, _at_zero(loops, loops.u, loops.y))
     why = np.where(np.isfinite(crossings[0][0] + crossings[1][0]), "", NOT_CROSSED)
     for way, pair in zip(("rising", "falling"), crossings, strict=True):
-        yield (
-            f"coercive field, {way}",
-            pair,
-            unit_u,
-            np.where(np.isfinite(pair[0]), "", NOT_CROSSED),
-        )
+        own = np.where(np.isfinite(pair[0]), "", NOT_CROSSED)
+        yield f"coercive field, {way}", pair, unit_u, own
     yield "coercive field", _halves(crossings, -1), unit_u, why
     yield "bias field", _halves(crossings, 1), unit_u, why
+    remanence, tangent = _halves(at_zero[::-1], -1), _halves(tangents, 1)
+    why = np.where(np.isfinite(remanence[0]), "", NO_ZERO)
     for way, pair in zip(("rising", "falling"), at_zero, strict=True):
-        yield f"remanence, {way}", pair, unit_y, ""
-    remanence = _halves(at_zero[::-1], -1)
-    yield "remanence", remanence, unit_y, ""
-    yield "susceptibility", _halves(tangents, 1), slope_unit, ""
+        yield f"remanence, {way}", pair, unit_y, why
+    yield "remanence", remanence, unit_y, why
+    yield "susceptibility", tangent, slope_unit, why
     high, saturation = _saturation(loops, HIGH)
     _, further = _saturation(loops, HIGHER)
     off = np.abs(further[0] - saturation[0]) - 3 * np.hypot(further[1], saturation[1])
@@ -113,14 +112,8 @@ def field_figures(
         size *= known[0].size * known[1].size
     # Where the output lags, a loop runs counter-clockwise and its polygon is negative: energy is lost.
     loss = -size * around[0], size * around[1]
-    name = (
-        "loss a cycle"
-        if unit == "J"
-        else "loss a cycle and mass"
-        if unit == "J/kg"
-        else "loss a cycle and volume"
-    )
-    yield name, loss, unit, opened if np.isfinite(size) else NO_VOLUME
+    each = {"J": "", "J/kg": " and mass"}.get(unit, " and volume")
+    yield f"loss a cycle{each}", loss, unit, opened if np.isfinite(size) else NO_VOLUME
     if unit == "J":
         empty = np.full(loops.size, np.nan)
         yield "loss a cycle and volume", (empty, empty), "J/m^3", NO_VOLUME

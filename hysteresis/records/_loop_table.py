@@ -12,7 +12,7 @@ from .._errors import InputError
 from .._format import plain
 from .._show import aligned, at_most
 from ._abstract_record import AbstractRecord
-from ._loads import kind_of_units
+from ._loads import kind_of_units, over, times
 from ._loop_areas import area, given_back
 from ._loop_cut import loop_rows
 from ._loop_fields import field_figures, field_unit
@@ -411,13 +411,3 @@ def less(one: Pair, other: Pair) -> Pair:
 def _ratio(one: Pair, other: Pair) -> Pair:
     ratio = one[0] / other[0]
     return ratio, np.hypot(one[1], ratio * other[1]) / np.abs(other[0])
-
-
-def over(one: str, other: str) -> str:
-    """The unit of a quotient."""
-    return one if other == "1" else f"{one} / {other}"
-
-
-def times(one: str, other: str) -> str:
-    """The unit of a product."""
-    return one if other == "1" else other if one == "1" else f"{one} * {other}"

@@ -9,9 +9,9 @@ import numpy as np
 from hysteresis import InputError, Record, html_of, plot_of
 from hysteresis._format import plain, quantity
 from hysteresis._show import aligned
+from hysteresis.records._loads import over
 from hysteresis.records._loop_cut import step_of
 from hysteresis.records._loop_figures import Loops, Pair
-from hysteresis.records._loop_table import over
 
 from ._characteristics import HELD_ROWS, holds_of
 
