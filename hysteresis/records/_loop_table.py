@@ -379,10 +379,12 @@ def _of_energy(
         yield "loop area", (lost, error), unit, opened
     else:
         given, wrong = given_back(loops, x, load)
-        wrong = np.hypot(wrong, error / np.sqrt(2))
+        # Each has the noise of its part of the way.
+        share = np.clip(given / (lost + 2 * given), 0.0, 1.0)
+        out, into = (np.hypot(wrong, error * np.sqrt(part)) for part in (share, 1 - share))
         yield "energy lost", (lost, error), unit, opened
-        yield "energy in", (lost + given, wrong), unit, opened
-        yield "energy out", (given, wrong), unit, opened
+        yield "energy in", (lost + given, into), unit, opened
+        yield "energy out", (given, out), unit, opened
     most, least = peaks[way, "highest"], peaks[way, "lowest"]
     size = less(most[2], least[2])
     rise = less(*(loops.value(load, rows, off) for rows, off, _ in (most, least)))
