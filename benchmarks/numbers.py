@@ -1,4 +1,4 @@
-"""The numbers of loops: closed forms, honest intervals, time, and another program on the same loops.
+"""The numbers that a rig is asked for: of loops, beside closed forms and another program, and of spectra.
 
 python -m benchmarks.numbers [--quick] [--json] [--only TEXT]
 
@@ -12,6 +12,8 @@ intervals hold the truth, for the figure that has it least often and the one tha
 
 `pmagpy`: loops of a magnetometer in ../shared/data (HYSID_DATA names another folder), beside what PmagPy
 says of the same rows. PMAGPY names the Python that has it; without both these rows are left open.
+
+`spectra`: public master curves, shift factors, a ramp and hold, creep beside lmfit, and material cards.
 """
 
 import json
@@ -24,6 +26,7 @@ import numpy as np
 
 from hysteresis import LoopTable, Record, read_csv
 
+from . import _spectra
 from ._measure import Row, judged, noted, run_parts
 from .accuracy import data_folder
 
@@ -60,6 +63,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         "intervals": _intervals,
         "time": _time,
         "pmagpy": _pmagpy,
+        "spectra": _spectra.rows,
     }
     run_parts("benchmarks.numbers", __doc__, parts, arguments)
 

@@ -1,17 +1,12 @@
 """Spectra of every clock on public data and known cases: errors, shift factors, cards, lmfit beside us.
 
-python -m benchmarks.spectra [--quick] [--json]
-
 The master curves are NREL's (pyvisco), the creep curves those of polystyrene, polyethylene and a foam.
 lmfit fits the same rows and numbers of parameters from many starts, with positive strengths.
 """
 
-import sys
 import time
-from collections.abc import Sequence
 from pathlib import Path
 
-import jax
 import lmfit
 import numpy as np
 
@@ -21,7 +16,7 @@ from hysteresis import GeneralizedMaxwell, Record
 from identify import Response, fit_step, master_curve, spectrum
 
 from ._accuracy.creep import RECORDS, even_in_log_time
-from ._measure import Row, judged, noted, options, report
+from ._measure import Row, judged, noted
 from .accuracy import data_folder
 
 NREL, CASES = "relaxation-master", "cases"
@@ -180,15 +175,3 @@ def _cards() -> list[Row]:
 
 def _table(file: Path) -> np.ndarray:
     return np.loadtxt(file, delimiter=",", skiprows=2, encoding="utf-8-sig")
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure and print; the exit status."""
-    chosen = options("benchmarks.spectra", __doc__, arguments)
-    jax.config.update("jax_enable_x64", True)
-    report(rows(chosen.quick), chosen.json)
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
