@@ -12,6 +12,8 @@ from ..reporting._data_sheet_page import write_data_sheet
 from ._asked_more import Datasheet
 from ._console import Done
 
+SUFFIXES = (".html", ".pdf")
+
 
 def run(asked: Datasheet) -> Done:
     """Read the runs, write both pages, and print the lines."""
@@ -19,7 +21,9 @@ def run(asked: Datasheet) -> Done:
     selection.check_columns()
     first = asked.files[0]
     page = asked.out or first.with_name(f"{first.stem}-datasheet")
-    places = [page.with_name(f"{page.name}{suffix}") for suffix in (".html", ".pdf")]
+    if page.suffix.lower() in SUFFIXES:
+        page = page.with_suffix("")
+    places = [page.with_name(f"{page.name}{suffix}") for suffix in SUFFIXES]
     for place in places:
         identify.internal.check_free(place.parent, asked.overwrite, place.name)
     runs: dict[str, Record] = {}

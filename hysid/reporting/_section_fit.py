@@ -142,6 +142,10 @@ def residuals(case: Case) -> Section:
     return section
 
 
+LISTED = 40
+"""Parameters in the table: a dense spectrum has hundreds, and its figure tells them better."""
+
+
 def parameters(case: Case) -> Section:
     fit = case.fit
     drawn = {} if case.posterior is None else {s.name: s for s in case.posterior.summaries}
@@ -154,6 +158,7 @@ def parameters(case: Case) -> Section:
         or drawn[p.name].q05 <= p.value <= drawn[p.name].q95
     ]
     hidden = len(fit.parameters) - len(listed)
+    further, listed = max(len(listed) - LISTED, 0), listed[:LISTED]
     repeats = any(p.repeatability is not None for p in fit.parameters)
     listed.append(
         identify.Parameter("sigma", fit.noise.sigma, case.units[1], None, "free")
@@ -194,6 +199,8 @@ def parameters(case: Case) -> Section:
             f"{hidden} further sums are left out: the data do not determine them one by one. fit.json has"
             " them all."
         )
+    if further:
+        section.notes.append(f"{further} more are in fit.json.")
     if repeats:
         left = np.abs(fit.residuals[fit.used & np.isfinite(fit.residuals)])
         sizes = np.sqrt(np.mean(left**2)), np.quantile(left, 0.9)

@@ -11,6 +11,8 @@ from .._selection import selection_of
 from ._column_pairs import held
 
 SHARE = 0.25
+LONGER = 10.0
+"""A relaxation goes on in the logarithm of time: a decade is the most that a record foretells."""
 
 
 def hold_out(
@@ -36,10 +38,15 @@ def hold_out(
 def _proposals(table: Table, options: Mapping[str, Any], split: tuple[str, str] | None):
     if split is not None:
         yield {"test_where": [f"{split[0]}={split[1]}"]}, "the file marks these rows as test rows"
+    good, _ = selection_of(options).records(table)
     if selection_of(options).is_step:
+        if any(_far(record) for record, _ in good.values()):
+            yield (
+                {},
+                "the last fifth of its rows lasts many times as long as all before, which do not tell it",
+            )
         yield {"test_tail": 0.2}, "the last fifth, which tests the prediction of later times"
         return
-    good, _ = selection_of(options).records(table)
     record = next(iter(good.values()))[0]
     group = tuple(options.get("group") or ())
     if group and len(good) == 1 and len(record.labels) >= 4:
@@ -58,7 +65,7 @@ def _proposals(table: Table, options: Mapping[str, Any], split: tuple[str, str] 
             {"test_where": [f"{group[0]}={list(record.labels)[-1].split('/')[0]}"]},
             "the last sequence",
         )
-    if counts < 2 and all(held(r.input) > 0.7 for r, _ in good.values()):
+    if counts < 2 and all(held(r.input) > 0.7 and not _far(r) for r, _ in good.values()):
         yield (
             {"test_tail": 0.2},
             "the last fifth of the hold, which tests the prediction of later times",
@@ -70,6 +77,18 @@ def _proposals(table: Table, options: Mapping[str, Any], split: tuple[str, str] 
             "the last quarter of the rows, because there are too few complete cycles",
         )
     yield {}, "one loop only; a test on unseen rows needs a second one"
+
+
+def _far(record: Record) -> bool:
+    """Whether the last fifth of a sequence's rows goes on for more than `LONGER` times all before, as rows
+    that are even in the logarithm of time do."""
+    if record.time is None:
+        return False
+    for _, rows in record.sequences():
+        t = record.time[rows]
+        if t[-1] - t[0] > LONGER * (t[int(0.8 * (len(t) - 1))] - t[0]):
+            return True
+    return False
 
 
 def _sequences(table: Table, record: Record, column: str) -> str:

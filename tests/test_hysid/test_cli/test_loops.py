@@ -92,6 +92,8 @@ def test_a_data_sheet_takes_two_commands(tmp_path):
     assert rows["reproducibility"]["value"] == pytest.approx(0)
     assert rows["hysteresis"]["value"] > 1
     assert '"would-overwrite"' in run("datasheet", *files, "--json").err
+    run("datasheet", *files, "--out", tmp_path / "sheet.pdf")
+    assert {place.name for place in tmp_path.glob("sheet*")} == {"sheet.html", "sheet.pdf"}
     other = tmp_path / "other.csv"
     other.write_text(text(sponge()).replace("(N)", "(kN)"))
     columns = ("--input", "force (N)", "--output", "displacement (mm)", "--overwrite", "--json")

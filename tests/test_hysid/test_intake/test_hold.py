@@ -63,6 +63,14 @@ def test_init_sees_the_hold_and_the_fit_its_time_constants():
     assert Path(said["file"]).read_text("utf-8").splitlines()[0].count("since the step") == 1
 
 
+def test_rows_even_in_log_time_hold_nothing_out():
+    """Their last fifth is two of ten decades: no row before it tells of them."""
+    t = np.geomspace(1e-3, 1e7, 120)
+    rows = [[f"{a:.6g}", f"{100 * a**-0.1:.6g}"] for a in t]
+    found = run("init", put(text(rows, ("time (s)", "E_relax (MPa)"))), "--json").json()
+    assert not found["selection"].keys() & {"test_tail", "test_cycles", "test_where", "test_lines"}
+
+
 def test_the_way_back_does_not_count():
     file = put(text(relaxing(released=True), (T, X, F)))
     found = run("check", file, *SELECTED, "--json").json()
