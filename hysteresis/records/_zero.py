@@ -298,12 +298,17 @@ def _beside(of: Rows, terms: list[Rows], y: Rows) -> tuple[float, float] | None:
     return float(weights[0] / scale[0]), float(np.std(wanted - matrix @ weights))
 
 
+REST, STAYS = 0.02, 0.1
+"""Of an output's readings, the least ones, at rest; of a drift, by how much they move where it is none."""
+
+
 def zero_drift(record: AbstractRecord) -> ZeroDrift | None:
     """How the zero of the output drifts in the sequence with most cycles; None where it does not surely.
 
     A line in time beside a function of the input's history, over three cycles at least. Its slopes over all
     rows, over the first and over the last three fifths have one sign, and the flattest, which is told, is
-    a drift by more than what the function leaves unexplained, +- 2 standard deviations.
+    a drift by more than what the function leaves unexplained, +- 2 standard deviations. Where the least
+    readings stay what they were, to a tenth of that, the input drifts, not the output.
     """
     most = int(np.argmax(record.cycle_counts))
     part = [*_parts(record)][most]
@@ -320,6 +325,9 @@ def zero_drift(record: AbstractRecord) -> ZeroDrift | None:
     slopes = [slope for slope, _ in each]
     flattest = min(slopes, key=abs)
     if min(slopes) * max(slopes) <= 0 or abs(flattest) <= 4 * each[0][1]:
+        return None
+    first, last = (np.quantile(y[rows], REST) for rows in (t <= 0.4, t >= 0.6))
+    if abs(last - first) < STAYS * abs(flattest):
         return None
     return ZeroDrift(int(part.row[0]), int(part.row[-1]), flattest)
 

@@ -122,7 +122,7 @@ def test_a_file_that_cannot_be_decided_is_a_question(browser, tmp_path):
         page.get_by_label("Unit of a", exact=True).wait_for()
         page.get_by_label("Role of c", exact=True).select_option("output")
         page.locator(".plot .u-over").first.wait_for()
-        page.get_by_text("Held out for testing").first.wait_for()
+        page.get_by_text("Held out for testing").locator("visible=true").first.wait_for()
         assert page.get_by_role("button", name="Fit", exact=True).is_enabled()
         assert 'input = "a"' in (tmp_path / "four.toml").read_text()
         page.get_by_role("button", name="creep.csv").click()

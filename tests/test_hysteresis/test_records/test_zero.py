@@ -86,6 +86,14 @@ def test_a_drift_is_sized_among_loops_of_any_size(seed: int, share: float, sign:
     assert codes(u, y) == {"zero-moves"}
 
 
+@given(SEEDS, st.floats(0.1, 0.5))
+def test_a_drift_of_the_input_is_none_of_the_output(seed: int, share: float):
+    """The load returns to zero in every cycle, while the sensor's reading drifts away."""
+    load = np.maximum(motion(seed) - np.median(motion(seed)), 0)
+    reading = loop(load, seed) + share * np.ptp(load) * np.linspace(0, 1, len(load))
+    assert zero_drift(Record.from_arrays(reading, load)) is None
+
+
 @given(SEEDS, st.floats(0.15, 0.7), st.booleans(), st.sampled_from([0.0, 1.5]))
 def test_lost_contact_is_placed(seed: int, place: float, regained: bool, zero: float):
     """The zero is the first reading, or 0."""
