@@ -8,6 +8,7 @@ so that all moduli have the same relative terms. A card with shear terms alone k
 Sources: the manuals of the programs, see docs/from-a-rheometer-to-abaqus.md.
 """
 
+import re
 from collections.abc import Callable
 from textwrap import wrap
 from typing import NamedTuple
@@ -119,13 +120,20 @@ def material_card(
             f"The model has {len(E)} terms, and a card for {program} holds {most}.",
             fix=f"Fit a shorter series (--terms {most}).",
         )
+    if not len(E):
+        raise InputError(
+            "not-exportable",
+            "The model does not relax: it has no terms.",
+            fix="Fit a relaxing one.",
+        )
+    name = re.sub(r"[^\w.]+", "_", name) or "hysid"  # what every program takes in a name
     scale *= 2 * (1 + poisson) if shear else 1.0
     terms = Prony(scale * long_term, scale * E, tau, poisson, unit, time_unit, name, wlf)
     lines, notes = write(terms)
     said = [f"Poisson's ratio {poisson:g} is assumed, and the same at all times.", *notes]
     if terms.long_term <= 1e-9 * terms.at_once:
         said.append("No stiffness is left in the end, as in a liquid: some solvers refuse that.")
-    if wlf is not None and not any("WLF" in line for line in lines):
+    if wlf is not None and program not in HOLD_SHIFTS:
         said.append(
             "The card does not hold the shift factors: it is for the reference temperature."
         )
@@ -305,6 +313,9 @@ def _febio(p: Prony) -> Written:
 
 
 ANY = 10_000
+"""More terms than any fit has."""
+HOLD_SHIFTS = ("abaqus", "apdl", "comsol")
+"""Programs whose cards hold the law of Williams, Landel and Ferry."""
 PROGRAMS: dict[str, tuple[Callable[[Prony], Written], int, str]] = {
     "abaqus": (_abaqus, ANY, "** {}"),
     "apdl": (_apdl, ANY, "! {}"),

@@ -7,7 +7,7 @@ import numpy as np
 import identify
 from hysteresis import InputError, Record
 
-from ..intake._selection import Selection
+from ..intake._selection import Selection, all_of
 from ..reporting._data_sheet_page import write_data_sheet
 from ._asked_more import Datasheet
 from ._console import Done
@@ -28,8 +28,10 @@ def run(asked: Datasheet) -> Done:
         identify.internal.check_free(place.parent, asked.overwrite, place.name)
     runs: dict[str, Record] = {}
     for file in asked.files:
-        ((record, _),) = selection.records(selection.read(file))[0].values()
-        runs[str(file)] = record
+        records, faults = selection.records(selection.read(file))
+        if not records:
+            raise all_of(faults)
+        ((runs[str(file)], _),) = records.values()
     sheet = identify.data_sheet(_joined(runs))
     for place in places:
         write_data_sheet(sheet, place)
@@ -46,7 +48,10 @@ def _joined(runs: Mapping[str, Record]) -> Record:
     if len(records) == 1:
         return one
     for name, other in runs.items():
-        units = [(r.input_unit, r.output_unit, r.time is None) for r in (one, other)]
+        units = [
+            (r.input_unit, r.output_unit, r.time is None, r.time_unit, dict(r.conditions))
+            for r in (one, other)
+        ]
         if units[0] != units[1]:
             raise InputError(
                 "wrong-unit", f"{name} has other units, or another clock, than {next(iter(runs))}."

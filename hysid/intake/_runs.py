@@ -27,13 +27,20 @@ def with_moduli(
 ) -> Table:
     """The chosen rows with their storage moduli, and again with their loss moduli, as sequences.
 
-    A loss whose unit is no modulus is tan delta, a part of the storage modulus. Rows without a frequency
-    above 0 or without a modulus are left out.
+    A loss without a unit beside a storage modulus that has one is tan delta, a part of it. Rows without a
+    frequency above 0 or without a modulus are left out. Raises `InputError` `wrong-unit`.
     """
     f, values = table.number(frequency), [table.number(storage)]
     if loss is not None:
         own, of = (named_unit(name, None, table.units.get(name)) or "1" for name in (loss, storage))
         factor = conversion(own, of)
+        if factor is None and own != "1":
+            raise InputError(
+                "wrong-unit",
+                f"a loss modulus in {own} beside a storage modulus in {of}.",
+                place=str(table.path),
+                fix="give both in units of stress, or tan delta without a unit.",
+            )
         is_ratio = factor is None or (own == of == "1" and "tan" in loss.lower())
         values.append(table.number(loss) * (values[0] if is_ratio else factor))
     at = chosen(table, where)
@@ -92,7 +99,8 @@ def _runs(
     if exact or not names:
         words = [table.text[name][at] for name in names] or [np.full(len(at), "")]
         return np.array(["|".join(row) for row in zip(*words, strict=True)])
-    steps = np.diff(x[at])
+    good = np.isfinite(x[at])  # other rows are left out later
+    steps, back = np.diff(x[at][good]), np.zeros(len(at), int)
     way = np.sign(np.median(np.sign(steps[steps != 0]))) if np.any(steps) else 1.0
-    back = np.cumsum(np.append(0, steps * way < 0))
+    back[good] = np.cumsum(np.append(0, steps * way < 0))[: good.sum()]
     return (back if back.any() else np.round(table.number(names[0])[at])).astype(str)

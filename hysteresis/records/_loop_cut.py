@@ -119,7 +119,7 @@ def _legs(u: np.ndarray) -> np.ndarray:
     points = turning_points(u, band)
     v = u[points]
     best, most = _groups(points, v, 0, 2, band), -1.0
-    for legs in range(2, MOST_TURNS, 2):
+    for legs in range(2, MOST_TURNS + 1, 2):
         for begin in range(legs):
             cut = _groups(points, v, begin, legs, band)
             if not len(cut) or (legs > 2 and len(cut) < 2):

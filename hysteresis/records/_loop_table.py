@@ -119,13 +119,11 @@ class LoopTable:
         told = self.full & np.isfinite(one.value)
         none = LoopSummary(one.name, None, None, None, one.unit, 0, None, None)
         if not told.any():
-            return none._replace(
-                reason=str(one.reason[self.full][0]) if self.full.any() else "no loop"
-            )
+            why = one.reason[self.full] if self.full.any() else one.reason
+            return none._replace(reason=str(why[0]) if len(why) else "no loop")
         x, n = one.value[told], int(told.sum())
         scatter = float(np.std(x, ddof=1)) if n > 1 else None
-        run = self.run[told]
-        begins = np.append(True, run[1:] != run[:-1])
+        begins = self.cycle[told] == 1
         both = begins.any() and not begins.all()
         first, later = (float(x[w].mean()) if both else None for w in (begins, ~begins))
         error = float(np.sqrt(np.sum(one.error[told] ** 2)) / n)
@@ -296,6 +294,7 @@ def _softening(
     why[new] = FIRST
     why[stiff.reason != ""] = stiff.reason[stiff.reason != ""]
     value, wrong = 100 * (1 - x / x0), 100 / np.abs(x0) * np.hypot(error, x / x0 * error0)
+    why[(why == "") & ~np.isfinite(value)] = SHORT
     value, wrong = (np.where(why == "", y, np.nan) for y in (value, wrong))
     return LoopFigure("softening", value, wrong, "percent", why)
 

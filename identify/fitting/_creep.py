@@ -344,7 +344,7 @@ def _coverage(found: Spectrum, test: Record | None) -> tuple[float, str] | None:
         return None
     assert test.time is not None
     rows = counted(test)
-    value, low, high = found.predict(test.time[rows])
+    value, low, high = found._replace(way=way_of(test)).predict(test.time[rows])
     y, noise = test.output[rows] / test.input[rows], NORMAL_95 * found.noise.sigma * value
     share = float(np.mean((low - noise <= y) & (y <= high + noise)))
     last = test.time[rows][-1] / found.span
@@ -352,6 +352,10 @@ def _coverage(found: Spectrum, test: Record | None) -> tuple[float, str] | None:
         f"{100 * share:.0f} % of the held-out rows, up to {last:.3g} times the record's span, lie"
     )
     return share, f"{said} in the 90 % range of what the record leaves open."
+
+
+BEYOND_ALONE = 1.5
+"""Times what spectra of their own leave: less is what the fewer numbers of one spectrum cost."""
 
 
 def _superposed(shifts: Shifts | None) -> tuple[Note, ...]:
@@ -362,6 +366,8 @@ def _superposed(shifts: Shifts | None) -> tuple[Note, ...]:
     worst = shifts.temperature[int(np.argmax(shifts.left))]
     said = (
         f"One spectrum shifted in time leaves {left:.2g} % of the reading, most at {worst:.4g} degC, and a"
-        f" spectrum for each temperature {alone:.2g} %: the rest is beyond time-temperature superposition."
+        f" spectrum for each temperature {alone:.2g} %."
     )
+    if left > BEYOND_ALONE * alone:
+        said = f"{said[:-1]}: the rest is beyond time-temperature superposition."
     return (Note("superposition", said, {"left": left, "alone": alone}),)

@@ -95,7 +95,7 @@ def fit(
     - `like`: fits of earlier specimens of the same kind. A `Mixture` of their models is tried too: few
       cycles tell its weights. It is ranked like every model; but where the record has a single cycle, or
       inputs of a smaller range than theirs, it is taken if the first cycle of each of them tells its later
-      ones by the others better than by a curve.
+      ones by the others better than by a curve, as far as there are others and later cycles.
     - `starts`, `seed`: how many random starts for non-linear parameters, and their seed.
     - `purpose`: what the verdict is for: "predict"; "compensate", which also needs a compensator that is
       better than a straight line (`hysid.fit` tries it); or "constants", which also needs a standard error

@@ -132,6 +132,10 @@ def _cells(row: SheetRow) -> tuple[str, ...]:
     return row.name, f"{row.value:.4g}{error}", row.unit.replace("percent", "%"), row.basis
 
 
+ALIKE = 0.9
+"""Of the widest loop's range, which all loops of a sheet pass: 5 % may lack at either end."""
+
+
 @np.errstate(all="ignore")
 def data_sheet(record: Record) -> DataSheet:
     """The data sheet of a sensor whose output was read while its input went up and down.
@@ -146,7 +150,8 @@ def data_sheet(record: Record) -> DataSheet:
 
     **Returns:** a `DataSheet`. What the runs do not tell is empty, with a reason.
 
-    **Raises:** `InputError` `too-few-cycles` where the input never goes up and down, `zero-range`.
+    **Raises:** `InputError` `too-few-cycles` where the input never goes up and down, `not-comparable` where
+    the runs have other ranges, `zero-range`.
 
     **Example:**
 
@@ -159,6 +164,12 @@ def data_sheet(record: Record) -> DataSheet:
         raise InputError(
             "too-few-cycles", "The input never goes up and down.", place=record.source,
             fix="Load and unload the sensor over its range, at least once.",
+        )  # fmt: skip
+    low, high = (float(end[0]) for end in loops.common)
+    if high - low < ALIKE * float((loops.high - loops.low).max()):
+        raise InputError(
+            "not-comparable", "The runs go over different ranges of the input.", place=record.source,
+            fix="Give runs over one range, or a data sheet of each.",
         )  # fmt: skip
     ends = []
     for largest in (False, True):
@@ -275,6 +286,8 @@ class _Sheet(NamedTuple):
             yield self.row(
                 "reproducibility", spread[side], noise[side] / np.sqrt(most), f"{len(runs)} runs"
             )
+        else:
+            yield self.none("reproducibility", "there is one run")
 
     def of_zero(self) -> Iterator[SheetRow]:
         """What becomes of the reading at the lower end."""

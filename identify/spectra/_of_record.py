@@ -97,12 +97,17 @@ def sizes_of(record: Record, rows: Bool[np.ndarray, " samples"]) -> Rows:
     found = np.abs(record.output)
     if not is_moduli(record):
         return found
-    run = np.concatenate(
-        [[label.partition(" ")[2]] * (at.stop - at.start) for label, at in record.sequences()]
-    )
+    names = np.array([label.partition(" ") for label in record.labels])
+    part, _, run = np.repeat(names, np.diff([*record.starts, len(record)]), axis=0).T
     numbered = np.stack([np.unique(run, return_inverse=True)[1], record.input])
     place = np.unique(numbered, axis=1, return_inverse=True)[1].ravel()
-    size = np.sqrt(np.bincount(place, np.where(rows, found**2, 0.0)))[place]
+    squares = np.zeros(len(found))
+    for one in np.unique(part):  # a frequency that was passed twice has the mean of both
+        own = rows & (part == one)
+        squares += np.bincount(place[own], found[own] ** 2, len(found)) / np.maximum(
+            np.bincount(place[own], minlength=len(found)), 1
+        )
+    size = np.sqrt(squares[place])
     return np.where(size > 0, size, np.nan)
 
 

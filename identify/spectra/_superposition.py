@@ -190,6 +190,12 @@ def _overlapped(problem: Problem, at: int) -> PerTemperature:
     for one, y in zip(problem.inputs, np.split(problem.y, _edges(problem)), strict=True):
         x = -np.log(one.t) if one.oscillation else np.log(one.t)
         good = y[: len(x)] > 0
+        if len(np.unique(x[good])) < 2:
+            raise InputError(
+                "too-few-rows",
+                "a run at one temperature has fewer than two times or frequencies with a modulus above 0.",
+                fix="a master curve needs a sweep at every temperature; leave shorter runs out.",
+            )
         curves.append((x[good], np.log(y[: len(x)][good])))
     steps = [0.0]
     for (x, y), (u, v) in itertools.pairwise(curves):

@@ -126,3 +126,9 @@ def test_what_runs_do_not_tell_is_empty(tmp_path):
         assert caught.value.code == "cannot-write"
     assert len(one.plot().axes) == 4
     assert "Data sheet" in one._repr_html_()
+
+
+def test_runs_over_other_ranges_are_no_one_sheet():
+    t, force, signal = run()
+    with pytest.raises(InputError, match=r"\[not-comparable\]"):
+        data_sheet(record_of((t, force, signal), (t, force - 15.0, signal)))

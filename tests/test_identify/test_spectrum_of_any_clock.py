@@ -187,6 +187,10 @@ def test_arrhenius_and_what_superposition_leaves_over():
     assert odd.left.max() > 3 * shifts.left.max()
     with pytest.raises(InputError, match=r"\[too-few-rows\]"):
         master_curve(parts[:1], temperatures[:1])
+    with pytest.raises(InputError, match=r"\[too-few-rows\]"):  # a ramp of the temperature
+        master_curve(
+            [Response(x[:1], np.asarray(one.y)[:1], "modulus") for one in parts], temperatures
+        )
 
 
 def measured(folder: Path, name: str) -> np.ndarray:

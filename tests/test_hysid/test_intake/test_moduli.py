@@ -173,7 +173,10 @@ def test_runs_of_few_frequencies_in_any_order(order: str, grouped: bool):
         "E'' (MPa)": y.imag,
     }
     columns["run"] = T.astype(int)
-    write(Path("dma.csv"), {name: x[at] for name, x in columns.items()})
+    columns = {name: np.append(x[at], np.nan) for name, x in columns.items()}  # a blank row
+    if grouped:
+        columns["run"] = np.append(columns["run"][:-1], 0).astype(int)
+    write(Path("dma.csv"), columns)
     chosen = ("--frequency", "f (Hz)", "--output", "E' (MPa)", "--loss", "E'' (MPa)")
     more = ("--condition", "T (degC)", *(("--group", "run") if grouped else ()))
     fit = run("fit", "dma.csv", *chosen, *more, "--out", "out", "--json").json()
