@@ -11,6 +11,9 @@ from hysteresis._registry import registered
 from ..results._fit_result import FitResult
 from ._training_data import TrainingData
 
+NEARLY = 1.1
+"""A simpler model may have so many times the held-out error of the best one."""
+
 Report = Callable[[str], None]
 Said = Mapping[str, Mapping[str, Any]]
 

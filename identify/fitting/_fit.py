@@ -16,16 +16,13 @@ from ..records._folds import as_good
 from ..results._detail import Composition, FoldedState, GridWeights
 from ..results._fit_result import FitResult
 from ..results._repeatability import with_repeatability
-from ._candidate import Candidate, Options, Report, Said, Trial
+from ._candidate import NEARLY, Candidate, Options, Report, Said, Trial
 from ._candidates import Asked, candidates
 from ._like import like as mixture_of
 from ._like import tells_little
 from ._oscillator import fit_oscillator, oscillator_asked
 from ._training_data import TrainingData, training_data
 from ._verdict import check_purpose, judge
-
-NEARLY = 1.1
-"""A simpler model may have so many times the held-out error of the best one."""
 
 INTERRUPTED = "interrupted"
 """Code of the note on a candidate that Ctrl-C ended."""
@@ -95,7 +92,7 @@ def fit(
     - `like`: fits of earlier specimens of the same kind. A `Mixture` of their models is tried too: few
       cycles tell its weights. It is ranked like every model; but where the record has a single cycle, or
       inputs of a smaller range than theirs, it is taken if the first cycle of each of them tells its later
-      ones by the others better than by a curve, as far as there are others and later cycles.
+      ones by the others as well as by a curve, as far as there are others and later cycles.
     - `starts`, `seed`: how many random starts for non-linear parameters, and their seed.
     - `purpose`: what the verdict is for: "predict"; "compensate", which also needs a compensator that is
       better than a straight line (`hysid.fit` tries it); or "constants", which also needs a standard error

@@ -23,7 +23,7 @@ from ..baselines._linear import cubic_per_branch
 from ..records._folds import KIND
 from ..records._run_model import predict
 from ..results._fit_result import FitResult
-from ._candidate import Options, Trial
+from ._candidate import NEARLY, Options, Trial
 from ._parametric import ParametricCandidate
 from ._training_data import TrainingData
 
@@ -118,8 +118,8 @@ LEAST = 1e-6
 
 
 def _check_alike(others: Sequence[_Others]) -> None:
-    """Does the first cycle of every earlier specimen tell its later cycles better by the other specimens
-    than by the best curve through that cycle?"""
+    """Does the first cycle of every earlier specimen tell its later cycles as well by the other specimens
+    as by the best curve through that cycle?"""
     ratios = [0.0]
     for one in others:
         record = one.record
@@ -131,7 +131,7 @@ def _check_alike(others: Sequence[_Others]) -> None:
             mixed = (one.columns @ one.weights(seen) - record.output)[later]
             curve = _best_curve(replace(record, mask=seen), later)
             ratios.append(float(np.sqrt(np.mean(mixed**2))) / curve)
-    if bad := sum(ratio > 1 for ratio in ratios):
+    if bad := sum(ratio > NEARLY for ratio in ratios):
         raise InputError(
             "not-comparable",
             f"the later cycles of {bad} of {len(others)} earlier specimens are"
