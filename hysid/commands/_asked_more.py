@@ -29,6 +29,9 @@ _shape_unit = partial(
     option, "Unit of the shape's lengths (default: the TOML's, else m).", None, metavar="UNIT"
 )
 _sessions = partial(option, "CSV files; each is one session.", argument=True, metavar="FILE...")
+_config = partial(
+    option, "TOML file of options: [selection]. Options given here override it.", None, config=True
+)
 _epochs = partial(option, "Epochs per network (default: 20,000 steps of 64 rows).", None, least=1)
 
 
@@ -49,9 +52,7 @@ class Loops(Command):
     csv: Path | None = option(
         "Write the table: a row a loop, and each figure with its error.", None, metavar="FILE.csv"
     )
-    config: Path | None = option(
-        "TOML file of options: [selection]. Options given here override it.", None, config=True
-    )
+    config: Path | None = _config()
 
 
 class Datasheet(Command):
@@ -72,9 +73,7 @@ class Datasheet(Command):
         None,
         metavar="PAGE",
     )
-    config: Path | None = option(
-        "TOML file of options: [selection]. Options given here override it.", None, config=True
-    )
+    config: Path | None = _config()
     overwrite: bool = overwriting()
 
 

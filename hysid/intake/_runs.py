@@ -1,5 +1,6 @@
 """Rows of moduli over frequency, and of steps at several temperatures: a sequence for every run."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -14,6 +15,8 @@ from ._constant_input import chosen, with_column
 
 RUN = "run"
 """The column that tells runs apart."""
+RATIO = re.compile(r"tan", re.IGNORECASE)
+"""Names of a loss that is a part of the storage modulus: tan delta."""
 
 
 def with_moduli(
@@ -41,7 +44,7 @@ def with_moduli(
                 place=str(table.path),
                 fix="give both in units of stress, or tan delta without a unit.",
             )
-        is_ratio = factor is None or (own == of == "1" and "tan" in loss.lower())
+        is_ratio = factor is None or (own == of == "1" and bool(RATIO.search(loss)))
         values.append(table.number(loss) * (values[0] if is_ratio else factor))
     at = chosen(table, where)
     run = _runs(table, f, at, runs, exact)

@@ -126,11 +126,15 @@ def first_of_cycles(u: np.ndarray, dead_band: float | None = None) -> np.ndarray
     band = default_dead_band(u) if dead_band is None else dead_band
     points = turning_points(u, band)
     ends = points[2::2]
-    if len(ends):
-        a, b, c = u[points[2 * len(ends) - 2 :][:3]]
-        if ends[-1] == len(u) - 1 and not abs(c - b) > max(band, 0.5 * abs(b - a)):
-            ends = ends[:-1]
+    if len(ends) and ends[-1] == len(u) - 1 and not comes_back(u[points[-3:]], band):
+        ends = ends[:-1]
     return np.append(0, ends + 1)
+
+
+def comes_back(v: np.ndarray, dead_band: float) -> bool:
+    """Whether the last of these turning inputs, three or more, comes back by half of the leg before it."""
+    a, b, c = v[-3:]
+    return bool(abs(c - b) > max(dead_band, 0.5 * abs(b - a)))
 
 
 ENOUGH = 10_000

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ._abstract_record import AbstractRecord
-from ._cycles import default_dead_band, noise_level, turning_points
+from ._cycles import comes_back, default_dead_band, noise_level, turning_points
 
 CLOSED = 0.05
 """Of its range of inputs: a loop whose ends are so close is closed by a straight line. The tip that this
@@ -143,8 +143,7 @@ def _groups(points: np.ndarray, v: np.ndarray, begin: int, legs: int, band: floa
     """Loops of so many legs from a turning point on, (k, 3), complete as `first_of_cycles` says."""
     count = max(len(points) - 1 - begin, 0) // legs
     if count and begin + count * legs == len(points) - 1:
-        a, b, c = v[-3:]
-        count -= not abs(c - b) > max(band, 0.5 * abs(b - a))
+        count -= not comes_back(v, band)
     at = begin + legs * np.arange(count)
     inside = at[:, None] + np.arange(1, legs)
     away = np.abs(v[inside] - v[at][:, None])

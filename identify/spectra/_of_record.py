@@ -104,9 +104,7 @@ def sizes_of(record: Record, rows: Bool[np.ndarray, " samples"]) -> Rows:
     squares = np.zeros(len(found))
     for one in np.unique(part):  # a frequency that was passed twice has the mean of both
         own = rows & (part == one)
-        squares += np.bincount(place[own], found[own] ** 2, len(found)) / np.maximum(
-            np.bincount(place[own], minlength=len(found)), 1
-        )
+        squares += np.nan_to_num(_means(place[own], found[own] ** 2, len(found)))
     size = np.sqrt(squares[place])
     return np.where(size > 0, size, np.nan)
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from hysteresis import conversion
 
+from .._runs import RATIO
 from ._column_pairs import Column
 from ._quantities import OSCILLATION, UNITS, words_of
 
@@ -15,7 +16,6 @@ if TYPE_CHECKING:
     from ._guess import Guess
 
 LOSS = re.compile(r"loss|perte|verlust|viscous|^[EG](''|\"|″|2\b)", re.IGNORECASE)
-RATIO = re.compile(r"tan", re.IGNORECASE)
 WHOLE = re.compile(r"complex|\*|^\|", re.IGNORECASE)
 SPAN = 3.0
 """The factor that a sweep's frequencies cover, at least: less does not tell a spectrum."""
