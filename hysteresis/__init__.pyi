@@ -6,6 +6,8 @@ from ._drawing import plot_of as plot_of
 from ._errors import InputError as InputError
 from ._model import AbstractModel as AbstractModel
 from ._model import AbstractSteppedModel as AbstractSteppedModel
+from ._model_file import load_model as load_model
+from ._model_file import save_model as save_model
 from ._note import Note as Note
 from ._parameter import ParameterInfo as ParameterInfo
 from ._parameter import Scalar as Scalar
@@ -20,6 +22,7 @@ from ._registry import model_names as model_names
 from ._registry import register as register
 from .dynamics._coupled import CoupledOscillators as CoupledOscillators
 from .dynamics._coupled import CoupledState as CoupledState
+from .dynamics._feedback import Feedback as Feedback
 from .dynamics._generalized_plays import GeneralizedPlays as GeneralizedPlays
 from .dynamics._input_force import InputForce as InputForce
 from .dynamics._input_force import input_force as input_force
@@ -31,6 +34,7 @@ from .dynamics._rate_form import RateState as RateState
 from .dynamics._recorder import decimated as decimated
 from .dynamics._recorder import interpolated as interpolated
 from .dynamics._recorder import stages_of as stages_of
+from .dynamics._stops_and_powers import StopsAndPowers as StopsAndPowers
 from .models._bouc_wen import BoucWen as BoucWen
 from .models._burgers import Burgers as Burgers
 from .models._burgers import BurgersState as BurgersState

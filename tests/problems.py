@@ -29,6 +29,7 @@ from hysteresis import (
     PrandtlIshlinskii,
     Preisach,
     StandardLinearSolid,
+    StopsAndPowers,
     Sum,
     parameters,
 )
@@ -424,6 +425,18 @@ def _duhem(rng: np.random.Generator) -> DuhemOperator:
     return DuhemOperator(rising, falling, -0.7, 1.1, rng.uniform(-0.3, 0.3))
 
 
+def _stops_and_powers(rng: np.random.Generator) -> StopsAndPowers:
+    return StopsAndPowers([0.3, 1.1], rng.uniform(-1.0, 1.0, 2), rng.uniform(-1.0, 1.0, 3))
+
+
+def _stops_and_powers_known(model: AbstractModel) -> Known:
+    """Both stops slide, and after the reversal the narrow one does."""
+    assert isinstance(model, StopsAndPowers)
+    u, strains = np.array([0.0, 2.0, 1.5, -0.5]), ((0, 0.3, -0.2, -0.3), (0, 1.1, 0.6, -1.1))
+    powers = np.stack([u**2, u**3, u * np.abs(u)])
+    return u, u, np.asarray(model.weights) @ np.array(strains) + np.asarray(model.powers) @ powers
+
+
 def _duhem_known(model: AbstractModel) -> Known:
     """Up, down below the first knot, and up beyond the last one: the way is an integral over the output."""
     assert isinstance(model, DuhemOperator)
@@ -577,6 +590,10 @@ PROBLEMS: tuple[Problem, ...] = (
     ),
     Problem(
         "stops-by-span", compositions.span_stops, LOW, HIGH, frozenset[Tag](), compositions.jumped
+    ),
+    Problem(
+        "stops-and-powers", _stops_and_powers, LOW, HIGH, frozenset[Tag]({"no-inverse"}),
+        _stops_and_powers_known,
     ),
     Problem("drift", compositions.drifting, LOW, HIGH, frozenset[Tag](), compositions.held),
     _density_problem("warped-grid", warped, "grid"),

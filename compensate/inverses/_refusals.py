@@ -14,6 +14,7 @@ from hysteresis import (
     MonotoneCurve,
     Oscillator,
     Preisach,
+    StopsAndPowers,
     TimeDrift,
     is_concrete,
 )
@@ -120,6 +121,16 @@ def _check_slopes(model: Preisach) -> None:
             cause="a signed density, or a reversible part too flat for a leading model.",
             fix="fit the model with its slopes constrained, which identify.fit does.",
         )
+
+
+@inverse_of.register
+def _(model: StopsAndPowers) -> AbstractCompensator:
+    raise InputError(
+        "not-invertible",
+        "stops of any sign and powers need not rise with their input.",
+        cause="StopsAndPowers is what a channel of hysteresis.Feedback has beside its straight line.",
+        fix="fit PrandtlIshlinskii, or a sum of parts that rise.",
+    )
 
 
 @inverse_of.register

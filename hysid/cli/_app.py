@@ -35,6 +35,7 @@ for _command, _example in {
     _asked.Init: "hysid init run.csv",
     _asked.Check: f"hysid check run.csv {SPONGE}",
     _asked_more.Loops: f"hysid loops run.csv {SPONGE}",
+    _asked_more.Distortion: "hysid distortion run.csv --input u --output y --time t --group run",
     _asked_more.Datasheet: f"hysid datasheet run.csv {SPONGE}",
     _asked.Fit: f"hysid fit run.csv {SPONGE} --test-cycles 1 --out sponge",
     _asked.Predict: "hysid predict sponge new.csv --inverse",

@@ -8,12 +8,12 @@ import typer
 
 from ..catalogue._catalogue import SHIPPED
 from ..intake._option import option
-from ..intake._selection_options import FIELDS, HELD_OUT
+from ..intake._selection_options import FIELDS, HELD_OUT, OF_READING
 from ._asked import Command, overwriting, seeding, selecting
 
 BENCHMARKS = (
     "preisach", "viscoelastic", "accuracy", "identification", "recovery", "compensation", "armor",
-    "microchannel", "reading", "numbers", "studio", "ruggedness",
+    "microchannel", "reading", "numbers", "studio", "ruggedness", "mirror",
 )  # fmt: skip
 """Modules of `benchmarks` that judge the package, in the order in which they are run."""
 _catalogue = partial(
@@ -53,6 +53,26 @@ class Loops(Command):
         "Write the table: a row a loop, and each figure with its error.", None, metavar="FILE.csv"
     )
     config: Path | None = _config()
+
+
+class Distortion(Command):
+    """Tell how much of a periodic test's outputs is linear, distortion and noise, by band and level.
+
+    The input repeats itself, such as a multisine of a shaker; several realisations and levels are rows with
+    different values of --group. `identify.fit_feedback` finds what makes the distortion.
+    """
+
+    does = "commands._distortion:run"
+    file: Path = option("CSV file of the test rig.", argument=True, metavar="FILE")
+    selection: dict[str, Any] = selecting(
+        "input", "time", "dt", "group", *OF_READING, needs_input=True
+    )
+    output: tuple[str, ...] = option("Output columns.", joined=True, metavar="COL[,COL]")
+    period: int | None = option(
+        "Rows of a period (default: looked for in the first input).", None, least=2, metavar="N"
+    )
+    settling: int = option("Periods at the beginning that are left out.", 0, least=0, metavar="N")
+    bands: int = option("Bands of frequency, of equally many excited lines.", 4, least=1)
 
 
 class Datasheet(Command):

@@ -21,7 +21,7 @@ KINDS = (
     "adaptive", "bouc_wen", "chain", "clip", "curve", "dead_band",
     "degrading_bouc_wen", "drift", "duhem", "foam", "friction", "line",
     "maxwell", "occupancy", "oscillator", "plays", "polynomial", "preisach", "scaled",
-    "series", "share", "softening", "stops", "sum", "time_drift",
+    "series", "share", "softening", "stops", "stops_and_powers", "sum", "time_drift",
 )  # fmt: skip
 """Of nodes of a tree."""
 

@@ -1,0 +1,280 @@
+"""A linear system with hysteretic channels: a modal model whose reactions are laws of one input.
+
+The steady state under a periodic input is the fixed point of
+
+    Z -> Gzu U + Gzw W(Z)
+
+over the lines of the spectrum; W runs the laws over two periods of z in fine steps and keeps the second. A
+step solves it with each channel replaced by its equivalent gain, and the last six steps are mixed (Anderson
+1965). From rest it is the same fixed point with the modes' exact step between samples, window by window.
+Cost of a step: one pass of the laws.
+"""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Complex, Float
+from numpy.typing import ArrayLike
+
+from .._errors import InputError
+from .._model import AbstractModel
+from .._registry import register
+from ..running import Numbers, numbers_of, run
+from ._feedback_in_time import in_time
+
+Matrix = Any
+
+CLOSE, STEPS, MIXED = 1e-5, 25, 6
+"""Of the steady state: part of the drives that a step leaves, most steps, and how many are mixed."""
+
+CLIMB = (0.4, 0.6, 0.75, 0.87, 0.95, 1.0)
+"""Parts of the amplitude by which it is climbed where the steady state is not found at once."""
+
+
+class Lines(NamedTuple):
+    """The spectra of periodic signals: samples of a period, the time between them, fine steps of each."""
+
+    samples: int
+    dt: float
+    finer: int = 4
+
+    @property
+    def count(self) -> int:
+        """From 0 to below half the sampling rate."""
+        return (self.samples + 1) // 2
+
+    @property
+    def period(self) -> float:
+        return self.samples * self.dt
+
+    @property
+    def s(self) -> Complex[np.ndarray, " lines"] | Any:
+        return 2j * np.pi * np.arange(self.count) / self.period
+
+    def of(self, x: Float[np.ndarray, "samples signals"]) -> Complex[np.ndarray, "lines signals"]:
+        return np.fft.rfft(x, axis=0)[: self.count]
+
+    def signal(self, spectrum: Complex[np.ndarray, "lines signals"]) -> Any:
+        return np.fft.irfft(spectrum, self.samples, axis=0)
+
+    def fine(self, spectrum: Complex[np.ndarray, "*signals lines"]) -> Any:
+        """In fine steps."""
+        size = self.samples * self.finer
+        return np.fft.irfft(spectrum * self.finer, size, axis=-1)
+
+    def coarse(self, fine: Float[np.ndarray, "*signals fine"]) -> Any:
+        """The spectrum of what fine steps found."""
+        return np.fft.rfft(fine, axis=-1)[..., : self.count] / self.finer
+
+
+class Steady(NamedTuple):
+    """A periodic steady state in its lines: outputs (lines, outputs), drives and reactions (channels,
+    lines), and the part of the drives that the last step left."""
+
+    output: Any
+    drives: Any
+    reactions: Any
+    left: float
+
+
+@register
+class Feedback(eqx.Module):
+    """A linear system of several inputs and outputs with hysteretic channels.
+
+        x_m' = poles_m x_m + entries_m [u; w],     [y; z] = 2 Re(shapes x) + direct [u; w],
+        w_i = N_i[z_i] + levels_i z_i log s_i,      memory (s_i^2)' = z_i^2 - s_i^2
+
+    y is read `delay` later. Each channel has a drive z_i, which takes what it may from modes and inputs,
+    and a reaction w_i, any law of one input, which enters like an input. s_i is the slow mean amplitude of
+    the drive: with it the stiffness follows the logarithm of the level. Without channels it is a modal
+    model.
+
+    **Arguments:** (M modes, one of each conjugate pair; n_u inputs, n_y outputs, n channels)
+
+    - `poles`: (M,) complex, real parts negative. `entries`: (M, n_u + n). `shapes`: (n_y + n, M).
+    - `direct`: (n_y + n, n_u + n), real; none from reactions to drives, which would be a loop without time.
+    - `delay`: of the outputs. `channels`: n models of one input. `levels`: (n,).
+    - `memory`: time constant of s; infinite, s is the root mean square over the period.
+
+    Raises `InputError` where shapes differ, a pole does not decay, or a reaction enters a drive at once.
+
+    Source: modal superposition, Gawronski 2004; nonlinear feedback of a linear system, Schoukens and Tiels
+    2017.
+
+    **Example:**
+
+        >>> spring = hysteresis.StopsAndPowers([0.2], [-0.5])
+        >>> direct = np.zeros((2, 2))
+        >>> beam = hysteresis.Feedback(
+        ...     [-0.1 + 2j], [[-0.25j, -0.25j]], [[1], [1]], direct, channels=(spring,), levels=[0.0]
+        ... )
+        >>> u = np.sin(2 * np.pi * np.arange(64) / 64)
+        >>> y = beam.steady(u[:, None], dt=0.1)
+        >>> y.shape, float(np.ptp(y).round(2))
+        ((64, 1), 0.58)
+    """
+
+    poles: Any = eqx.field(converter=lambda x: np.asarray(x, complex))
+    entries: Matrix = eqx.field(converter=lambda x: np.asarray(x, complex))
+    shapes: Matrix = eqx.field(converter=lambda x: np.asarray(x, complex))
+    direct: Matrix = eqx.field(converter=lambda x: np.asarray(x, float))
+    delay: float = 0.0
+    channels: tuple[AbstractModel, ...] = eqx.field(converter=tuple, default=())
+    levels: Any = eqx.field(converter=lambda x: np.asarray(x, float), default=())
+    memory: float = np.inf
+
+    def __check_init__(self) -> None:
+        modes, n = len(self.poles), len(self.channels)
+        outputs, inputs = self.direct.shape[0] - n, self.direct.shape[1] - n
+        shapes = self.entries.shape, self.shapes.shape, self.levels.shape
+        if shapes != ((modes, inputs + n), (outputs + n, modes), (n,)) or min(inputs, outputs) < 1:
+            raise InputError(
+                "length-mismatch",
+                f"{modes} poles, {n} channels, and entries, shapes and levels of the shapes"
+                f" {', '.join(map(str, shapes))} beside direct of shape {self.direct.shape}.",
+                fix="give (modes, inputs + channels), (outputs + channels, modes) and (channels,).",
+            )
+        if not (self.poles.real < 0).all() or self.direct[outputs:, inputs:].any():
+            raise InputError(
+                "parameter-out-of-bounds",
+                "a pole does not decay, or a reaction enters a drive at once.",
+                fix="give poles of negative real part, and zeros from reactions to drives.",
+            )
+
+    @property
+    def inputs(self) -> int:
+        return self.direct.shape[1] - len(self.channels)
+
+    @property
+    def outputs(self) -> int:
+        return self.direct.shape[0] - len(self.channels)
+
+    def response(self, s: Complex[np.ndarray, " lines"]) -> Complex[np.ndarray, "lines to from"]:
+        """From [u; w] to [y; z], the outputs delayed, at s = 2 pi i f."""
+        one, other = (1 / (s[:, None] - p) for p in (self.poles, self.poles.conj()))
+        found = (self.shapes * one[:, None, :]) @ self.entries + self.direct
+        found = found + (self.shapes.conj() * other[:, None, :]) @ self.entries.conj()
+        found[:, : self.outputs] *= np.exp(-s * self.delay)[:, None, None]
+        return found
+
+    def laws(self) -> tuple[Numbers, ...]:
+        """Of the channels, in numbers."""
+        return tuple(numbers_of(channel.tree()) for channel in self.channels)
+
+    def steady(
+        self, u: ArrayLike, dt: float, finer: int = 4
+    ) -> Float[np.ndarray, "samples outputs"]:
+        """The outputs of one period in steady state.
+
+        - `u`: (samples, inputs), one period on an even clock, which is taken as limited to its band.
+        - `finer`: steps of the laws to a sample.
+
+        Raises `InputError` `diverged` where none is found.
+        """
+        lines = Lines(len(np.asarray(u)), dt, finer)
+        found = steady_state(self, lines, lines.of(np.asarray(u, float)))
+        if not found.left < 100 * CLOSE:
+            raise InputError(
+                "diverged",
+                f"the last step still changes the drives by {found.left:.1g} of their size.",
+                cause="the channels' gain around the loop is too large at this amplitude.",
+                fix="give a smaller input, or simulate it in time.",
+            )
+        return lines.signal(found.output)
+
+    def simulate(
+        self, u: ArrayLike, dt: float, finer: int = 16
+    ) -> Float[np.ndarray, "samples outputs"]:
+        """The outputs from rest, at the samples of `u` (samples, inputs) on an even clock.
+
+        Between samples the input is limited to its band, and straight between `finer` fine steps of each.
+        That loses (pi f dt / finer)^2 / 3 of a component of frequency f. The last 32 samples rely on how a
+        linear prediction continues the input.
+
+        Raises `InputError` `length-mismatch` for other inputs, `bad-option` where there are levels and no
+        `memory`, and `diverged` where the channels' loop has no solution.
+        """
+        return in_time(self, u, dt, finer)
+
+
+def reactions(model: Feedback, laws: tuple[Numbers, ...], lines: Lines, Z: Any) -> tuple[Any, Any]:
+    """W (channels, lines) and the drives in fine steps."""
+    z = lines.fine(Z)
+    w = np.empty_like(z)
+    for i, numbers in enumerate(laws):
+        w[i] = run(numbers, np.tile(z[i], 2), clock_of(lines)).value[z.shape[1] :]
+        w[i] += model.levels[i] * z[i] * np.log(level_of(z[i]))
+    return lines.coarse(w), z
+
+
+def level_of(z: np.ndarray) -> float:
+    """s: the root mean square, not nothing."""
+    return float(np.sqrt(max(np.mean(z * z), 1e-300)))
+
+
+def clock_of(lines: Lines) -> np.ndarray:
+    """Times since the row before, of two periods in fine steps."""
+    dt = np.full(2 * lines.samples * lines.finer, lines.dt / lines.finer)
+    dt[0] = np.nan
+    return dt
+
+
+def steady_state(
+    model: Feedback, lines: Lines, U: Any, Z: Any = None, G: Any = None, climb: bool = True
+) -> Steady:
+    """The steady state of inputs (lines, inputs), from drives Z on where they are known nearly."""
+    G = model.response(lines.s) if G is None else G
+    ny, nu, n = model.outputs, model.inputs, len(model.channels)
+    linear = (G[:, :, :nu] @ U[:, :, None])[:, :, 0]
+    if not n:
+        none = np.zeros((0, len(U)), complex)
+        return Steady(linear, none, none, 0.0)
+    laws, own, loop = model.laws(), linear[:, ny:].T, G[:, ny:, nu:]
+    Z, W, left = _fixed_point(model, laws, lines, own, loop, own if Z is None else Z)
+    if climb and not left < 100 * CLOSE:
+        drives = None
+        for part in CLIMB:
+            found = steady_state(model, lines, part * U, drives, G, climb=False)
+            Z, W, left, drives = found.drives, found.reactions, found.left, found.drives
+            if not left < 0.1:
+                break
+    return Steady(linear[:, :ny] + (G[:, :ny, nu:] @ W.T[:, :, None])[:, :, 0], Z, W, left)
+
+
+def _fixed_point(
+    model: Feedback, laws: tuple[Numbers, ...], lines: Lines, own: Any, loop: Any, Z: Any
+) -> tuple[Any, Any, float]:
+    """Z = own + loop W(Z), from a start."""
+    n = len(own)
+    best, here, kept = np.inf, (Z, None), None
+    ways: list[tuple[Any, Any]] = []
+    share, failed = 1.0, 0
+    for _ in range(STEPS):
+        W, _z = reactions(model, laws, lines, Z)
+        rest = own + (loop @ W.T[:, :, None])[:, :, 0].T - Z
+        left = float(np.linalg.norm(rest) / np.linalg.norm(Z))
+        if not left < 3 * best:  # astray: back to the best one, in shorter steps, without memory
+            failed, share, kept, ways = failed + 1, share / 2, None, []
+            if failed > MIXED or here[1] is None:
+                break
+            Z, W = here
+            rest = own + (loop @ W.T[:, :, None])[:, :, 0].T - Z
+        elif left < best:
+            best, here = left, (Z, W)
+        if best < CLOSE:
+            break
+        power = np.maximum((np.abs(Z) ** 2).sum(1), 1e-300)
+        gain = (Z.conj() * W).sum(1) / power
+        step = np.linalg.solve(np.eye(n) - loop * gain, rest.T[:, :, None])[:, :, 0].T
+        if kept is not None:
+            ways = [*ways, (Z - kept[0], step - kept[1])][-MIXED:]
+        kept, new = (Z, step), Z + share * step
+        if ways:
+            F: Any = np.stack([f.ravel() for _, f in ways], 1)
+            square = (F.conj().T @ F).real
+            square += 1e-10 * np.trace(square) * np.eye(len(square))
+            weights = np.linalg.solve(square, (F.conj().T @ step.ravel()).real)
+            new = new - sum(w * (z + share * f) for w, (z, f) in zip(weights, ways, strict=True))
+        Z = new
+    return here[0], here[1], best

@@ -1,0 +1,414 @@
+"""From periodic tests to a `Feedback` model: modes first, then channels where they explain most.
+
+1. Modes of the middle level by vector fitting, their number and the delay by a test that is held out.
+2. What a linear model leaves is regressed on reactions to the drives that it predicts, each entering the
+modes
+   freely: the share that a law of a drive explains (the screening table). Measured outputs are not drives
+   there: what they contain of the reaction would explain itself.
+3. Groups of channels in the order of their shares, by Gauss-Newton in three stages: reactions, how they
+enter, what
+   drives them. A group stays where the tests that are held out gain from it; then all tests, at last the
+   held-out ones.
+
+Cost: a pass of every test for each of some forty steps.
+"""
+
+import time
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hysteresis import Feedback, InputError, StopsAndPowers
+from hysteresis.running import numbers_of, run
+
+from ._feedback_search import Spectra, gauss_newton, simulated
+from ._feedback_unknowns import Unknowns
+from ._periodic_tests import PeriodicTest, excited_lines, linear_response, spectra_of, steady_ones
+from ._vector_fitting import vector_fitted
+
+THRESHOLDS = np.geomspace(0.004, 2.5, 10)
+"""Of the stops of a channel, in root mean squares of its drive at the middle level."""
+
+MOST_MODES = 30
+WORTH = 0.98
+"""More modes, or a group of channels, have to bring the error of the held-out tests below this part of
+it."""
+
+SLOWEST_DECAY, BAND = 5e-4, (0.02, 1.15)
+"""Poles that are modes: their decay, and where they lie, in parts of the highest excited frequency."""
+
+SMALL = -1e-3
+"""First weight of a new stop: how it moves the modes has to be seen, not to be right."""
+
+
+class Screened(NamedTuple):
+    """The part of what a linear model leaves that a law of a drive explains, 0 to 1."""
+
+    drive: str
+    law: str
+    share: float
+
+
+class FeedbackFit(NamedTuple):
+    """A fitted model, and how it was found.
+
+    - `model`: in the tests' units. `linear`: its start without channels, of the middle level.
+    - `levels`: root mean square of the inputs at each level. `errors`, `linear_errors`: on tests that were
+      not in the fit then, rms of the error over that of the output, mean over tests and outputs, of each
+      level.
+    - `held_out`: which tests those were. `left_out`: tests whose periods differ three times as much as
+      those of others.
+    - `screening`: candidate laws and drives. `groups`: those of the model's channels, in order.
+    - `left`: the most that a steady state's last step changed its drives by.
+    """
+
+    model: Feedback
+    linear: Feedback
+    levels: tuple[float, ...]
+    errors: tuple[float, ...]
+    linear_errors: tuple[float, ...]
+    held_out: tuple[int, ...]
+    left_out: tuple[int, ...]
+    screening: tuple[Screened, ...]
+    groups: tuple[str, ...]
+    left: float
+    seconds: float
+
+
+class Scales(NamedTuple):
+    """Units in which the fit computes."""
+
+    u: float
+    y: np.ndarray
+    t: float
+
+    def data(self, data: Spectra) -> Spectra:
+        lines = data.lines._replace(dt=data.lines.dt / self.t)
+        return Spectra(lines, data.U / self.u, data.Y / self.y, data.level, data.size / self.y)
+
+    def model(self, model: Feedback) -> Feedback:
+        """In the units of the data."""
+        nu, n = model.inputs, len(model.channels)
+        u, y = np.append(np.full(nu, self.u), np.ones(n)), np.append(self.y, np.ones(n))
+        return Feedback(
+            model.poles / self.t, model.entries / (u * self.t), model.shapes * y[:, None],
+            model.direct * y[:, None] / u, model.delay * self.t, model.channels, model.levels, model.memory,
+        )  # fmt: skip
+
+
+def fit_feedback(
+    tests: Sequence[PeriodicTest],
+    *,
+    groups: int = 4,
+    seconds: float = 900.0,
+    say: Callable[[str], None] = lambda _: None,
+) -> FeedbackFit:
+    """A linear system with hysteretic channels, from periodic tests of several realisations and levels.
+
+    - `groups`: most groups of channels; 0 fits modes alone. `seconds`: of processor time, after which no
+      step begins.
+    - `say`: takes a line on each stage.
+
+    The last test of each level of two or more is held out; at the end it joins the fit, after the errors
+    were taken.
+
+    Raises `InputError` `too-few-runs` where no level has two steady tests, and as `spectra_of`.
+    """
+    begin = time.process_time()
+    raw, noise = spectra_of(tests)
+    steady = steady_ones(raw, noise)
+    kept = np.flatnonzero(steady)
+    scales, data = _scaled(raw.part(steady))
+    out = _held_out(data.level)
+    if not out.any():
+        raise InputError(
+            "too-few-runs",
+            "no level has two tests in steady state, so nothing can be held out.",
+            fix="measure two realisations of the excitation at a level.",
+        )
+    train, test = data.part(~out), data.part(out)
+    search = _Search(train, test, begin, seconds, say)
+    linear = search.modes()
+    model = linear
+    shares, by_group = screening(model, search.few)
+    names: list[str] = []
+    open_ = {*GROUPS}
+    while open_ and len(names) < groups and not search.late():
+        name = max(open_, key=lambda one: by_group[one])
+        open_.remove(name)
+        found = search.with_group(model, name)
+        if search.error(found) < WORTH * search.error(model):
+            model, names = found, [*names, name]
+            # What did not gain before may gain beside it.
+            open_ = {*GROUPS} - {*names}
+            by_group = screening(model, search.few)[1]
+    if names:
+        model = search.polished(model)
+    errors, before = search.errors(model), search.errors(linear)
+    if names:
+        search.train = data
+        model = gauss_newton(
+            model, data.finer(search.fine), Unknowns(), steps=3, damping=5e-3, thin=4
+        ).model
+    found = simulated(model, data.finer(search.fine))
+    N = raw.lines.samples
+    rms = np.sqrt(2 * (np.abs(raw.U[steady][:, 1:]) ** 2).sum((1, 2)) / raw.U.shape[2]) / N
+    return FeedbackFit(
+        scales.model(model), scales.model(linear),
+        tuple(float(rms[data.level == k].mean()) for k in np.unique(data.level)),
+        tuple(errors.values()), tuple(before.values()), tuple(kept[out].tolist()),
+        tuple(np.flatnonzero(~steady).tolist()), shares, tuple(names),
+        max(s.left for s in found.states), time.process_time() - begin,
+    )  # fmt: skip
+
+
+def _scaled(data: Spectra) -> tuple[Scales, Spectra]:
+    middle = data.level == np.unique(data.level)[len(np.unique(data.level)) // 2]
+    N, at = data.lines.samples, excited_lines(data.U)
+    power = (np.abs(data.U[middle]) ** 2).sum(1).mean()
+    u = float(np.sqrt(2 * power) / N)
+    gain = data.size[middle][0] / np.sqrt((np.abs(data.U[middle][:, 1:]) ** 2).mean())
+    scales = Scales(u, gain * u, 3.0 / float(abs(data.lines.s[at[-1]])))
+    return scales, scales.data(data)
+
+
+def _held_out(level: np.ndarray) -> np.ndarray:
+    """The last test of each level of two or more."""
+    out = np.zeros(len(level), bool)
+    for k in np.unique(level):
+        own = np.flatnonzero(level == k)
+        out[own[-1]] = len(own) > 1
+    return out
+
+
+class _Search:
+    """The stages of a fit, on tests it sees and tests that are held out."""
+
+    fine = 4
+
+    def __init__(self, train: Spectra, test: Spectra, begin: float, seconds: float, say: Any):
+        self.train, self.test, self.begin, self.seconds, self.say = train, test, begin, seconds, say
+        levels = np.unique(train.level)
+        self.middle = levels[len(levels) // 2]
+        first = np.zeros(len(train.level), bool)
+        for k in levels:
+            first[np.flatnonzero(train.level == k)[:2]] = True
+        self.few = train.part(first)
+
+    def late(self) -> bool:
+        return time.process_time() - self.begin > self.seconds
+
+    def errors(self, model: Feedback) -> dict[int, float]:
+        """On the held-out tests."""
+        return self.test.errors(simulated(model, self.test).output)
+
+    def told(self, what: str, model: Feedback) -> Feedback:
+        each = ", ".join(f"{100 * e:.2f}" for e in self.errors(model).values())
+        self.say(f"{time.process_time() - self.begin:5.0f} s  {what}: held-out error {each} %")
+        return model
+
+    def modes(self) -> Feedback:
+        """Modes of the middle level, their number and the delay by the held-out test there."""
+        own = self.train.part(self.train.level == self.middle)
+        rest = self.test if self.middle in self.test.level else own
+        rest = rest.part(rest.level == self.middle)
+        at = excited_lines(own.U)
+        G, _, _ = linear_response(own.U, own.Y, at, 0)
+        s = own.lines.s[at]
+
+        def error(model: Feedback) -> float:
+            return rest.errors(simulated(model, rest).output)[self.middle]
+
+        def tried(count: int, delay: float, thin: int = 1) -> tuple[float, Feedback]:
+            model = modal(s, G, count, delay, thin)
+            return (error(model), model) if len(model.poles) else (np.inf, model)
+
+        thin = max(1, len(at) // 1000)
+        delays = np.arange(8) * 0.25 * own.lines.dt
+        _, delay = min((tried(20, d, thin)[0], d) for d in delays)
+        best: tuple[float, Feedback | None] = (np.inf, None)
+        seen = {0}
+        for count in range(2, MOST_MODES + 1, 2):
+            e, model = tried(count, delay)
+            if e > 1.3 * best[0] or len(model.poles) in seen:
+                continue
+            seen.add(len(model.poles))
+            found = gauss_newton(model, own, Unknowns(), steps=10, thin=thin).model
+            if (e := error(found)) < WORTH * best[0]:
+                best = e, found
+        model = best[1]
+        if model is None:
+            raise InputError(
+                "nothing-fits",
+                "no resonance was found in the band of the excitation.",
+                fix="excite a band that holds the resonances.",
+            )
+        return self.told(f"{len(model.poles)} modes", model)
+
+    def error(self, model: Feedback) -> float:
+        """The mean of the held-out errors."""
+        return float(np.mean([*self.errors(model).values()]))
+
+    def with_group(self, model: Feedback, name: str) -> Feedback:
+        """With one more group of channels, fitted in three stages."""
+        shapes, direct = drives_of(model, name)
+        shapes, direct = to_unit(
+            model, shapes, direct, self.train.part(self.train.level == self.middle)
+        )
+        model = with_channels(model, shapes, direct)
+        for what, steps in (
+            (Unknowns(False, False), 4),
+            (Unknowns(True, False), 4),
+            (Unknowns(), 8),
+        ):
+            model = gauss_newton(
+                model, self.few, what, steps=steps, damping=1e-2, thin=2, gain=3e-3, until=self.late
+            ).model
+        return self.told(f"channels of {name}", model)
+
+    def polished(self, model: Feedback) -> Feedback:
+        """By all tests, at last in finer steps."""
+        for finer, steps in ((2, 20), (self.fine, 3)):
+            model = gauss_newton(
+                model, self.train.finer(finer), Unknowns(), steps=steps, damping=5e-3, thin=4, gain=1e-3,
+                until=self.late,
+            ).model  # fmt: skip
+        return self.told("all tests", model)
+
+
+def modal(s: Any, G: Any, count: int, delay: float, thin: int = 1) -> Feedback:
+    """Modes of rank one of a response (lines, outputs, inputs), from so many poles over the band."""
+    _, ny, nu = G.shape
+    top = abs(s[-1])
+    at = top * np.linspace(abs(s[0]) / top if count < 3 else 0.5 / count, 1.03, count)
+    flat = (G * np.exp(s * delay)[:, None, None]).reshape(len(s), -1)[::thin]
+    poles, _, _ = vector_fitted(s[::thin], flat, (-0.01 + 1j) * at)
+    inside = (poles.imag > BAND[0] * top) & (poles.imag < BAND[1] * top)
+    poles = poles[inside & (-poles.real > SLOWEST_DECAY * top)]
+    poles, residues, direct = vector_fitted(s[::thin], flat, poles, 0)
+    left, sizes, right = np.linalg.svd(residues.reshape(-1, ny, nu))
+    root = np.sqrt(sizes[:, :1])
+    return Feedback(
+        poles, right[:, 0] * root, (left[:, :, 0] * root).T, direct.reshape(ny, nu), delay
+    )
+
+
+GROUPS = ("inputs", "elongations", "differences", "modes")
+"""What may drive channels, one an input: the inputs; what the outputs are worth in them, standing still;
+what the outputs do not follow of them; the largest modes."""
+
+
+def drives_of(model: Feedback, name: str) -> tuple[Any, Any]:
+    """Rows (shapes, direct) of a group of drives."""
+    nu, ny = model.inputs, model.outputs
+    c, d, b = model.shapes[:ny], model.direct[:ny, :nu], model.entries[:, :nu]
+    low = np.real(model.response(1e-3j * np.abs(model.poles[:1].imag))[0, :ny, :nu])
+    still = np.linalg.pinv(low)
+    if name == "inputs":
+        return 0 * (still @ c), np.eye(nu)
+    if name == "elongations":
+        return still @ c, still @ d
+    if name == "differences":
+        return -(still @ c), np.eye(nu) - still @ d
+    size = np.linalg.norm(c, axis=0) * np.linalg.norm(b, axis=1) / -model.poles.real
+    shapes = np.zeros((nu, len(model.poles)), complex)
+    for i, k in enumerate(np.argsort(-size)[:nu]):
+        shapes[i, k] = 1j * np.exp(-0.5j * np.angle((b[k] ** 2).sum()))
+    return shapes, np.zeros((nu, nu))
+
+
+def _probe(model: Feedback, shapes: Any, direct: Any, data: Spectra) -> list[Any]:
+    """The spectra of drives (lines, drives), by the linear part."""
+    probe = Feedback(model.poles, model.entries[:, : model.inputs], shapes, direct)
+    G = probe.response(data.lines.s)
+    return [(G @ u[:, :, None])[:, :, 0] for u in data.U]
+
+
+def to_unit(model: Feedback, shapes: Any, direct: Any, data: Spectra) -> tuple[Any, Any]:
+    """Drives of root mean square 1."""
+    each = [np.mean(data.lines.fine(z.T) ** 2, 1) for z in _probe(model, shapes, direct, data)]
+    rms = np.sqrt(np.mean(each, 0))[:, None]
+    return shapes / rms, direct / rms
+
+
+def with_channels(model: Feedback, shapes: Any, direct: Any) -> Feedback:
+    """One more channel for each drive, entering where an input does."""
+    n, nu, ny = len(shapes), model.inputs, model.outputs
+    zeros = [0.0] * len(THRESHOLDS)
+    law = StopsAndPowers(THRESHOLDS, np.array(zeros) + SMALL, [1e-4, 0.0, 0.0])
+    wide = np.zeros(np.array(model.direct.shape) + n)
+    o, i = model.direct.shape
+    wide[:o, :i] = model.direct
+    wide[o:, :nu], wide[:ny, i:] = direct, model.direct[:ny, :nu][:, np.arange(n) % nu]
+    return Feedback(
+        model.poles, np.concatenate([model.entries, model.entries[:, np.arange(n) % nu]], 1),
+        np.concatenate([model.shapes, shapes]), wide, model.delay, (*model.channels, *[law] * n),
+        np.concatenate([model.levels, np.zeros(n)]), model.memory,
+    )  # fmt: skip
+
+
+LAWS = ("stops", "square", "cube", "level")
+STOPS = (0.05, 0.2, 0.8)
+"""Of the screening, in root mean squares of the drive."""
+
+
+def _signals(z: np.ndarray, law: str) -> np.ndarray:
+    """Reactions to a drive (fine,), periodic."""
+    if law == "square":
+        return (z**2)[None]
+    if law == "cube":
+        return (z**3)[None]
+    if law == "level":
+        return (z * np.log(np.sqrt(np.mean(z**2))))[None]
+    dt = np.append(np.nan, np.zeros(2 * len(z) - 1))
+    numbers = [numbers_of(StopsAndPowers([r], [1.0]).tree()) for r in STOPS]
+    return np.stack([run(one, np.tile(z, 2), dt).value[len(z) :] for one in numbers])
+
+
+def screening(model: Feedback, data: Spectra) -> tuple[tuple[Screened, ...], dict[str, float]]:
+    """The share of what a model leaves that each law of each drive explains, the largest first, and for
+    each group of drives what all their laws explain together.
+
+    A reaction W enters every mode m by a free b_m, and the outputs by a free d:  y = sum 2 Re(c_m b_m W /
+    (s - p_m)) + d W.
+    """
+    ny, at = model.outputs, excited_lines(data.U)[:: max(1, len(excited_lines(data.U)) // 400)]
+    s = data.lines.s[at]
+    rest = data.left(simulated(model, data).output)[:, at]
+    e = _real(rest)
+    P, Q = (1 / (s[:, None] - p) for p in (model.poles, model.poles.conj()))
+    one, other = model.shapes[:ny] * P[:, None, :], model.shapes[:ny].conj() * Q[:, None, :]
+    ways = np.concatenate([one + other, 1j * (one - other), np.tile(np.eye(ny), (len(s), 1, 1))], 2)
+    ways[:, :, : 2 * len(model.poles)] *= np.exp(-s * model.delay)[:, None, None]
+
+    def share(columns: list[np.ndarray]) -> float:
+        wide = np.concatenate(columns, 1)
+        size = np.linalg.norm(wide, axis=0) + 1e-300
+        normal = wide.T @ wide / np.outer(size, size) + 1e-9 * np.eye(len(size))
+        right = wide.T @ e / size
+        return float(right @ np.linalg.solve(normal, right) / (e @ e))
+
+    shares, by_group = [], {}
+    for group in GROUPS:
+        shapes, direct = to_unit(model, *drives_of(model, group), data)
+        spectra = _probe(model, shapes, direct, data)
+        everything = []
+        for i in range(len(shapes)):
+            for law in LAWS:
+                columns = []
+                each = [_signals(data.lines.fine(z[:, i]), law) for z in spectra]
+                for k in range(len(each[0])):
+                    W = np.stack([data.lines.coarse(w[k])[at] for w in each])
+                    wide = W[:, :, None, None] * ways / data.size[:, None, :, None]
+                    columns.append(_real(wide.reshape(*rest.shape, -1)))
+                shares.append(Screened(f"{group} {i + 1}", law, share(columns)))
+                everything += columns
+        by_group[group] = share(everything)
+    return tuple(sorted(shares, key=lambda one: -one.share)), by_group
+
+
+def _real(x: Any) -> np.ndarray:
+    """Rows of real and imaginary parts, (realisations, lines, outputs, ...)."""
+    flat = x.reshape(np.prod(x.shape[:3]), *x.shape[3:])
+    return np.concatenate([flat.real, flat.imag])

@@ -1,0 +1,154 @@
+"""Gauss-Newton for a `Feedback` model: simulated steady states against measured spectra.
+
+The sum of |Y - Y^|^2 over lines, outputs and realisations, each output over its own size at its level, is
+decreased by steps damped in each unknown's own size (Levenberg, Marquardt). A pass takes every `thin`th
+line, another set each time, because a Jacobian costs more than the states do.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hysteresis import Feedback
+from hysteresis.dynamics._feedback import Lines, Steady, steady_state
+
+from ._feedback_unknowns import Point, Reaction, Unknowns, equivalent_gains, jacobian, refined
+
+TRIES = 6
+STRONG, PROBED = 0.2, 8
+"""Part by which equivalent gains may be wrong around the loop, as so many of the unknowns show: by that
+part a step of Gauss-Newton then falls short."""
+
+LEFT = 1e-2
+"""Part of the drives that a steady state may leave in a step that is taken."""
+
+
+class Spectra(NamedTuple):
+    """Periodic records in their lines: inputs U (realisations, lines, inputs), outputs Y, which level each
+    realisation has, and the root mean square of each level's outputs (realisations, outputs)."""
+
+    lines: Lines
+    U: Any
+    Y: Any
+    level: np.ndarray
+    size: np.ndarray
+
+    def part(self, which: Any) -> "Spectra":
+        return self._replace(
+            U=self.U[which], Y=self.Y[which], level=self.level[which], size=self.size[which]
+        )
+
+    def finer(self, finer: int) -> "Spectra":
+        return self._replace(lines=self.lines._replace(finer=finer))
+
+    def left(self, Y: Any) -> Any:
+        """What outputs leave, over their sizes; without the constant one."""
+        rest = (self.Y - Y) / self.size[:, None, :]
+        rest[:, 0] = 0.0
+        return rest
+
+    def errors(self, Y: Any) -> dict[int, float]:
+        """Of each level: root mean square error over that of the output, the mean over realisations and
+        outputs."""
+        own = np.sqrt((np.abs(self.Y[:, 1:]) ** 2).sum(1))
+        e = np.sqrt((np.abs((self.Y - Y)[:, 1:]) ** 2).sum(1)) / own
+        return {int(k): float(e[self.level == k].mean()) for k in np.unique(self.level)}
+
+
+class Found(NamedTuple):
+    """A model, its steady states on the records, and the sum of squares."""
+
+    model: Feedback
+    states: list[Steady]
+    cost: float
+
+    @property
+    def output(self) -> np.ndarray:
+        return np.stack([state.output for state in self.states])
+
+
+def simulated(
+    model: Feedback, data: Spectra, starts: list[Steady] | None = None, G: Any = None
+) -> Found:
+    """The steady states of all realisations."""
+    G = model.response(data.lines.s) if G is None else G
+    states = [
+        steady_state(model, data.lines, u, None if starts is None else starts[r].drives, G)
+        for r, u in enumerate(data.U)
+    ]
+    Y = np.stack([state.output for state in states])
+    cost = float((np.abs(data.left(Y)) ** 2).sum())
+    settled = max(state.left for state in states) < LEFT
+    return Found(model, states, cost if settled and np.isfinite(cost) else np.inf)
+
+
+def gauss_newton(
+    model: Feedback,
+    data: Spectra,
+    unknowns: Unknowns,
+    *,
+    steps: int = 10,
+    damping: float = 1e-3,
+    thin: int = 1,
+    gain: float = 1e-3,
+    until: Any = lambda: False,
+) -> Found:
+    """Steps until one gains less than the part `gain`, or time is up."""
+    here = simulated(model, data)
+    for turn in range(steps):
+        normal, right = _normal(here, data, unknowns, turn, thin)
+        size = np.sqrt(np.maximum(np.diag(normal), 1e-12 * np.diag(normal).max()))
+        scaled, q = normal / np.outer(size, size), unknowns.vector(here.model)
+        there = here
+        for _ in range(TRIES):
+            step = np.linalg.solve(scaled + damping * np.eye(len(q)), right / size) / size
+            there = simulated(unknowns.moved(here.model, q + step), data, here.states)
+            if there.cost < here.cost:
+                break
+            damping *= 8
+        if not there.cost < here.cost:
+            break
+        gained = 1 - there.cost / here.cost
+        here, damping = there, max(damping / 4, 1e-7)
+        if gained < gain or until():
+            break
+    return here
+
+
+def _normal(
+    here: Found, data: Spectra, unknowns: Unknowns, turn: int, thin: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Normal equations of the lines of this turn."""
+    model, lines = here.model, data.lines
+    G = model.response(lines.s)
+    gains = {}
+    for level in np.unique(data.level):
+        own = [s for s, k in zip(here.states, data.level, strict=True) if k == level]
+        gains[level] = equivalent_gains(
+            np.stack([s.drives for s in own]), np.stack([s.reactions for s in own])
+        )
+    reactions = [Reaction(channel).numbers() for channel in model.channels]
+    points = [
+        Point(model, lines, data.U[r], state, G, gains[data.level[r]], reactions)
+        for r, state in enumerate(here.states)
+    ]
+    strong = bool(reactions) and _is_strong(points[int(np.argmax(data.level))], unknowns)
+    left = data.left(here.output)
+    normal, right = 0.0, 0.0
+    for r, point in enumerate(points):
+        kept = slice(1 + (turn + r) % thin, None, thin)
+        J = refined(point, unknowns, kept)[0] if strong else jacobian(point, unknowns, kept)
+        J /= data.size[r][:, None, None].astype(np.float32)
+        J = J.reshape(-1, J.shape[2])
+        J = np.concatenate([J.real, J.imag])
+        e = left[r, kept].T.ravel()
+        normal = normal + (J.T @ J).astype(float)
+        right = right + (J.T @ np.concatenate([e.real, e.imag]).astype(np.float32)).astype(float)
+    return np.asarray(normal), np.asarray(right)
+
+
+def _is_strong(point: Point, unknowns: Unknowns) -> bool:
+    """Whether the channels are too strong for their equivalent gains."""
+    count = len(unknowns.vector(point.model))
+    which = np.linspace(0, count - 1, PROBED).astype(int)
+    return refined(point, unknowns, slice(1, None, 16), which)[1] > STRONG

@@ -1,0 +1,220 @@
+"""Linear systems with hysteretic channels: steady states, motion in time, distortion, and fits."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from hysteresis import (
+    BoucWenForce,
+    Feedback,
+    GeneralizedPlays,
+    InputError,
+    Oscillator,
+    StopsAndPowers,
+)
+from hysteresis.dynamics import _feedback
+from hysteresis.dynamics._feedback import Lines, steady_state
+from identify import PeriodicTest, distortion, fit_feedback, periodic_test
+from identify.dynamics._feedback_unknowns import (
+    Point,
+    Reaction,
+    Unknowns,
+    equivalent_gains,
+    refined,
+)
+from tests.test_hysid.command import run
+
+PERIOD, DT = 512, 0.1
+MASS, DAMPING, STIFFNESS = 2.0, 0.4, 3.0
+
+
+def multisine(seed: int, rms: float, lines: range = range(1, 60), channels: int = 1) -> np.ndarray:
+    """(samples, channels), one period."""
+    rng = np.random.default_rng(seed)
+    spectrum = np.zeros((PERIOD // 2 + 1, channels), complex)
+    spectrum[lines] = np.exp(2j * np.pi * rng.random((len(lines), channels)))
+    u = np.fft.irfft(spectrum, PERIOD, axis=0)
+    return rms * u / u.std(0)
+
+
+def mass_and_stop(limit: float, weight: float) -> Feedback:
+    """m y'' + c y' + k y + weight stop(y) = u as one mode with one channel."""
+    pole = np.roots([MASS, DAMPING, STIFFNESS])[0]
+    pole = pole if pole.imag > 0 else pole.conjugate()
+    entry = 1 / (2j * MASS * pole.imag)
+    law = StopsAndPowers([limit], [weight])
+    return Feedback([pole], [[entry, -entry]], [[1.0], [1.0]], np.zeros((2, 2)), 0.0, (law,), [0.0])
+
+
+@cache
+def oscillator_tests() -> tuple[PeriodicTest, ...]:
+    """Three realisations of three levels of a mass with Bouc-Wen's force; one does not repeat."""
+    plant = Oscillator(MASS, DAMPING, STIFFNESS, BoucWenForce(2.0, 1.5, 0.5), substeps=8)
+    rng, found = np.random.default_rng(0), []
+    for k, rms in enumerate(np.repeat([0.5, 1.0, 2.0], 3)):
+        u = np.tile(multisine(k, rms), (5, 1))
+        y = plant.displacement(DT * np.arange(len(u)), u[:, 0])
+        y = y + 1e-3 * y.std() * rng.normal(size=len(y)) * (50 if k == 1 else 1)
+        found.append(periodic_test(u, y, DT, settling=3))
+    return tuple(found)
+
+
+def test_a_mode_with_a_stop_is_a_mass_with_plays():
+    """The same equation, integrated by Newmark's method in another model."""
+    limit, weight = 0.3, 1.5
+    plays = GeneralizedPlays([0.0, limit], [1.0, 1.0], [[-weight, weight], [weight, -weight]])
+    u, more = multisine(0, 1.0, range(1, 25)), 8
+    fine = np.fft.irfft(more * np.fft.rfft(u[:, 0]), more * PERIOD)
+    t = DT / more * np.arange(8 * len(fine))
+    plant = Oscillator(MASS, DAMPING, STIFFNESS, plays, substeps=4)
+    y = plant.displacement(t, np.tile(fine, 8))[-len(fine) :: more]
+    found = mass_and_stop(limit, weight).steady(u, DT, finer=more)[:, 0]
+    # Newmark's steps of a period of 150 rows and force straight between them err by 1e-4 each.
+    assert np.abs(found - y).max() < 5e-4 * y.std()
+
+
+def test_from_rest_it_comes_to_the_steady_state():
+    model = replace(mass_and_stop(0.3, 1.5), delay=0.037, levels=np.array([0.05]), memory=30.0)
+    u = multisine(1, 1.0, range(1, 25))
+    y = model.simulate(np.tile(u, (8, 1)), DT)
+    steady = replace(model, memory=np.inf).steady(u, DT, finer=16)
+    late = y[-PERIOD:]
+    assert np.abs(late - y[-2 * PERIOD : -PERIOD]).max() < 1e-6 * y.std()
+    # The mean amplitude is not constant where its memory is finite.
+    assert np.abs(late - steady).max() < 0.03 * y.std()
+
+
+def test_without_channels_it_is_its_frequency_response():
+    model = mass_and_stop(1.0, 0.0)
+    linear = Feedback(model.poles, model.entries[:, :1], model.shapes[:1], [[0.2]], 0.04)
+    u = multisine(2, 1.0)
+    s = 2j * np.pi * np.fft.rfftfreq(PERIOD, DT)
+    G = (1 / (MASS * s**2 + DAMPING * s + STIFFNESS) + 0.2) * np.exp(-0.04 * s)
+    expected = np.fft.irfft(G * np.fft.rfft(u[:, 0]), PERIOD)
+    assert np.allclose(linear.steady(u, DT)[:, 0], expected, atol=1e-12)
+    assert np.allclose(linear.response(s)[:, 0, 0], G)
+
+
+def test_modes_of_a_linear_system_are_found():
+    """Two modes, two inputs, three outputs, a delay: nothing is left."""
+    rng = np.random.default_rng(4)
+    poles = np.array([-0.05 + 1.5j, -0.1 + 4j])
+    b, c = (rng.normal(size=s) + 1j * rng.normal(size=s) for s in ((2, 2), (3, 2)))
+    truth = Feedback(poles, b, c, rng.normal(size=(3, 2)), 0.03)
+    tests = []
+    for k in range(4):
+        u = multisine(10 + k, 1.0, range(1, 120), channels=2)
+        tests.append(PeriodicTest(u, truth.steady(u, DT)[None], DT))
+    fit = fit_feedback(tests, groups=0)
+    assert fit.groups == ()
+    assert fit.errors == fit.linear_errors
+    assert fit.errors[0] < 1e-3
+    found = np.sort_complex(fit.model.poles)
+    near = [found[np.argmin(np.abs(found - p))] for p in poles]
+    assert np.abs(np.array(near) - poles).max() < 1e-3
+
+
+def test_a_fit_explains_what_modes_alone_leave():
+    tests = oscillator_tests()
+    fit = fit_feedback(tests, groups=1)
+    assert fit.left_out == (1,)
+    assert fit.held_out == (2, 5, 8)
+    assert np.allclose(fit.levels, [0.5, 1.0, 2.0], rtol=1e-6)
+    assert max(fit.errors) < 0.12
+    assert np.mean(fit.errors) < 0.25 * np.mean(fit.linear_errors)
+    assert fit.screening[0].share > 0.5
+    y = fit.model.steady(tests[5].u, DT)
+    assert np.std(y - tests[5].y[0]) < 0.12 * np.std(tests[5].y[0])
+
+
+def test_derivatives_of_a_strong_loop(monkeypatch):
+    """Central differences of a steady state whose channel carries half of the stiffness."""
+    monkeypatch.setattr(_feedback, "CLOSE", 1e-9)
+    monkeypatch.setattr(_feedback, "STEPS", 100)
+    model = replace(mass_and_stop(0.3, 1.5), levels=np.array([0.1]))
+    lines, u = Lines(PERIOD, DT, 2), multisine(3, 1.0, range(1, 40))
+    U, unknowns = lines.of(u), Unknowns()
+    state, q = steady_state(model, lines, U), unknowns.vector(model)
+    gains = equivalent_gains(state.drives[None], state.reactions[None])
+    numbers = [Reaction(channel).numbers() for channel in model.channels]
+    point = Point(model, lines, U, state, model.response(lines.s), gains, numbers)
+    found, off = refined(point, unknowns, slice(1, None))
+    assert off > 0.05  # gains alone are that far off
+    for k in range(len(q)):
+        h = 1e-4 * max(abs(q[k]), 0.05) * np.eye(len(q))[k]
+        up, down = (
+            steady_state(unknowns.moved(model, x), lines, U, state.drives).output
+            for x in (q + h, q - h)
+        )
+        expected = (up - down)[1:, 0] / (2 * h[k])
+        off_by = np.linalg.norm(found[0, :, k] - expected)
+        # Around the loop 0.03 of the drives' changes are left, and stops have corners.
+        assert off_by < 0.05 * np.linalg.norm(expected) + 1e-6, k
+
+
+def test_even_odd_and_noise_are_told_apart():
+    """u^2 of odd lines lies in even lines alone; so many periods show the noise."""
+    u = multisine(5, 1.0, range(1, 100, 2))
+    rng = np.random.default_rng(0)
+    square = 0.1 * (u**2 - (u**2).mean())
+    y = u + square + 0.01 * rng.normal(size=(64, PERIOD, 1))
+    (row,) = distortion([PeriodicTest(u, y, DT)], bands=1)
+    assert row.level == pytest.approx(1.0)
+    assert row.linear == pytest.approx(1.0, rel=0.01)
+    assert row.even == pytest.approx(square.std(), rel=0.02)
+    assert row.odd < 0.002
+    assert row.stochastic < 0.01
+    # Of the mean of 64 periods.
+    assert row.noise == pytest.approx(0.01 / 8, rel=0.1)
+
+
+def test_levels_change_the_linear_approximation():
+    tests = oscillator_tests()
+    rows = distortion(tests, bands=1)
+    assert [row.level for row in rows] == pytest.approx([0.5, 1.0, 2.0])
+    assert rows[0].changed == 0
+    assert rows[2].changed > rows[1].changed > 0.05 * rows[1].total
+    assert all(np.isnan(row.even) for row in distortion(tests, bands=2))
+
+
+def test_what_cannot_be_used_is_refused():
+    u = multisine(0, 1.0)
+    with pytest.raises(InputError) as error:
+        periodic_test(u, u, DT, settling=1)
+    assert error.value.code == "not-periodic"
+    with pytest.raises(InputError) as error:
+        periodic_test(u, u[1:], DT)
+    assert error.value.code == "length-mismatch"
+    one = PeriodicTest(u, u[None], DT)
+    with pytest.raises(InputError) as error:
+        fit_feedback([one])
+    assert error.value.code == "too-few-runs"
+    with pytest.raises(InputError) as error:
+        distortion([one, PeriodicTest(u[:100], u[None, :100], DT)])
+    assert error.value.code == "length-mismatch"
+    with pytest.raises(InputError) as error:
+        Feedback([0.1 + 1j], [[1.0]], [[1.0]], [[0.0]])
+    assert error.value.code == "parameter-out-of-bounds"
+    strong = mass_and_stop(0.3, -500.0)
+    with pytest.raises(InputError) as error:
+        strong.steady(u, DT)
+    assert error.value.code == "diverged"
+    with pytest.raises(InputError) as error:
+        replace(strong, levels=np.array([1.0])).simulate(u, DT)
+    assert error.value.code == "bad-option"
+
+
+def test_command_tells_distortion(tmp_path):
+    rows = ["run,t,a,y"]
+    for k in range(2):
+        u = np.tile(multisine(k, 1.0, range(1, 60, 2))[:, 0], 2)
+        rows += [f"{k},{row * DT:.1f},{x:.9g},{x + 0.1 * x * x:.9g}" for row, x in enumerate(u)]
+    file = tmp_path / "shaker.csv"
+    file.write_text("\n".join(rows))
+    asked = ["--input", "a", "--output", "y", "--time", "t", "--group", "run", "--bands", "1"]
+    (row,) = run("distortion", file, *asked, "--json").json()["rows"]
+    assert row["output"] == "y"
+    assert row["even"] > 10
+    assert max(row["odd"], 1e6 * row["noise"]) < 1
