@@ -41,13 +41,13 @@ from .diagnostics._sloppiness import sloppiness as sloppiness
 from .diagnostics._whiteness import Whiteness as Whiteness
 from .diagnostics._whiteness import whiteness as whiteness
 from .dynamics._feedback_fit import FeedbackFit as FeedbackFit
-from .dynamics._feedback_fit import Screened as Screened
 from .dynamics._feedback_fit import fit_feedback as fit_feedback
 from .dynamics._periodic_tests import Distortion as Distortion
 from .dynamics._periodic_tests import PeriodicTest as PeriodicTest
 from .dynamics._periodic_tests import distortion as distortion
 from .dynamics._periodic_tests import periodic_test as periodic_test
 from .dynamics._recorded_motion import RecordedMotion as RecordedMotion
+from .dynamics._screening import Screened as Screened
 from .files._fit_folder import load as load
 from .files._fit_folder import save as save
 from .files._posterior import load_posterior as load_posterior

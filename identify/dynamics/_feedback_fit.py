@@ -20,11 +20,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hysteresis import Feedback, InputError, StopsAndPowers
-from hysteresis.running import numbers_of, run
 
 from ._feedback_search import Spectra, gauss_newton, simulated
 from ._feedback_unknowns import Unknowns
 from ._periodic_tests import PeriodicTest, excited_lines, linear_response, spectra_of, steady_ones
+from ._screening import GROUPS, Screened, drives_of, screening, to_unit
 from ._vector_fitting import vector_fitted
 
 THRESHOLDS = np.geomspace(0.004, 2.5, 10)
@@ -40,14 +40,6 @@ SLOWEST_DECAY, BAND = 5e-4, (0.02, 1.15)
 
 SMALL = -1e-3
 """First weight of a new stop: how it moves the modes has to be seen, not to be right."""
-
-
-class Screened(NamedTuple):
-    """The part of what a linear model leaves that a law of a drive explains, 0 to 1."""
-
-    drive: str
-    law: str
-    share: float
 
 
 class FeedbackFit(NamedTuple):
@@ -294,44 +286,6 @@ def modal(s: Any, G: Any, count: int, delay: float, thin: int = 1) -> Feedback:
     )
 
 
-GROUPS = ("inputs", "elongations", "differences", "modes")
-"""What may drive channels, one an input: the inputs; what the outputs are worth in them, standing still;
-what the outputs do not follow of them; the largest modes."""
-
-
-def drives_of(model: Feedback, name: str) -> tuple[Any, Any]:
-    """Rows (shapes, direct) of a group of drives."""
-    nu, ny = model.inputs, model.outputs
-    c, d, b = model.shapes[:ny], model.direct[:ny, :nu], model.entries[:, :nu]
-    low = np.real(model.response(1e-3j * np.abs(model.poles[:1].imag))[0, :ny, :nu])
-    still = np.linalg.pinv(low)
-    if name == "inputs":
-        return 0 * (still @ c), np.eye(nu)
-    if name == "elongations":
-        return still @ c, still @ d
-    if name == "differences":
-        return -(still @ c), np.eye(nu) - still @ d
-    size = np.linalg.norm(c, axis=0) * np.linalg.norm(b, axis=1) / -model.poles.real
-    shapes = np.zeros((nu, len(model.poles)), complex)
-    for i, k in enumerate(np.argsort(-size)[:nu]):
-        shapes[i, k] = 1j * np.exp(-0.5j * np.angle((b[k] ** 2).sum()))
-    return shapes, np.zeros((nu, nu))
-
-
-def _probe(model: Feedback, shapes: Any, direct: Any, data: Spectra) -> list[Any]:
-    """The spectra of drives (lines, drives), by the linear part."""
-    probe = Feedback(model.poles, model.entries[:, : model.inputs], shapes, direct)
-    G = probe.response(data.lines.s)
-    return [(G @ u[:, :, None])[:, :, 0] for u in data.U]
-
-
-def to_unit(model: Feedback, shapes: Any, direct: Any, data: Spectra) -> tuple[Any, Any]:
-    """Drives of root mean square 1."""
-    each = [np.mean(data.lines.fine(z.T) ** 2, 1) for z in _probe(model, shapes, direct, data)]
-    rms = np.sqrt(np.mean(each, 0))[:, None]
-    return shapes / rms, direct / rms
-
-
 def with_channels(model: Feedback, shapes: Any, direct: Any) -> Feedback:
     """One more channel for each drive, entering where an input does."""
     n, nu, ny = len(shapes), model.inputs, model.outputs
@@ -346,69 +300,3 @@ def with_channels(model: Feedback, shapes: Any, direct: Any) -> Feedback:
         np.concatenate([model.shapes, shapes]), wide, model.delay, (*model.channels, *[law] * n),
         np.concatenate([model.levels, np.zeros(n)]), model.memory,
     )  # fmt: skip
-
-
-LAWS = ("stops", "square", "cube", "level")
-STOPS = (0.05, 0.2, 0.8)
-"""Of the screening, in root mean squares of the drive."""
-
-
-def _signals(z: np.ndarray, law: str) -> np.ndarray:
-    """Reactions to a drive (fine,), periodic."""
-    if law == "square":
-        return (z**2)[None]
-    if law == "cube":
-        return (z**3)[None]
-    if law == "level":
-        return (z * np.log(np.sqrt(np.mean(z**2))))[None]
-    dt = np.append(np.nan, np.zeros(2 * len(z) - 1))
-    numbers = [numbers_of(StopsAndPowers([r], [1.0]).tree()) for r in STOPS]
-    return np.stack([run(one, np.tile(z, 2), dt).value[len(z) :] for one in numbers])
-
-
-def screening(model: Feedback, data: Spectra) -> tuple[tuple[Screened, ...], dict[str, float]]:
-    """The share of what a model leaves that each law of each drive explains, the largest first, and for
-    each group of drives what all their laws explain together.
-
-    A reaction W enters every mode m by a free b_m, and the outputs by a free d:  y = sum 2 Re(c_m b_m W /
-    (s - p_m)) + d W.
-    """
-    ny, at = model.outputs, excited_lines(data.U)[:: max(1, len(excited_lines(data.U)) // 400)]
-    s = data.lines.s[at]
-    rest = data.left(simulated(model, data).output)[:, at]
-    e = _real(rest)
-    P, Q = (1 / (s[:, None] - p) for p in (model.poles, model.poles.conj()))
-    one, other = model.shapes[:ny] * P[:, None, :], model.shapes[:ny].conj() * Q[:, None, :]
-    ways = np.concatenate([one + other, 1j * (one - other), np.tile(np.eye(ny), (len(s), 1, 1))], 2)
-    ways[:, :, : 2 * len(model.poles)] *= np.exp(-s * model.delay)[:, None, None]
-
-    def share(columns: list[np.ndarray]) -> float:
-        wide = np.concatenate(columns, 1)
-        size = np.linalg.norm(wide, axis=0) + 1e-300
-        normal = wide.T @ wide / np.outer(size, size) + 1e-9 * np.eye(len(size))
-        right = wide.T @ e / size
-        return float(right @ np.linalg.solve(normal, right) / (e @ e))
-
-    shares, by_group = [], {}
-    for group in GROUPS:
-        shapes, direct = to_unit(model, *drives_of(model, group), data)
-        spectra = _probe(model, shapes, direct, data)
-        everything = []
-        for i in range(len(shapes)):
-            for law in LAWS:
-                columns = []
-                each = [_signals(data.lines.fine(z[:, i]), law) for z in spectra]
-                for k in range(len(each[0])):
-                    W = np.stack([data.lines.coarse(w[k])[at] for w in each])
-                    wide = W[:, :, None, None] * ways / data.size[:, None, :, None]
-                    columns.append(_real(wide.reshape(*rest.shape, -1)))
-                shares.append(Screened(f"{group} {i + 1}", law, share(columns)))
-                everything += columns
-        by_group[group] = share(everything)
-    return tuple(sorted(shares, key=lambda one: -one.share)), by_group
-
-
-def _real(x: Any) -> np.ndarray:
-    """Rows of real and imaginary parts, (realisations, lines, outputs, ...)."""
-    flat = x.reshape(np.prod(x.shape[:3]), *x.shape[3:])
-    return np.concatenate([flat.real, flat.imag])
