@@ -182,7 +182,7 @@ def even_clock(time: ArrayLike | None, line: ArrayLike, unit: str) -> float:
     if time is None:
         raise InputError(
             "no-time",
-            "an oscillator needs the times of its samples.",
+            "a motion needs the times of its samples.",
             fix="name the column of times (--time), or the time between samples (--dt).",
         )
     t = np.asarray(time, float)

@@ -166,7 +166,7 @@ class Distortion(NamedTuple):
     - `level`: root mean square of the inputs. `output`: which one. `band`: of frequencies.
     - `total`, `linear`: of all, and of what the best linear approximation of this level gives.
     - `changed`: by how much that differs from the approximation of the smallest level; 0 there.
-    - `even`, `odd`: in lines that no input excites; NaN where all are excited.
+    - `even`, `odd`: in even and odd lines that no input excites; NaN where there are none.
     - `stochastic`: what is not linear in excited lines, without noise. `noise`: of the mean period; NaN of
       a single period, where it is in the others.
     """
@@ -223,7 +223,6 @@ def distortion(tests: Sequence[PeriodicTest], bands: int = 4) -> list[Distortion
                 np.sqrt(np.maximum(x**2 - n**2, 0.0))
                 for x, n in zip((rest, even, odd), noises, strict=True)
             ]
-            known = len(quiet) > 0
             for k in range(Y.shape[2]):
                 stochastic, of_even, of_odd = (float(x[k]) for x in own_parts)
                 found.append(
@@ -231,7 +230,8 @@ def distortion(tests: Sequence[PeriodicTest], bands: int = 4) -> list[Distortion
                         rms, k, (ends[0] / data.lines.period, ends[1] / data.lines.period),
                         float(total[k]), float(_size(linear[:, part], data.lines)[k]),
                         float(_size(changed[:, part], data.lines)[k]),
-                        of_even if known else np.nan, of_odd if known else np.nan, stochastic,
+                        *(x if len(p) else np.nan for x, p in zip((of_even, of_odd), parity, strict=True)),
+                        stochastic,
                         float(all_noise[k]) if len(tests[0].y) > 1 else np.nan,
                     )
                 )  # fmt: skip
