@@ -3,6 +3,8 @@
 import importlib.util
 import inspect
 import re
+import shlex
+import shutil
 import sys
 import tomllib
 from pathlib import Path
@@ -11,6 +13,8 @@ from types import ModuleType
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+
+from tests.test_hysid.command import run
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -99,6 +103,19 @@ def _words_and_numbers(file: Path) -> tuple[list[str], dict[str, list[float]]]:
 def test_five_minutes_runs_what_the_readme_shows():
     shown = python_of(ROOT / "README.md")
     assert [b.code for b in shown] == [b.code for b in python_of(DOCS / "five-minutes.md")]
+
+
+@pytest.mark.pages
+def test_the_readme_shows_what_its_commands_print(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    shutil.copy(ROOT / "datasets" / "sponge-50mm-cycles.csv", tmp_path / "run.csv")
+    monkeypatch.chdir(tmp_path)
+    shown = (ROOT / "README.md").read_text("utf-8").split("```text\n")[1].split("```")[0]
+    commands = re.split(r"^\$ hysid ", shown, flags=re.MULTILINE)[1:]
+    assert len(commands) == 3
+    for block in commands:
+        command, *lines = block.strip().splitlines()
+        printed = run(*shlex.split(command)).out.splitlines()
+        assert [line for line in lines if line not in (*printed, "  ...", "")] == []
 
 
 def test_a_page_becomes_a_notebook_of_its_blocks():
