@@ -28,7 +28,6 @@ from .comparison._pooling import Interval as Interval
 from .comparison._pooling import Pooled as Pooled
 from .comparison._pooling import PooledParameter as PooledParameter
 from .comparison._pooling import pool as pool
-from .comparison._psis_loo import Loo as Loo
 from .diagnostics._profile_likelihood import Profile as Profile
 from .diagnostics._profile_likelihood import profile as profile
 from .diagnostics._profile_likelihood import profiles as profiles

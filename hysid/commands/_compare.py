@@ -116,7 +116,6 @@ def _comparison_lines(document: dict[str, Any]) -> list[str]:
         "AIC": _from_best(models, "aic", min),
         "BIC": _from_best(models, "bic", min),
         "log evidence": _from_best(models, "log_evidence", max),
-        "elpd": _from_best(models, "elpd", max),
     }
     lines = [f"Ranked by {where}: error in per cent of the output's range.", ""]
     lines += [*_table(columns, left=2), ""]
@@ -154,7 +153,6 @@ def _places(folders: Sequence[Path]) -> dict[str, Path]:
 
 
 def _figures(model: identify.Compared) -> dict[str, Any]:
-    left = model.loo
     return {
         "name": model.name,
         "model": model.model,
@@ -164,9 +162,6 @@ def _figures(model: identify.Compared) -> dict[str, Any]:
         "aic": model.aic,
         "bic": model.bic,
         "log_evidence": model.log_evidence,
-        "elpd": None if left is None else left.elpd,
-        "elpd_error": None if left is None else left.error,
-        "unreliable": None if left is None else left.unreliable,
     }
 
 
@@ -176,8 +171,7 @@ def _pair(pair: identify.Pair) -> dict[str, Any]:
         found[rows] = None
         if difference is not None:
             found[rows] = difference._asdict() | {"clear": difference.clear}
-    elpd = None if pair.elpd is None else dict(zip(("value", "error"), pair.elpd, strict=True))
-    return found | {"elpd": elpd, "words": pair.words}
+    return found | {"words": pair.words}
 
 
 def _percents(models: list[dict[str, Any]], key: str) -> list[str]:

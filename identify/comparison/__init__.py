@@ -1,1 +1,1 @@
-"""Comparing fits: information criteria, PSIS-LOO, change, pooling."""
+"""Comparing fits: information criteria, change, pooling."""

@@ -13,12 +13,10 @@ from jaxtyping import Float
 from hysteresis import InputError, Record
 
 from ..files._fit_folder import read_document, summary
-from ..posterior._posterior import Posterior
 from ..records._folds import block_errors, root_difference
 from ..results._fit_result import FitResult
 from ._gaussian_estimate import Fitted, opened
-from ._information_criteria import criteria, is_coloured, leave_one_out, log_evidence
-from ._psis_loo import RELIABLE, Loo
+from ._information_criteria import criteria, log_evidence
 
 
 class Compared(NamedTuple):
@@ -27,7 +25,7 @@ class Compared(NamedTuple):
     - `held_out`, `test`: NRMSE in per cent on held-out blocks of the training part, and on the test record.
     - `numbers`: how many were fitted, the noise's not counted; None for weights held together by a prior,
       which AIC and BIC do not count either.
-    - `aic`, `bic`, `log_evidence`, `loo`: see `compare`.
+    - `aic`, `bic`, `log_evidence`: see `compare`.
     - `blocks`, `test_blocks`: mean squared errors of blocks of consecutive rows, in squares of a per cent.
     """
 
@@ -39,7 +37,6 @@ class Compared(NamedTuple):
     aic: float | None = None
     bic: float | None = None
     log_evidence: float | None = None
-    loo: Loo | None = None
     blocks: Float[np.ndarray, " blocks"] | None = None
     test_blocks: Float[np.ndarray, " blocks"] | None = None
 
@@ -59,27 +56,19 @@ class Difference(NamedTuple):
 
 
 class Pair(NamedTuple):
-    """One model against another: `held_out` and `test` are positive where `one` predicts better; `elpd`
-    is the difference of leave-one-out log densities with its standard error, likewise."""
+    """One model against another: `held_out` and `test` are positive where `one` predicts better."""
 
     one: str
     other: str
     held_out: Difference | None
     test: Difference | None
-    elpd: tuple[float, float] | None
 
     @property
     def words(self) -> tuple[str, ...]:
         """What can be said of the two, in sentences."""
         known = {"held-out": self.held_out, "test": self.test}
-        said = [self._sentence(rows, d) for rows, d in known.items() if d is not None]
-        if self.elpd is not None:
-            value, error = self.elpd
-            said.append(
-                f"Leave-one-out: {abs(value):.3g} ± {error:.2g} in log density for"
-                f" {self.one if value > 0 else self.other}."
-            )
-        return tuple(said) or (f"{self.one} and {self.other}: no blocks to pair.",)
+        said = tuple(self._sentence(rows, d) for rows, d in known.items() if d is not None)
+        return said or (f"{self.one} and {self.other}: no blocks to pair.",)
 
     def _sentence(self, rows: str, found: Difference) -> str:
         if not found.clear:
@@ -122,12 +111,8 @@ class Comparison:
         """Any two; the other way round all signs change."""
         known = {model.name: model for model in self.models}
         a, b = known[one], known[other]
-        elpd = None
-        if a.loo is not None and b.loo is not None:
-            d = a.loo.pointwise - b.loo.pointwise
-            elpd = float(d.sum()), float(np.sqrt(len(d)) * d.std())
         held_out, test = _paired(a.blocks, b.blocks), _paired(a.test_blocks, b.test_blocks)
-        return Pair(one, other, held_out, test, elpd)
+        return Pair(one, other, held_out, test)
 
     @property
     def words(self) -> tuple[str, ...]:
@@ -135,11 +120,7 @@ class Comparison:
         return (*(said for pair in self.pairs for said in pair.words), *self.notes)
 
 
-def compare(
-    fits: Mapping[str, Fitted] | Sequence[Fitted],
-    *,
-    posteriors: Sequence[Posterior | None] | None = None,
-) -> Comparison:
+def compare(fits: Mapping[str, Fitted] | Sequence[Fitted]) -> Comparison:
     """Rank fits of the same data by their error on rows that were held out from them.
 
     What counts is the error on blocks of consecutive rows, never on random rows, which their neighbours
@@ -153,12 +134,10 @@ def compare(
 
     - `criteria`, with one number of rows for all: rows / correlation time of the best model's residuals.
     - `log_evidence`, of parametric fits with a noise model; a statement about their priors too.
-    - `leave_one_out`, where a posterior is given; not for coloured residuals, which the notes say.
 
     **Arguments:**
 
     - `fits`: fits or their folders, by name or in a row; of either orientation, of one output.
-    - `posteriors`: of each fit, or None; by default those in the folders.
 
     Raises `InputError` `not-comparable` for fits of other data or of another output, and for fits that held
     out other rows and share no test record.
@@ -172,7 +151,7 @@ def compare(
         ('relays', 'held-out', True)
     """
     named = fits if isinstance(fits, Mapping) else dict(zip(_names(fits), fits, strict=True))
-    loaded, found = opened([*named.values()], posteriors)
+    loaded, _ = opened([*named.values()], [None] * len(named))
     by_name = dict(zip(named, loaded, strict=True))
     _check_same_data(by_name)
     same_train = _alike([_counted(fit.train, fit.train.mask) for fit in loaded])
@@ -191,12 +170,7 @@ def compare(
         notes.append("Fitted to other training rows: criteria and evidence say nothing.")
         return Comparison(tuple(models), ranked_on, tuple(notes))
     models = with_criteria(models, {name: summary(fit) for name, fit in by_name.items()})
-    drawn = dict(zip(named, found, strict=True))
-    for k, model in enumerate(models):
-        fit, posterior = by_name[model.name], drawn[model.name]
-        left = None if posterior is None else leave_one_out(fit, posterior)
-        models[k] = model._replace(log_evidence=log_evidence(fit), loo=left)
-        notes += [f"{model.name}: {said}" for said in _doubts(fit, left)]
+    models = [one._replace(log_evidence=log_evidence(by_name[one.name])) for one in models]
     if sum(model.log_evidence is not None for model in models) > 1:
         notes.append("The evidence weighs the priors too: with wider ones it is less.")
     return Comparison(tuple(models), ranked_on, tuple(notes))
@@ -271,24 +245,6 @@ def with_criteria(
             model = model._replace(**criteria(rmse, model.numbers, rows)._asdict())
         found.append(model)
     return found
-
-
-def _doubts(fit: FitResult, left: Loo | None) -> list[str]:
-    """What stands against believing a leave-one-out."""
-    if left is None:
-        return []
-    said = []
-    if is_coloured(fit):
-        said.append(
-            f"leave-one-out is not for coloured residuals (correlated over"
-            f" {fit.noise.correlation_time:.0f} rows): neighbours tell the row left out."
-        )
-    if left.unreliable:
-        said.append(
-            f"{left.unreliable} of {len(left.k)} rows have a Pareto k above {RELIABLE}:"
-            " leave-one-out is not to be believed there."
-        )
-    return said
 
 
 def _ranked(models: list[Compared], same_test: bool) -> tuple[list[Compared], str]:

@@ -1,6 +1,5 @@
-"""Comparing models of one record: signs, chance, leave-one-out and evidence against exact answers."""
+"""Comparing models of one record: signs, chance, criteria and evidence against exact answers."""
 
-import warnings
 from dataclasses import replace
 
 import jax
@@ -16,14 +15,12 @@ from identify import (
     Compared,
     Comparison,
     FitResult,
-    Posterior,
     compare,
     compare_candidates,
     fit,
     save,
 )
 from identify.comparison._information_criteria import criteria, log_evidence
-from identify.comparison._psis_loo import loo, smoothed
 from identify.posterior._log_posterior import target
 from identify.posterior._mode import top_of
 from tests.test_identify.lines import line, pressed
@@ -31,27 +28,6 @@ from tests.test_identify.lines import line, pressed
 
 def model(name: str, blocks: np.ndarray) -> Compared:
     return Compared(name, "LinearSponge", float(np.sqrt(blocks.mean())), None, 2, blocks=blocks)
-
-
-def normal_posterior(
-    fitted: FitResult, draws: int, seed: int = 0, known_sigma: bool = False
-) -> Posterior:
-    """The exact posterior of a line, sigma given or with its own chi-square."""
-    random = np.random.default_rng(seed)
-    size = (4, draws // 4)
-    free = [p for p in fitted.parameters if p.status == "free"]
-    rows = fitted.noise.samples - len(free)
-    wide = np.ones(size) if known_sigma else np.sqrt(rows / random.chisquare(rows, size))
-    away = random.multivariate_normal(np.zeros(len(free)), fitted.covariance, size)
-    values = np.array([p.value for p in free]) + wide[..., None] * away
-    found = dict(zip((p.name for p in free), values.reshape(draws, -1).T, strict=True))
-    K = found.get("K", np.full(draws, float(fitted.model.K)))  # type: ignore[attr-defined]
-    models = jax.vmap(lambda K, b: LinearSponge(K=K, b=b, threshold=1.5))(
-        jnp.asarray(K), jnp.asarray(found["b"])
-    )
-    kept = np.concatenate([values, fitted.noise.sigma * wide[..., None]], -1)
-    names = (*(p.name for p in free), "sigma")
-    return Posterior(names, kept, models, (), "exact", 1.0, float("nan"), 0.0)
 
 
 # The difference of two models
@@ -178,89 +154,6 @@ def test_evidence_is_the_integral_of_the_posterior(steep) -> None:
     volume = (axis[1] - axis[0]) ** 3 * abs(np.linalg.det(root))
     exact = scipy.special.logsumexp(heights) + np.log(volume)
     assert log_evidence(fitted) == pytest.approx(exact, abs=0.03)
-
-
-# Leave-one-out
-
-
-def test_smoothed_weights_are_those_of_arviz() -> None:
-    """Ratios without ties, from tame to hopeless; the same sums in another order."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of a rewrite to come
-        import arviz
-    if not hasattr(arviz, "psislw"):
-        pytest.skip("arviz 1 has no psislw: it takes an older one to compare with")
-    random = np.random.default_rng(0)
-    terms = -np.linspace(0.1, 3, 40) * random.chisquare(1, (1000, 40))
-    weights, k = smoothed(-terms)
-    theirs, their_k = arviz.psislw(-terms.T, reff=1.0)
-    np.testing.assert_allclose(k, their_k, rtol=1e-8)
-    np.testing.assert_allclose(weights, theirs.T, rtol=1e-8, atol=1e-8)
-    assert (k > 0.7).any()
-    assert (k < 0.5).any()
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        data = arviz.from_dict(
-            posterior={"x": np.zeros((4, 250))}, log_likelihood={"y": terms.reshape(4, 250, 40)}
-        )
-        reference = arviz.loo(data, pointwise=True, reff=1.0)
-    found = loo(terms)
-    assert found.elpd == pytest.approx(reference.elpd_loo, rel=1e-8)
-    assert found.error == pytest.approx(reference.se, rel=1e-8)
-    assert found.effective_parameters == pytest.approx(reference.p_loo, rel=1e-6)
-    np.testing.assert_allclose(found.pointwise, reference.loo_i.values, rtol=1e-8)
-
-
-def test_draws_too_few_or_too_much_alike_have_no_tail() -> None:
-    few = np.random.default_rng(0).normal(size=(10, 3))
-    weights, k = smoothed(few)
-    assert np.isinf(k).all()
-    np.testing.assert_allclose(np.exp(weights), np.exp(few) / np.exp(few).sum(0))
-    same = np.zeros((1000, 2))
-    assert np.isinf(smoothed(same)[1]).all()
-    assert loo(same).unreliable == 2
-
-
-def test_leave_one_out_is_the_exact_one_of_a_line() -> None:
-    """sigma known: without row i the mean is y_i - e_i / (1 - h_i), the variance sigma^2 / (1 - h_i)."""
-    random = np.random.default_rng(1)
-    X = np.stack([np.ones(60), np.linspace(-1, 1, 60)], 1)
-    y = X @ [1.0, 2.0] + random.normal(0, 0.5, 60)
-    covariance = np.linalg.inv(X.T @ X) * 0.25
-    centre = np.linalg.lstsq(X, y)[0]
-    h = np.einsum("ij,jk,ik->i", X, covariance / 0.25, X)
-    away = (y - X @ centre) / (1 - h)
-    exact = scipy.stats.norm.logpdf(away, 0, 0.5 / np.sqrt(1 - h))
-    draws = random.multivariate_normal(centre, covariance, 8000)
-    found = loo(scipy.stats.norm.logpdf(y, draws @ X.T, 0.5))
-    # Of 8,000 weights with k below 0.5: each row to a hundredth or so.
-    np.testing.assert_allclose(found.pointwise, exact, atol=0.03)
-    assert found.elpd == pytest.approx(exact.sum(), abs=0.05)
-    with_it = scipy.stats.norm.logpdf(y - X @ centre, 0, 0.5 * np.sqrt(1 + h))
-    assert found.effective_parameters == pytest.approx((with_it - exact).sum(), abs=0.05)
-    assert found.unreliable == 0
-
-
-def test_posteriors_bring_leave_one_out_and_doubts(steep) -> None:
-    posteriors = [normal_posterior(f, 1000, seed=k) for k, f in enumerate(steep)]
-    found = compare({"free": steep[0], "given": steep[1]}, posteriors=posteriors)
-    left = found.models[0].loo
-    assert left is not None
-    used = steep[0].used
-    terms = scipy.stats.norm.logpdf(
-        steep[0].residuals[used], 0, steep[0].noise.sigma
-    )  # two parameters and sigma cost about three halves
-    assert left.elpd == pytest.approx(terms.sum() - 1.5, abs=1.5)
-    assert len(left.pointwise) == used.sum()
-    elpd, back = found.pairs[0].elpd, found.pair("given", "free").elpd
-    assert elpd is not None
-    assert back is not None
-    assert elpd[0] > 3 * elpd[1]
-    assert "in log density for free" in found.pairs[0].words[-1]
-    assert back == (-elpd[0], elpd[1])
-    # The residuals of a wrong slope repeat with the presses, and say so.
-    coloured = [note for note in found.notes if "coloured residuals" in note]
-    assert coloured[0].startswith("given: leave-one-out is not for coloured residuals")
 
 
 # With fits as `fit` makes them
