@@ -8,8 +8,6 @@ from scipy import integrate, stats
 
 from hysteresis.preisach import (
     AbstractDensity,
-    AbstractGridDensity,
-    FactorisedDensity,
     GaussianDensity,
     GridDensity,
     LogNormalDensity,
@@ -27,10 +25,6 @@ def warped(rng: np.random.Generator, low: float, high: float) -> GridDensity:
     part = np.array([0.0, 0.3, 0.36, 0.5, 0.8, 1.0])
     nodes = tuple((low + (high - low) * part).tolist())
     return GridDensity(low, high, rng.uniform(0.1, 1.0, (CELLS, CELLS)), nodes=nodes)
-
-
-def factorised(rng: np.random.Generator, low: float, high: float) -> FactorisedDensity:
-    return FactorisedDensity(low, high, *rng.uniform(0.2, 1.0, (2, CELLS)))
 
 
 def coercive(kind: type[Coercive]) -> Make:
@@ -64,7 +58,6 @@ def mixture(rng: np.random.Generator, low: float, high: float) -> SumDensity:
 KINDS: tuple[type[Coercive], ...] = (GaussianDensity, LorentzianDensity, LogNormalDensity)
 DENSITIES: dict[str, Make] = {
     "warped": warped,
-    "factorised": factorised,
     **{kind.__name__: coercive(kind) for kind in KINDS},
     "sum": mixture,
 }
@@ -81,9 +74,9 @@ def plain_everett(density: AbstractDensity, a: float, b: float) -> float:
     if isinstance(density, Coercive):
         whole = coercive_integral(density, density.high, density.low)
         return float(density.total) * coercive_integral(density, a, b) / whole
-    assert isinstance(density, AbstractGridDensity)
+    assert isinstance(density, GridDensity)
     left, width = density.edges[:-1], np.diff(density.edges)
-    w = np.tril(np.asarray(density.masses()))
+    w = np.tril(np.asarray(density.weights))
     rows = np.clip((a - left) / width, 0, 1)
     columns = np.clip((left + width - b) / width, 0, 1)
     halves = np.clip((np.minimum(a, left + width) - np.maximum(b, left)) / width, 0, 1)

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from hysteresis import AbstractModel, InputError, Preisach
-from hysteresis.preisach import AbstractGridDensity, GridDensity
+from hysteresis.preisach import GridDensity
 
 CELLS = 120
 """Of the grid on which a density is tabulated that has none: its table is 117 kB in double."""
@@ -50,7 +50,7 @@ def on_a_grid(model: Preisach) -> Preisach:
     weights = np.maximum(weights, 0.0)
     even = np.allclose(np.diff(nodes), (nodes[-1] - nodes[0]) / cells, rtol=1e-12)
     uneven = None if even else tuple(nodes.tolist())
-    grid: AbstractGridDensity = GridDensity(density.low, density.high, weights, nodes=uneven)
+    grid = GridDensity(density.low, density.high, weights, nodes=uneven)
     reversible = model.reversible
     if reversible is not None:
         reversible = np.repeat(np.asarray(reversible) / (cells // n), cells // n)
@@ -61,7 +61,7 @@ def with_grids(model: AbstractModel) -> AbstractModel:
     """The model, every density in it that is not on a grid tabulated on one."""
 
     def is_off(part: Any) -> bool:
-        return isinstance(part, Preisach) and not isinstance(part.density, AbstractGridDensity)
+        return isinstance(part, Preisach) and not isinstance(part.density, GridDensity)
 
     if not any(map(is_off, jax.tree.leaves(model, is_leaf=is_off))):
         return model

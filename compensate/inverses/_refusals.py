@@ -19,7 +19,7 @@ from hysteresis import (
     is_concrete,
 )
 from hysteresis.curves import MonotoneSpline, PolynomialCurve
-from hysteresis.preisach import AbstractGridDensity
+from hysteresis.preisach import GridDensity
 
 from .._contract import AbstractCompensator
 from ._bisection import BracketedCompensator
@@ -90,7 +90,7 @@ def _(model: DegradingBoucWen) -> AbstractCompensator:
 @inverse_of.register
 def _(model: Preisach) -> AbstractCompensator:
     density = model.density
-    if isinstance(density, AbstractGridDensity):
+    if isinstance(density, GridDensity):
         _check_slopes(model)
         return LawCompensator(model)
     if model.leading:
@@ -111,7 +111,7 @@ def _check_slopes(model: Preisach) -> None:
         return  # one of many under vmap: the fit has seen to its slopes
     grid: Any = model.density
     slope, widths = np.asarray(model.least_slope()), np.diff(grid.edges)
-    scale = float(np.abs(np.asarray(grid.masses())).max())
+    scale = float(np.abs(np.asarray(grid.weights)).max())
     if (slope * widths < -1e-9 * scale).any():
         k = int(slope.argmin())
         raise InputError(

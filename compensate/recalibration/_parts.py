@@ -21,7 +21,7 @@ from hysteresis import (
     TimeDrift,
 )
 from hysteresis.curves import Clip
-from hysteresis.preisach import AbstractGridDensity
+from hysteresis.preisach import GridDensity
 
 from ..inverses import inverse_of
 
@@ -115,14 +115,10 @@ def _(model: Preisach) -> Split:
     widest loop that still rises, and the rest of R is a part of its own.
     """
     grid = model.density
-    if (
-        not isinstance(grid, AbstractGridDensity)
-        or model.reversible is None
-        or model.up is not None
-    ):
+    if not isinstance(grid, GridDensity) or model.reversible is None or model.up is not None:
         return Split(1.0, (Part(model),))
     increments = np.asarray(model.reversible, float)
-    if increments.sum() <= LOOSE * float(np.sum(np.asarray(grid.masses()))):
+    if increments.sum() <= LOOSE * float(np.sum(np.asarray(grid.weights))):
         return Split(1.0, (Part(model),))
     curve = MonotoneCurve(np.asarray(grid.edges), jnp.asarray(increments))
     if not model.leading:

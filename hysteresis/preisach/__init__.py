@@ -5,13 +5,11 @@ from ._coercive import LogNormalDensity as LogNormalDensity
 from ._coercive import LorentzianDensity as LorentzianDensity
 from ._dead_band import input_noise as input_noise
 from ._density import AbstractDensity as AbstractDensity
-from ._density import AbstractGridDensity as AbstractGridDensity
 from ._density import GridDensity as GridDensity
 from ._density import quantile_nodes as quantile_nodes
 from ._everett import EverettTable as EverettTable
 from ._everett import GridPairs as GridPairs
 from ._everett import read as read
-from ._factorised import FactorisedDensity as FactorisedDensity
 from ._initial import Initial as Initial
 from ._memory import MemoryTree as MemoryTree
 from ._memory import memory_tree as memory_tree

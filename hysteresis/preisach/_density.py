@@ -56,95 +56,19 @@ class AbstractDensity(eqx.Module, Generic[Pairs, Table]):
         """E(high, low): half the output's range."""
 
 
-class AbstractGridDensity(AbstractDensity[GridPairs, EverettTable]):
-    """A density that is constant on each cell of an n x n grid on the triangle: E is exact, by look-up.
-
-    The formula knows inputs by cell and fraction alone, so it holds for cells of any widths: the map
-    from input to cell and fraction is increasing, the same for both thresholds, and affine on every
-    cell. It takes the triangle to a triangle, cells to squares, half cells to half squares, and
-    leaves what is uniform on each of them uniform.
-
-    - `nodes`: the n+1 inputs between which the cells lie, for both thresholds; None for cells of one width.
-    """
-
-    nodes: eqx.AbstractVar[tuple[float, ...] | None]
-
-    def __check_init__(self) -> None:
-        if self.nodes is None:
-            return
-        if len(self.nodes) != self.cells + 1:
-            raise InputError(
-                "length-mismatch",
-                f"{len(self.nodes)} nodes for {self.cells} cells.",
-                fix="give one node more than cells: low, what lies between the cells, high.",
-            )
-        if (self.nodes[0], self.nodes[-1]) != (self.low, self.high):
-            raise InputError(
-                "out-of-range",
-                f"the nodes reach from {self.nodes[0]:g} to {self.nodes[-1]:g}, the density from "
-                f"{self.low:g} to {self.high:g}.",
-                fix="let the first node be low and the last one high.",
-            )
-        if not (np.diff(self.nodes) > 0).all():
-            raise InputError("not-increasing", "the nodes do not increase.")
-
-    @property
-    @abc.abstractmethod
-    def cells(self) -> int:
-        """n, the number of cells along each threshold."""
-
-    @property
-    def edges(self) -> Float[np.ndarray, " nodes"]:
-        """The inputs between which the cells lie, n+1 of them."""
-        if self.nodes is None:
-            return np.linspace(self.low, self.high, self.cells + 1)
-        return np.asarray(self.nodes)
-
-    def locate(self, u: Any) -> tuple[Any, Any]:
-        """Cell (integer) and fraction within it; beyond the grid, below 0 or above 1 in its end cell."""
-        xp = jnp if isinstance(u, jax.Array) else np
-        if self.nodes is None:
-            position = (u - self.low) * (self.cells / (self.high - self.low))
-            cell = xp.clip(xp.floor(position), 0, self.cells - 1)
-            return cell.astype(np.int32), position - cell
-        edges = xp.asarray(self.edges, u.dtype)
-        cell = xp.clip(xp.searchsorted(edges, u, side="right") - 1, 0, self.cells - 1)
-        return cell.astype(np.int32), (u - edges[cell]) / (edges[cell + 1] - edges[cell])
-
-    def at(self, cell: Any, fraction: Any) -> Any:
-        """The input at a fraction of a cell, the inverse of `locate`."""
-        xp = jnp if isinstance(fraction, jax.Array) else np
-        edges = xp.asarray(self.edges, fraction.dtype)
-        return edges[cell] + fraction * (edges[cell + 1] - edges[cell])
-
-    def pair(self, a: Any, b: Any) -> GridPairs:
-        (cell, fraction), (cell_b, fraction_b) = self.locate(a), self.locate(b)
-        return GridPairs(cell, cell_b, cell * (self.cells + 1) + cell_b, fraction, fraction_b)
-
-    @abc.abstractmethod
-    def masses(self) -> Float[Array, "cells cells"] | Float[np.ndarray, "cells cells"]:
-        """The mass of each cell; row i is its alpha cell, column j <= i its beta cell. Those on the
-        diagonal are half cells, those above it are not used."""
-
-    def tabulate(self) -> EverettTable:
-        return everett_table(self.masses())
-
-    def everett(self, table: EverettTable, pairs: GridPairs) -> Float[Array, "*pairs"]:
-        both, of_a, of_b = everett_terms(table, pairs)
-        return both + of_a + of_b
-
-    def mass(self, table: EverettTable) -> Float[Array, ""]:
-        return table.node[-1, 0]
-
-
 def as_nodes(nodes: Any) -> tuple[float, ...] | None:
     """Nodes as a static field keeps them."""
     return None if nodes is None else tuple(np.asarray(nodes, float).tolist())
 
 
 @register
-class GridDensity(AbstractGridDensity):
-    """A density given by the mass of each cell of an n x n grid on the triangle.
+class GridDensity(AbstractDensity[GridPairs, EverettTable]):
+    """A density that is constant on each cell of an n x n grid on the triangle: E is exact, by look-up.
+
+    The formula knows inputs by cell and fraction alone, so it holds for cells of any widths: the map
+    from input to cell and fraction is increasing, the same for both thresholds, and affine on every
+    cell. It takes the triangle to a triangle, cells to squares, half cells to half squares, and
+    leaves what is uniform on each of them uniform.
 
     **Arguments:**
 
@@ -179,13 +103,66 @@ class GridDensity(AbstractGridDensity):
 
     def __check_init__(self) -> None:
         check_weights(self.weights, self.signed)
+        if self.nodes is None:
+            return
+        if len(self.nodes) != self.cells + 1:
+            raise InputError(
+                "length-mismatch",
+                f"{len(self.nodes)} nodes for {self.cells} cells.",
+                fix="give one node more than cells: low, what lies between the cells, high.",
+            )
+        if (self.nodes[0], self.nodes[-1]) != (self.low, self.high):
+            raise InputError(
+                "out-of-range",
+                f"the nodes reach from {self.nodes[0]:g} to {self.nodes[-1]:g}, the density from "
+                f"{self.low:g} to {self.high:g}.",
+                fix="let the first node be low and the last one high.",
+            )
+        if not (np.diff(self.nodes) > 0).all():
+            raise InputError("not-increasing", "the nodes do not increase.")
 
     @property
     def cells(self) -> int:
+        """n, the number of cells along each threshold."""
         return self.weights.shape[0]
 
-    def masses(self) -> Float[Array, "cells cells"] | Float[np.ndarray, "cells cells"]:
-        return self.weights
+    @property
+    def edges(self) -> Float[np.ndarray, " nodes"]:
+        """The inputs between which the cells lie, n+1 of them."""
+        if self.nodes is None:
+            return np.linspace(self.low, self.high, self.cells + 1)
+        return np.asarray(self.nodes)
+
+    def locate(self, u: Any) -> tuple[Any, Any]:
+        """Cell (integer) and fraction within it; beyond the grid, below 0 or above 1 in its end cell."""
+        xp = jnp if isinstance(u, jax.Array) else np
+        if self.nodes is None:
+            position = (u - self.low) * (self.cells / (self.high - self.low))
+            cell = xp.clip(xp.floor(position), 0, self.cells - 1)
+            return cell.astype(np.int32), position - cell
+        edges = xp.asarray(self.edges, u.dtype)
+        cell = xp.clip(xp.searchsorted(edges, u, side="right") - 1, 0, self.cells - 1)
+        return cell.astype(np.int32), (u - edges[cell]) / (edges[cell + 1] - edges[cell])
+
+    def at(self, cell: Any, fraction: Any) -> Any:
+        """The input at a fraction of a cell, the inverse of `locate`."""
+        xp = jnp if isinstance(fraction, jax.Array) else np
+        edges = xp.asarray(self.edges, fraction.dtype)
+        return edges[cell] + fraction * (edges[cell + 1] - edges[cell])
+
+    def pair(self, a: Any, b: Any) -> GridPairs:
+        (cell, fraction), (cell_b, fraction_b) = self.locate(a), self.locate(b)
+        return GridPairs(cell, cell_b, cell * (self.cells + 1) + cell_b, fraction, fraction_b)
+
+    def tabulate(self) -> EverettTable:
+        return everett_table(self.weights)
+
+    def everett(self, table: EverettTable, pairs: GridPairs) -> Float[Array, "*pairs"]:
+        both, of_a, of_b = everett_terms(table, pairs)
+        return both + of_a + of_b
+
+    def mass(self, table: EverettTable) -> Float[Array, ""]:
+        return table.node[-1, 0]
 
 
 def check_weights(weights: Any, signed: bool = False) -> None:

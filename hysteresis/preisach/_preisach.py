@@ -14,7 +14,7 @@ from .._parameter import Scalar, is_concrete, parameter
 from .._registry import register
 from ..trees import looked_for
 from ._dead_band import play, play_step
-from ._density import AbstractDensity, AbstractGridDensity
+from ._density import AbstractDensity, GridDensity
 from ._everett import bilinear, everett_terms, materialise, read, tabulate_once
 from ._initial import Initial, check_initial, staircase, word_or_inputs
 from ._levels import anchor_levels
@@ -156,7 +156,7 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
         if self.reversible is None or not is_concrete(self.reversible):
             return
         grid = self.density
-        if isinstance(grid, AbstractGridDensity) and len(self.reversible) != grid.cells:
+        if isinstance(grid, GridDensity) and len(self.reversible) != grid.cells:
             raise InputError(
                 "length-mismatch",
                 f"{len(self.reversible)} increments for {grid.cells} cells.",
@@ -170,13 +170,13 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
     def _check_up(self) -> None:
         if self.up is None:
             return
-        if self.initial != "negative" or not isinstance(self.density, AbstractGridDensity):
+        if self.initial != "negative" or not isinstance(self.density, GridDensity):
             raise InputError(
                 "bad-state",
                 "relays that are up before the first sample are counted from all down, on a grid.",
                 fix='give initial="negative" and a GridDensity, or leave out `up`.',
             )
-        check_up(self.up, self.density.masses())
+        check_up(self.up, self.density.weights)
 
     # Streaming
 
@@ -278,7 +278,7 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
         # so anchors need no look-ups of their own. Anchors of the path to the first state are in `past`.
         place = jnp.maximum(prepared.place - len(past), 0)
         before, place_past = prepared.place < len(past), jnp.minimum(prepared.place, len(past) - 1)
-        if 8 * len(place) < len(prepared.sign) and isinstance(self.density, AbstractGridDensity):
+        if 8 * len(place) < len(prepared.sign) and isinstance(self.density, GridDensity):
             # A branch then has over eight samples on average. Looking up the few anchors again is faster
             # than storing the rises of all samples to read them twice. E's term of the anchor alone is the
             # same for all samples of its branch, so it is computed once and added to the anchor's level.
@@ -306,7 +306,7 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
         return self._output(relays, prepared.cell, prepared.within)
 
     def laws(self, eps: float, depth: int) -> Tree:
-        if not isinstance(self.density, AbstractGridDensity):
+        if not isinstance(self.density, GridDensity):
             raise InputError(
                 "not-exportable",
                 f"a Preisach model with a {type(self.density).__name__} has no tree of laws.",
@@ -330,8 +330,8 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
         leading; on a falling branch the same with columns for rows. Negative where the model
         does not rise with its input and cannot be inverted.
         """
-        assert isinstance(self.density, AbstractGridDensity)
-        masses = self.density.masses()
+        assert isinstance(self.density, GridDensity)
+        masses = self.density.weights
         reversible = 0.0 if self.reversible is None else self.reversible
         concrete = is_concrete(masses) and is_concrete(reversible)
         xp = np if concrete else jnp  # where nothing is traced, nothing needs compiling
@@ -375,7 +375,7 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
         """Cell of the reversible part and fraction of it, below 0 or above 1 beyond the range."""
         if self.reversible is None:
             return None, None
-        if isinstance(self.density, AbstractGridDensity):
+        if isinstance(self.density, GridDensity):
             return self.density.locate(u)
         n = self.reversible.shape[-1]
         position = (u - self.density.low) * (n / (self.density.high - self.density.low))

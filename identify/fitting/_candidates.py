@@ -5,7 +5,7 @@ from typing import Any
 
 from hysteresis import AbstractModel, InputError, Preisach, model_names
 from hysteresis._registry import OURS, find_model, registered, similar
-from hysteresis.preisach import AbstractGridDensity
+from hysteresis.preisach import GridDensity
 
 from ._butterfly import ButterflyCandidate
 from ._candidate import Candidate
@@ -156,7 +156,7 @@ def _given(one: Any) -> Candidate:
 
 def _of_class(name: str, kind: type[AbstractModel], template: AbstractModel | None) -> Candidate:
     density = getattr(template, "density", None)
-    if kind is Preisach and (template is None or isinstance(density, AbstractGridDensity)):
+    if kind is Preisach and (template is None or isinstance(density, GridDensity)):
         return GridCandidate(name, kind, template)
     return ParametricCandidate(name, kind, template)
 

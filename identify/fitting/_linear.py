@@ -7,7 +7,7 @@ import numpy as np
 
 from hysteresis import AbstractModel, InputError, Preisach
 from hysteresis._format import quantity
-from hysteresis.preisach import AbstractGridDensity
+from hysteresis.preisach import GridDensity
 
 from ..linear._composition_fit import Problem, Tried, fitted, path_of
 from ..linear._composition_lag import fit_lagging
@@ -57,7 +57,7 @@ def fit_grid(
     if isinstance(template, Preisach):
         leadings, dead_band = (template.leading,), template.dead_band
         initials = (template.initial if initial == "auto" else initial,)
-        if isinstance(template.density, AbstractGridDensity):
+        if isinstance(template.density, GridDensity):
             cells = (template.density.cells,)
     linear = fit_preisach(data.record, data.parts, leadings, initials, cells, dead_band=dead_band)
     note = (

@@ -8,8 +8,8 @@ from jaxtyping import Bool, Float
 from hysteresis import Preisach
 from hysteresis.preisach import (
     AbstractDensity,
-    AbstractGridDensity,
     GaussianDensity,
+    GridDensity,
     LogNormalDensity,
     LorentzianDensity,
     SumDensity,
@@ -101,9 +101,9 @@ def of_grid(grid: Preisach, shape: Shape) -> tuple[Preisach, ...]:
     narrow and a wide distribution about the same centre. Relays near the diagonal join the reversible part.
     """
     density = grid.density
-    assert isinstance(density, AbstractGridDensity)
+    assert isinstance(density, GridDensity)
     low, high, cells = density.low, density.high, density.cells
-    masses, edges = np.tril(np.asarray(density.masses())), density.edges
+    masses, edges = np.tril(np.asarray(density.weights)), density.edges
     middle = (edges[1:] + edges[:-1]) / 2
     alpha, beta = np.meshgrid(middle, middle, indexing="ij")
     h, m = (alpha - beta) / 2, (alpha + beta) / 2

@@ -27,7 +27,7 @@ from hysteresis import (
     Sum,
 )  # fmt: skip
 from hysteresis.laws._tree import node_of
-from hysteresis.preisach import FactorisedDensity, GaussianDensity, GridDensity
+from hysteresis.preisach import GaussianDensity, GridDensity
 from tests.c_harness import COMPILERS, STRICT, Compiled
 from tests.problems import (
     INVERTIBLE,
@@ -417,7 +417,7 @@ def test_a_density_is_tabulated_and_its_error_told(tmp_path: Path):
     compensator = load(done.path)
     again = np.asarray(model.simulate(None, [compensator.step(0.01, x).value for x in y.tolist()]))
     assert np.abs(again - y)[:GOLDEN].max() <= 1.1 * told * np.ptp(y[:GOLDEN])
-    own = Preisach(FactorisedDensity(-1.0, 2.0, np.arange(1.0, 6), np.ones(5)), np.full(5, 0.1))
+    own = Preisach(GridDensity(-1.0, 2.0, np.tril(np.ones((5, 5)))), np.full(5, 0.1))
     y = np.asarray(own.simulate(None, u))
     done = export_runtime(own, tmp_path / "own.json", y, depth=DEPTH)
     assert done.notes == ()

@@ -69,7 +69,7 @@ def test_without_noise_a_narrow_band_changes_little(seed: int, u: np.ndarray):
     """The relays' input is off by at most the half width: a relay that it matters to has a threshold
     that near to one of the turning points, and so has at most that share of the rows and columns."""
     plain, narrow = model(seed, 0.0), model(seed, 1e-9)
-    w = np.asarray(plain.density.masses())  # pyright: ignore[reportAttributeAccessIssue]
+    w = np.asarray(plain.density.weights)  # pyright: ignore[reportAttributeAccessIssue]
     steepest = 2 * 2 * max(w.sum(0).max(), w.sum(1).max()) * CELLS / (HIGH - LOW)
     assert np.abs(output(plain, u) - output(narrow, u)).max() <= 2 * SAMPLES * steepest * 1e-9
 
