@@ -37,7 +37,6 @@ from .dynamics._recorder import stages_of as stages_of
 from .dynamics._stops_and_powers import StopsAndPowers as StopsAndPowers
 from .models._bouc_wen import BoucWen as BoucWen
 from .models._burgers import Burgers as Burgers
-from .models._burgers import BurgersState as BurgersState
 from .models._burgers import StandardLinearSolid as StandardLinearSolid
 from .models._channel_map import ChannelMap as ChannelMap
 from .models._compose import Scaled as Scaled

@@ -11,30 +11,13 @@ from ._viscoelastic import (
     STIFFNESS,
     VISCOSITY,
     AbstractViscoelastic,
-    ViscoelasticState,
     check_positive,
 )
-from ._viscoelastic_chain import Chain, Hold, Known
-
-
-class BurgersState(ViscoelasticState):
-    """The state of a Burgers element: time, force and the two creep displacements after a sample."""
-
-    @property
-    def force(self) -> Known:
-        return self.load
-
-    @property
-    def dashpot(self) -> Known:
-        return self.branches[0]
-
-    @property
-    def kelvin(self) -> Known:
-        return self.branches[1]
+from ._viscoelastic_chain import Chain, Hold
 
 
 @register
-class Burgers(AbstractViscoelastic[BurgersState]):
+class Burgers(AbstractViscoelastic):
     """Burgers model, force -> displacement, a spring, a dashpot and a Kelvin-Voigt element in series:
 
         x1' = F / eta1,    x2' = (F - E2 x2) / eta2,    d = F / E1 + x1 + x2 + offset
@@ -73,7 +56,6 @@ class Burgers(AbstractViscoelastic[BurgersState]):
     leading: bool = eqx.field(default=False, static=True)
     hold: Hold = eqx.field(default="linear", static=True)
     creeps: ClassVar[bool] = True
-    state_type: ClassVar[type[ViscoelasticState]] = BurgersState
 
     def __check_init__(self) -> None:
         check_positive(E1=self.E1, eta1=self.eta1, E2=self.E2, eta2=self.eta2)
@@ -84,7 +66,7 @@ class Burgers(AbstractViscoelastic[BurgersState]):
 
 
 @register
-class StandardLinearSolid(AbstractViscoelastic[ViscoelasticState]):
+class StandardLinearSolid(AbstractViscoelastic):
     """Standard linear solid, force -> displacement, a spring and a Kelvin-Voigt element in series:
 
         x' = (F - E2 x) / eta2,    d = F / E1 + x + offset
@@ -111,7 +93,6 @@ class StandardLinearSolid(AbstractViscoelastic[ViscoelasticState]):
     leading: bool = eqx.field(default=False, static=True)
     hold: Hold = eqx.field(default="linear", static=True)
     creeps: ClassVar[bool] = True
-    state_type: ClassVar[type[ViscoelasticState]] = ViscoelasticState
 
     def __check_init__(self) -> None:
         check_positive(E1=self.E1, E2=self.E2, eta2=self.eta2)

@@ -14,7 +14,6 @@ from ._viscoelastic import (
     STIFFNESS,
     VISCOSITY,
     AbstractViscoelastic,
-    ViscoelasticState,
     check_lengths,
     check_not_negative,
     check_positive,
@@ -26,7 +25,7 @@ Values = Float[Array, " branches"] | Any
 
 
 @register
-class GeneralizedKelvinVoigt(AbstractViscoelastic[ViscoelasticState]):
+class GeneralizedKelvinVoigt(AbstractViscoelastic):
     """Generalised Kelvin-Voigt model, force -> displacement: in series, a spring, n Kelvin-Voigt elements
     and, where `eta0` is given, a dashpot:
 
@@ -66,7 +65,6 @@ class GeneralizedKelvinVoigt(AbstractViscoelastic[ViscoelasticState]):
     leading: bool = eqx.field(default=False, static=True)
     hold: Hold = eqx.field(default="linear", static=True)
     creeps: ClassVar[bool] = True
-    state_type: ClassVar[type[ViscoelasticState]] = ViscoelasticState
 
     def __check_init__(self) -> None:
         check_lengths(E=self.E, eta=self.eta)
@@ -87,7 +85,7 @@ class GeneralizedKelvinVoigt(AbstractViscoelastic[ViscoelasticState]):
 
 
 @register
-class GeneralizedMaxwell(AbstractViscoelastic[ViscoelasticState]):
+class GeneralizedMaxwell(AbstractViscoelastic):
     """Generalised Maxwell model (Prony series), displacement -> force: a spring and n Maxwell elements
     in parallel:
 
@@ -125,7 +123,6 @@ class GeneralizedMaxwell(AbstractViscoelastic[ViscoelasticState]):
     leading: bool = eqx.field(default=True, static=True)
     hold: Hold = eqx.field(default="linear", static=True)
     creeps: ClassVar[bool] = False
-    state_type: ClassVar[type[ViscoelasticState]] = ViscoelasticState
 
     def __check_init__(self) -> None:
         check_lengths(E=self.E, tau=self.tau)

@@ -2,7 +2,7 @@
 
 import abc
 from functools import partial
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -33,9 +33,6 @@ class ViscoelasticState(NamedTuple):
     branches: Known
 
 
-State = TypeVar("State", bound=ViscoelasticState)
-
-
 class ViscoelasticInput(NamedTuple):
     """Steps dt, inputs, the inputs before them, where sequences start, and the state they start in.
 
@@ -50,7 +47,7 @@ class ViscoelasticInput(NamedTuple):
     state: ViscoelasticState
 
 
-class AbstractViscoelastic(AbstractModel[State, ViscoelasticInput]):
+class AbstractViscoelastic(AbstractModel[ViscoelasticState, ViscoelasticInput]):
     """A `Chain` driven from either side, plus an offset. Nothing is strained before the first sample;
     a first input other than zero is a jump. Steps are exact at any, also uneven, spacing. Where the printed
     digits of the times cannot tell a clock from an even one, it is even: outputs differ by less than the
@@ -63,7 +60,6 @@ class AbstractViscoelastic(AbstractModel[State, ViscoelasticInput]):
     """
 
     creeps: eqx.AbstractClassVar[bool]
-    state_type: eqx.AbstractClassVar[type[ViscoelasticState]]
 
     # Fields of every model, with defaults. As annotations they would come before its own in type
     # checkers' view of `__init__`.
@@ -83,13 +79,15 @@ class AbstractViscoelastic(AbstractModel[State, ViscoelasticInput]):
     def chain(self) -> Chain:
         """The decoupled branches, driven by force where the model `creeps`, else by displacement."""
 
-    def init(self, t0: Any = None, u0: Any = None) -> State:
+    def init(self, t0: Any = None, u0: Any = None) -> ViscoelasticState:
         chain = self.chain()
         xp = array_module(chain.direct, chain.all_rates)
         zero, rest = xp.zeros_like(chain.direct), xp.zeros_like(chain.all_rates)
-        return self._state(zero + (np.nan if t0 is None else t0), zero, rest)
+        return ViscoelasticState(zero + (np.nan if t0 is None else t0), zero, rest)
 
-    def step(self, state: State, t: Any, u: Any) -> tuple[State, Float[Array, ""]]:
+    def step(
+        self, state: ViscoelasticState, t: Any, u: Any
+    ) -> tuple[ViscoelasticState, Float[Array, ""]]:
         dt = jnp.where(jnp.isnan(state.t), 0.0, t - jnp.asarray(state.t))
         chain = self._traced_chain()
         decay, before, now = exact_step(chain.all_rates, chain.all_drives, dt, self.hold)
@@ -97,14 +95,14 @@ class AbstractViscoelastic(AbstractModel[State, ViscoelasticInput]):
         load = jnp.asarray(u)
         if self.against_chain:
             load = (u - known.sum()) / (chain.direct + now.sum())
-        after = self._state(jnp.asarray(t, dt.dtype), load, known + now * load)
+        after = ViscoelasticState(jnp.asarray(t, dt.dtype), load, known + now * load)
         return after, self.output(after) + jnp.asarray(self.offset)
 
     def prepare(
         self,
         t: Series | None,
         u: Series,
-        state: State | None = None,
+        state: ViscoelasticState | None = None,
         *,
         starts: tuple[int, ...] = (0,),
     ) -> ViscoelasticInput:
@@ -180,11 +178,11 @@ class AbstractViscoelastic(AbstractModel[State, ViscoelasticInput]):
             {"load": 0.0, "x": none, "dt": -1.0, "decay": none, "before": none, "now": none},
         )  # fmt: skip
 
-    def answer(self, state: State) -> Known:
+    def answer(self, state: ViscoelasticState) -> Known:
         """What the chain answers after a sample: displacement where it creeps, else force."""
         return self.chain().direct * state.load + state.branches.sum()
 
-    def output(self, state: State) -> Known:
+    def output(self, state: ViscoelasticState) -> Known:
         """The output after a sample, without the offset."""
         return state.load if self.against_chain else self.answer(state)
 
@@ -221,9 +219,6 @@ class AbstractViscoelastic(AbstractModel[State, ViscoelasticInput]):
         """The chain from force to displacement, or else from displacement to force."""
         chain = self._traced_chain()
         return chain if force == self.creeps else chain.turned()
-
-    def _state(self, t: Known, load: Known, branches: Known) -> Any:
-        return self.state_type(t, load, branches)
 
 
 Branches = tuple[Array, Array, Array]

@@ -371,14 +371,6 @@ def test_a_spring_without_branches():
     np.testing.assert_array_equal(model.stream(u, u)[1], 2 * u)
 
 
-def test_states_that_a_burgers_element_names():
-    model = Burgers(2.0, 40.0, 1.0, 5.0)
-    state, _ = model.stream([0.0, 3.0], [1.0, 1.0])
-    np.testing.assert_allclose(state.dashpot, 3 / 40)
-    np.testing.assert_allclose(state.kelvin, 1 - np.exp(-3 / 5))
-    assert float(state.force) == 1.0
-
-
 @pytest.mark.parametrize(
     ("make", "code"),
     [
