@@ -16,7 +16,7 @@ from jaxtyping import Bool, Float
 
 from compensate.armor import UncertainContact
 from hysid.reproduction._armor_ours import calibrated, covariances, followed
-from hysteresis.rigs import INWARD, ArmorPresses, ArmorRig, mixed_forces
+from hysteresis.rigs import INWARD, ArmorPresses, ArmorRig
 
 from .._measure import Row, judged, noted
 
@@ -85,7 +85,7 @@ def of_rig(rig: ArmorRig) -> Errors:
     """Calibrate one rig by the chosen presses, then press it elsewhere."""
     armor, seed = calibrated(rig), rig.seed
     body = rig.press(*rig.points_of_the_body(), session=5)
-    mixed = rig.press(*rig.points_of_surface_1(), mixed_forces(76, seed=seed), session=6)
+    mixed = rig.press(*rig.points_of_surface_1(), _mixed_forces(76, seed=seed), session=6)
     of_body, of_mixed = (
         followed(armor.uncertain, jnp.asarray(p.time), jnp.asarray(p.wrench)) for p in (body, mixed)
     )
@@ -140,3 +140,23 @@ def _floor(rig: ArmorRig) -> float:
     height = np.sum((body.touched - foot) * normal, axis=1) + depth
     found = foot + (height / np.sum(F * normal, axis=1))[:, None] * F
     return 1e3 * float(np.linalg.norm(found - body.contact[:, -1], axis=1).mean())
+
+
+def _mixed_forces(
+    presses: int, samples: int = 40, *, low: float = 2.0, high: float = 20.0, seed: int = 0
+) -> Float[np.ndarray, "presses samples"]:
+    """Histories that load and unload between `low` and `high` N, each at another stage of another path.
+
+    Each starts from 0 N, reverses three to six times, in the upper and the lower third of the range by
+    turns, and ends anywhere.
+    """
+    rng = np.random.default_rng(seed)
+    third = (high - low) / 3
+    paths = []
+    for _ in range(presses):
+        turns = rng.uniform(low, low + third, rng.integers(3, 7))
+        turns[::2] += 2 * third
+        turns = np.concatenate([[0.0], turns, [rng.uniform(low, high)]])
+        way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(turns)))])
+        paths.append(np.interp(np.linspace(0, way[-1], samples + 1)[1:], way, turns))
+    return np.array(paths)

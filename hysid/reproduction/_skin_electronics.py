@@ -4,12 +4,12 @@ import numpy as np
 from jaxtyping import Float
 
 from compensate.microchannel import Readout
-from hysteresis.rigs import CapacitiveReadout, ChannelRecord, ResistiveReadout
+from hysteresis.rigs import ChannelRecord, ResistiveReadout
 
 
 def converted(
     volts: Float[np.ndarray, "samples channels"],
-    electronics: ResistiveReadout | CapacitiveReadout,
+    electronics: ResistiveReadout,
     current: float | None = None,
 ) -> Float[np.ndarray, "samples channels"]:
     """What is left of volts after the converter and the way back through a `Readout` that knows them.
@@ -18,7 +18,6 @@ def converted(
     The changes of resistance are multiplied by the V_0 of the usual electronics, so that a network sees the
     same numbers whatever the current is.
     """
-    assert isinstance(electronics, ResistiveReadout)  # as all sensors of the paper have
     back = Readout(
         volts.shape[1], resistance=electronics.resistance_ohm,
         current=electronics.current_a if current is None else current, gain=electronics.gain,
@@ -30,7 +29,7 @@ def converted(
 
 def converted_record(
     record: ChannelRecord,
-    electronics: ResistiveReadout | CapacitiveReadout,
+    electronics: ResistiveReadout,
     current: float | None = None,
 ) -> ChannelRecord:
     """The same of a record."""

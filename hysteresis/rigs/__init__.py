@@ -5,7 +5,6 @@ from ._armor import ArmorPoints as ArmorPoints
 from ._armor import ArmorPresses as ArmorPresses
 from ._armor import ArmorRig as ArmorRig
 from ._channel_geometry import ChannelGeometryRig as ChannelGeometryRig
-from ._channel_readout import CapacitiveReadout as CapacitiveReadout
 from ._channel_readout import ResistiveReadout as ResistiveReadout
 from ._foam_block import FoamBlock as FoamBlock
 from ._force_loop import ChannelStream as ChannelStream
@@ -13,7 +12,6 @@ from ._force_loop import ForceLoop as ForceLoop
 from ._force_loop import ForceLoopRig as ForceLoopRig
 from ._force_loop import Pressed as Pressed
 from ._force_paths import force_path as force_path
-from ._force_paths import mixed_forces as mixed_forces
 from ._force_sensor import ForceSensor as ForceSensor
 from ._gauge_sensor import Gauges as Gauges
 from ._gauge_sensor import GaugeSensor as GaugeSensor

@@ -4,7 +4,7 @@ It makes what a person with a push-pull gauge would record at known points. Noth
 a contact point: data made by the solver under test would prove nothing.
 """
 
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache, partial
 from typing import Any, Final, NamedTuple
 
@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy.typing import ArrayLike
 
-from ._arguments import fault, require
+from ._arguments import check_fields, fault, require
 from ._foam_block import FoamBlock
 from ._force_paths import force_path
 from ._force_sensor import ForceSensor
@@ -138,14 +138,7 @@ class ArmorRig:
 
     def __post_init__(self) -> None:
         at_zero = ("seed", "sag_mm", "scatter_mm", "uneven")
-        parts = ("soft", "cover", "sensor", "frame")
-        for name in (f.name for f in fields(self) if f.name not in parts):
-            value = getattr(self, name)
-            _require(
-                bool(np.isfinite(value) and (value >= 0 if name in at_zero else value > 0)),
-                f"{name} = {value} is out of range.",
-                f"Give a finite number {'of 0 or more' if name in at_zero else 'above 0'}.",
-            )
+        check_fields(self, at_zero, ("soft", "cover", "sensor", "frame"))
 
     @property
     def size(self) -> BoxSize:

@@ -1,11 +1,11 @@
-"""What turns the relative change of a soft channel into a reading: two electronics."""
+"""What turns the relative change of a soft channel into a reading."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from .._errors import InputError
+from ._arguments import check_fields, require
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,7 +44,13 @@ class ResistiveReadout:
     bits: int = 10
 
     def __post_init__(self) -> None:
-        _check(self)
+        check_fields(self, ("noise",), ("low", "high"))
+        require(
+            type(self).__name__,
+            bool(np.isfinite([self.low, self.high]).all()) and self.low < self.high,
+            f"low = {self.low}, high = {self.high}.",
+            "Give finite numbers, low below high.",
+        )
 
     @property
     def scale(self) -> float:
@@ -53,70 +59,6 @@ class ResistiveReadout:
 
     def counts(self, reading: Float[np.ndarray, "*shape"]) -> Int[np.ndarray, "*shape"]:
         """Of the converter, 0 to 2^bits - 1, where it also stays beyond its range."""
-        return _counts(reading, self.low, self.high, self.bits)
-
-
-@dataclass(frozen=True, kw_only=True)
-class CapacitiveReadout:
-    """Channels that are capacitors in parallel, and a converter from capacitance to counts.
-
-        reading = C - C_0 = C_0 (C - C_0)/C_0 in pF
-
-    A dielectric that is pressed thinner by the part x changes its capacitance by x/(1 - x), the law by
-    which a closing channel changes its resistance; only the electronics differ.
-
-    **Arguments:** (the range's low end below its high end, noise 0 or more, all others above 0)
-
-    - `rest_pf`: C_0. `low_pass_s`: time over which the converter averages, as a low-pass.
-    - `noise`: standard deviation of a reading, pF. `low`, `high`: pF, the converter's range; `bits`.
-
-    Source: the future work of Kim and Park (2018); no figures are printed for it. The noise is a fifth
-    of the resistive one's 0.23 % of the signal at rest, for the higher resolution they hope for.
-
-    **Example:**
-
-        >>> readout = hysteresis.rigs.CapacitiveReadout()
-        >>> readout.counts(np.array([0.0, 1.0, 50.0])).tolist()
-        [1598, 3197, 65535]
-    """
-
-    rest_pf: float = 20.0
-    low_pass_s: float = 0.002
-    noise: float = 0.0092
-    low: float = -1.0
-    high: float = 40.0
-    bits: int = 16
-
-    def __post_init__(self) -> None:
-        _check(self)
-
-    @property
-    def scale(self) -> float:
-        """pF of reading for a relative change of 1."""
-        return self.rest_pf
-
-    def counts(self, reading: Float[np.ndarray, "*shape"]) -> Int[np.ndarray, "*shape"]:
-        """Of the converter, 0 to 2^bits - 1, where it also stays beyond its range."""
-        return _counts(reading, self.low, self.high, self.bits)
-
-
-def _counts(reading: np.ndarray, low: float, high: float, bits: int) -> np.ndarray:
-    last = 2**bits - 1
-    return np.clip(np.rint((reading - low) / (high - low) * last), 0, last).astype(int)
-
-
-def _check(readout: ResistiveReadout | CapacitiveReadout) -> None:
-    wrong = [
-        f"{field.name} = {value}"
-        for field in fields(readout)
-        if not np.isfinite(value := getattr(readout, field.name))
-        or (field.name not in ("low", "high") and value < 0)
-        or (field.name not in ("low", "high", "noise") and value == 0)
-    ]
-    if readout.low >= readout.high:
-        wrong.append(f"low = {readout.low}, high = {readout.high}")
-    if wrong:
-        raise InputError(
-            "bad-option", f"{wrong[0]} is out of range.", place=type(readout).__name__,
-            fix="Give finite numbers above 0 (noise: 0 or more), low below high.",
-        )  # fmt: skip
+        last = 2**self.bits - 1
+        part = (reading - self.low) / (self.high - self.low)
+        return np.clip(np.rint(part * last), 0, last).astype(int)

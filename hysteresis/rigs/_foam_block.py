@@ -1,6 +1,6 @@
 """A block of open-cell foam under a probe, in layers: struts, friction, air, relaxation."""
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple
 
@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
 
-from ._arguments import require
+from ._arguments import check_fields, require
 from ._sponge import FORCE_LIMIT, SpongeCycles, cyclic_forces
 
 _require = partial(require, "FoamBlock")
@@ -111,14 +111,7 @@ class FoamBlock:
     aged: float = 0.0
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = np.asarray(getattr(self, field.name), float)
-            least = value >= 0 if field.name == "aged" else value > 0
-            _require(
-                bool(np.all(np.isfinite(value) & least)),
-                f"{field.name} = {getattr(self, field.name)} is out of range.",
-                "Give finite numbers above 0; aged may be 0.",
-            )
+        check_fields(self, ("aged",))
         _require(
             len(self.flow_share) == len(self.flow_s),
             "flow_share and flow_s differ in length.",

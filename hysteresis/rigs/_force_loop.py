@@ -1,13 +1,13 @@
 """A soft sensor read as it is pressed, and a machine that presses it: what a force loop controls."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import partial
 from math import cos, exp, expm1, pi, sin, sqrt
 from typing import NamedTuple
 
 import numpy as np
 
-from ._arguments import require
+from ._arguments import check_fields, require
 from ._microchannel import MicrochannelRig
 
 _require = partial(require, "ForceLoopRig")
@@ -74,7 +74,7 @@ class ChannelStream:
         self._noise, self._waiting = noise, iter(())
 
     def step(self, force: float) -> tuple[float, ...]:
-        """Readings of all layers in V or pF under the next force, in N.
+        """Readings of all layers in V under the next force, in N.
 
         **Raises:** `InputError` unless 0 <= F < F_c.
         """
@@ -117,7 +117,7 @@ class Pressed(NamedTuple):
     force: float
     """N"""
     reading: tuple[float, ...]
-    """V or pF, of every layer"""
+    """V, of every layer"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -165,16 +165,7 @@ class ForceLoopRig:
     highest_n: float = 12.0
 
     def __post_init__(self) -> None:
-        at_zero = ("stiffness_error", "sway_mm")
-        for f in fields(self):
-            if f.name in ("sensor", "location"):
-                continue
-            value = getattr(self, f.name)
-            _require(
-                bool(np.isfinite(value) and (value >= 0 if f.name in at_zero else value > 0)),
-                f"{f.name} = {value} is out of range.",
-                f"Give a finite number {'of 0 or more' if f.name in at_zero else 'above 0'}.",
-            )
+        check_fields(self, ("stiffness_error", "sway_mm"), ("sensor", "location"))
         _require(self.damping < 1, f"damping = {self.damping}.", "Give a number below 1.")
         _require(
             self.highest_n < self.sensor.closing_force_n,

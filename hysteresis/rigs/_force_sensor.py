@@ -1,14 +1,14 @@
 """A virtual six-axis force sensor: crosstalk, hysteresis and noise."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 from jaxtyping import Float
 
-from ._arguments import fault
+from ._arguments import check_fields, require
 
-_fault = partial(fault, "ForceSensor")
+_require = partial(require, "ForceSensor")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,19 +59,12 @@ class ForceSensor:
     noise_nm: float = 0.006
 
     def __post_init__(self) -> None:
-        above = ("crosstalk_arm_m", "full_scale_n", "full_scale_nm", "travel")
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if not (np.isfinite(value) and (value > 0 if field.name in above else value >= 0)):
-                raise _fault(
-                    f"{field.name} = {value} is out of range.",
-                    "Give a finite number, above 0 for the arm, the ratings and the travel.",
-                )
-        if self.hysteresis >= 2 * self.travel:
-            raise _fault(
-                f"hysteresis = {self.hysteresis} eats up the travel of {self.travel}.",
-                "Keep it below twice the travel.",
-            )
+        check_fields(self, ("crosstalk", "hysteresis", "noise_n", "noise_nm"))
+        _require(
+            self.hysteresis < 2 * self.travel,
+            f"hysteresis = {self.hysteresis} eats up the travel of {self.travel}.",
+            "Keep it below twice the travel.",
+        )
 
     def specimen(self, rng: np.random.Generator) -> Float[np.ndarray, "6 6"]:
         """I + G of one sensor."""

@@ -1,15 +1,12 @@
 """A virtual six-axis force sensor made of beams with strain gauges, as its maker calibrated it."""
 
-from dataclasses import dataclass, fields
-from functools import partial
+from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
-from ._arguments import fault
-
-_fault = partial(fault, "GaugeSensor")
+from ._arguments import check_fields
 
 _SLIPS: Final = np.geomspace(0.02, 0.5, 10)
 """Strains, as parts of that at full scale, over which the patches of a clamp begin to slip."""
@@ -85,10 +82,7 @@ class GaugeSensor:
     noise_nm: float = 0.006
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if not (np.isfinite(value) and value > 0):
-                raise _fault(f"{field.name} = {value} is out of range.", "Give a number above 0.")
+        check_fields(self)
 
     @property
     def full_scale(self) -> Float[np.ndarray, " 6"]:

@@ -43,7 +43,7 @@ class MicrochannelRig(AbstractSkinRig):
     - `creep`, `creep_s`: g and tau.
     - `placement_common`, `placement_differential`: standard deviations of c and d.
     - `fabrication`: standard deviation of ln S from specimen to specimen; 0: every one as designed.
-    - `readout`: `ResistiveReadout` in V, or `CapacitiveReadout` in pF.
+    - `readout`: from changes to V.
 
     **Raises:** `InputError` if a parameter is outside its range.
 

@@ -1,12 +1,12 @@
 """The frame below a cover: plates that sag where they are pressed, in many modes."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from ._arguments import require
+from ._arguments import check_fields, require
 
 _require = partial(require, "PlateFrame")
 
@@ -45,13 +45,8 @@ class PlateFrame:
     modes: int = 8
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            _require(
-                bool(np.isfinite(value) and value > 0) and self.poisson < 0.5,
-                f"{field.name} = {value} is out of range.",
-                "Give finite numbers above 0, poisson below 0.5.",
-            )
+        check_fields(self)
+        _require(self.poisson < 0.5, f"poisson = {self.poisson}.", "Give a number below 0.5.")
 
     def compliance(
         self,

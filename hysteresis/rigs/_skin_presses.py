@@ -2,7 +2,7 @@
 
 import abc
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from functools import cached_property, partial
 from itertools import count
 from typing import Final, NamedTuple
@@ -11,8 +11,8 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy.typing import ArrayLike
 
-from ._arguments import require
-from ._channel_readout import CapacitiveReadout, ResistiveReadout
+from ._arguments import check_fields, require
+from ._channel_readout import ResistiveReadout
 
 _require = partial(require, "skin")
 
@@ -35,7 +35,7 @@ class ChannelPresses(NamedTuple):
     force: Float[np.ndarray, " presses"]
     """N, at the peak"""
     reading: Float[np.ndarray, "presses layers"]
-    """V or pF"""
+    """V"""
 
 
 class ChannelRecord(NamedTuple):
@@ -46,7 +46,7 @@ class ChannelRecord(NamedTuple):
     force: Float[np.ndarray, "samples locations"]
     """N"""
     reading: Float[np.ndarray, "samples layers"]
-    """V or pF"""
+    """V"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,7 +61,7 @@ class AbstractSkinRig(abc.ABC):
     - `seed`: of the specimen and of its readings.
     - `sensitivity`: S, (layers, locations). `sensitivity_per_n`: k, 1/N.
     - `fabrication`: standard deviation of ln S from specimen to specimen; 0: every one as designed.
-    - `readout`: `ResistiveReadout` in V, or `CapacitiveReadout` in pF.
+    - `readout`: from changes to V.
     """
 
     seed: int = 0
@@ -71,19 +71,10 @@ class AbstractSkinRig(abc.ABC):
     )
     sensitivity_per_n: float = 0.02
     fabrication: float = 0.0
-    readout: ResistiveReadout | CapacitiveReadout = field(default_factory=ResistiveReadout)
+    readout: ResistiveReadout = field(default_factory=ResistiveReadout)
 
     def __post_init__(self) -> None:
-        for f in fields(self):
-            if f.name in ("sensitivity", "readout"):
-                continue
-            value = np.asarray(getattr(self, f.name))
-            zero = f.name in self._at_zero()
-            _require(
-                bool(np.all(np.isfinite(value) & (value >= 0 if zero else value > 0))),
-                f"{f.name} = {value} is out of range.",
-                f"Give finite numbers {'of 0 or more' if zero else 'above 0'}.",
-            )
+        check_fields(self, self._at_zero(), ("sensitivity", "readout"))
         _require(
             len(set(map(len, self.sensitivity))) == 1 and bool(np.min(self.sensitivity) > 0),
             "sensitivity is no table of numbers above 0.",
@@ -121,7 +112,7 @@ class AbstractSkinRig(abc.ABC):
     def follow(
         self, force: ArrayLike, dt: float = 0.02, placement: ArrayLike | None = None
     ) -> Float[np.ndarray, "*sequences samples layers"]:
-        """Readings in V or pF, without noise.
+        """Readings in V, without noise.
 
         **Arguments:**
 

@@ -7,16 +7,16 @@ identification: it has more parameters than the paper prints statistics.
 """
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import partial
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
 from numpy.typing import ArrayLike
+from scipy.optimize import brentq
 
-from ._arguments import fault, require
+from ._arguments import check_fields, fault, require
 
 _fault = partial(fault, "SpongeRig")
 _require = partial(require, "SpongeRig")
@@ -189,13 +189,7 @@ class SpongeRig:
     relaxation_s: tuple[float, ...] = (4.0, 40.0)
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            _require(
-                bool(np.all(np.isfinite(value)) and np.all(np.asarray(value) > 0)),
-                f"{field.name} = {value} is not positive and finite.",
-                "Give a positive number in the unit the name ends with.",
-            )
+        check_fields(self)
         for name in ("friction_gain", "conditioning"):
             _require(
                 getattr(self, name) < 1,
@@ -238,25 +232,6 @@ class SpongeRig:
                 state = self._yield(state, last + (target - last) * k / substeps, step)
             last, depth[n] = target, state.depth
         return depth * self._scale
-
-    def follow_displacement(
-        self, displacement: ArrayLike, dt: float = 6.0, substeps: int = 4
-    ) -> Float[np.ndarray, " n"]:
-        """Force in N under the given displacement in mm; negative where only glue would hold it.
-
-        **Arguments:** as `follow`, with `displacement` within 0 and the block's thickness, and
-        ramps of displacement.
-
-        **Raises:** `InputError` outside these ranges.
-        """
-        path = _path("displacement", displacement, self.thickness_mm, "mm") / self._scale
-        step = _substep(dt, substeps)
-        state, last, force = self._virgin(), 0.0, np.empty(path.size)
-        for n, target in enumerate(path.tolist()):
-            for k in range(1, substeps + 1):
-                state, force[n] = self._step(state, last + (target - last) * k / substeps, step)
-            last = target
-        return force
 
     def five_cycles(
         self, peak: float = 20.0, step: float = 2.0, noise: float = 0.0, seed: int | None = None
@@ -315,7 +290,10 @@ class SpongeRig:
 
     def _yield(self, state: _State, force: float, dt: float) -> _State:
         """The state after `dt` seconds in which the force ends at `force`."""
-        excess = partial(self._excess, state, force, dt)
+
+        def excess(depth: float) -> float:
+            return self._step(state, depth, dt)[1] - force
+
         here = excess(state.depth)
         end = REFERENCE_THICKNESS if here < 0 else 0.0
         there = excess(end)
@@ -326,11 +304,8 @@ class SpongeRig:
             f"{force:g} N squashes the block of {self.thickness_mm:g} mm flat.",
             "Lower the force or take a thicker block.",
         )
-        return self._step(state, _root(excess, state.depth, here, end, there), dt)[0]
-
-    def _excess(self, state: _State, force: float, dt: float, depth: float) -> float:
-        """How much more than `force` it takes to be at `depth` after `dt` seconds."""
-        return self._step(state, depth, dt)[1] - force
+        depth: Any = brentq(excess, state.depth, end, xtol=_ROOT_TOLERANCE)
+        return self._step(state, depth, dt)[0]
 
 
 def cyclic_forces(
@@ -347,32 +322,6 @@ def cyclic_forces(
     force = np.concatenate([[0.0], np.tile(np.concatenate([ramp[1:], ramp[-2::-1]]), 5)])
     cycle = np.concatenate([[1], np.repeat(np.arange(1, 6), 2 * steps)])
     return 6.0 * np.arange(force.size), force, cycle
-
-
-def _root(f: Callable[[float], float], a: float, fa: float, b: float, fb: float) -> float:
-    """Root of f between a and b, fa fb < 0 or fa = 0, to `_ROOT_TOLERANCE` (Chandrupatla 1997).
-
-    Inverse quadratic steps where three points say they are safe, bisection elsewhere: the law's
-    kinks (a strut that begins to slip) cost a bisection, not the bracket.
-    """
-    t = 0.5
-    while fa != 0 and abs(b - a) > 2 * _ROOT_TOLERANCE:
-        x = a + t * (b - a)
-        fx = f(x)
-        if (fx > 0) == (fa > 0):
-            c, fc = a, fa
-        else:
-            c, fc, b, fb = b, fb, a, fa
-        a, fa = x, fx
-        xi, phi = (a - b) / (c - b), (fa - fb) / (fc - fb)
-        if phi * phi < xi and (1 - phi) ** 2 < 1 - xi:
-            t = fa / (fb - fa) * fc / (fb - fc)
-            t += (c - a) / (b - a) * fa / (fc - fa) * fb / (fc - fb)
-        else:
-            t = 0.5
-        least = _ROOT_TOLERANCE / abs(b - a)
-        t = min(max(t, least), 1 - least)
-    return a if abs(fa) < abs(fb) else b
 
 
 def _softplus(v: float) -> float:

@@ -10,13 +10,12 @@ from hypothesis import strategies as st
 
 from compensate.microchannel import ChannelStatus, Readout
 from hysteresis._errors import InputError
-from hysteresis.rigs import CapacitiveReadout, MicrochannelRig, ResistiveReadout
+from hysteresis.rigs import MicrochannelRig
 
 OK, GAP, STUCK, SATURATED, MISSING = ChannelStatus
 
 RIG = MicrochannelRig()
 ELECTRONICS = RIG.readout
-assert isinstance(ELECTRONICS, ResistiveReadout)
 COUNTED = Readout(
     low=ELECTRONICS.low, high=ELECTRONICS.high, bits=ELECTRONICS.bits,
     longest_gap=0.1, stuck_after=20,
@@ -34,15 +33,6 @@ def test_undoes_the_rig_s_electronics():
     half = (ELECTRONICS.high - ELECTRONICS.low) / (2**ELECTRONICS.bits - 1) / ELECTRONICS.scale / 2
     counted = COUNTED.simulate(t, ELECTRONICS.counts(volts))
     np.testing.assert_allclose(counted.value, c, rtol=0, atol=half * (1 + 1e-9))
-
-
-def test_undoes_the_capacitive_electronics():
-    """The same skin read by its capacitance changes by the same part."""
-    force = 5.0 * np.eye(5)
-    rig = MicrochannelRig(readout=CapacitiveReadout())
-    found = Readout(scale=rig.readout.scale).simulate(np.arange(5.0), rig.follow(force))
-    expected = RIG.follow(force) / RIG.readout.scale
-    np.testing.assert_allclose(found.value, expected, rtol=1e-12)
 
 
 @given(st.lists(st.floats(-5, 5), min_size=2, max_size=12), st.floats(0, 3), st.data())

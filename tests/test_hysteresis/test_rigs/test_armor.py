@@ -13,7 +13,6 @@ from hysteresis.rigs import (
     ForceSensor,
     SpongeRig,
     force_path,
-    mixed_forces,
 )
 from hysteresis.rigs._armor import INWARD
 
@@ -217,15 +216,6 @@ def test_calibration_goes_up_and_down():
     assert (force.max(), force[-1]) == (20.0, 0.0)
     assert np.sum(np.diff(np.sign(np.diff(force))) != 0) == 7
     np.testing.assert_array_equal(force_path((0.0, 1.0, -0.5), 0.75), [0.5, 1.0, 0.25, -0.5])
-
-
-@given(st.integers(1, 5), st.integers(30, 60), st.integers(0, 2**32))
-def test_mixed_forces_load_and_unload(presses, samples, seed):
-    force = mixed_forces(presses, samples, seed=seed)
-    assert force.shape == (presses, samples)
-    assert np.all((force > 0) & (force <= 20))
-    # A fall from third to third is 6 N at least, a step 108 N / 30 at most.
-    assert np.all(np.any(np.diff(force) < 0, axis=1))
 
 
 RIG = ArmorRig()

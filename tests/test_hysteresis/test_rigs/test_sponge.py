@@ -49,28 +49,16 @@ def test_only_the_thinnest_block_is_strongly_nonlinear(thickness: float, nonline
 
 def test_thickness_scales_the_linear_regime_as_the_law_says():
     """At equal strain F goes as (50/h)^(q-1), if neither densification nor f adds its own."""
-    d = np.linspace(0.0, 25.0, 11)
     thick = replace(RIG, friction_n=1e-12, densification_n_per_mm2=1e-12)
     thin = replace(thick, thickness_mm=25.0)
-    # The two 1e-12 stand for zero: 1e-9 N is far above them and far below the forces.
+    # The two 1e-12 stand for zero; each root is found to 1e-12 mm, over 80 of them.
+    force = np.array(CYCLE)
     np.testing.assert_allclose(
-        thin.follow_displacement(d / 2), thick.follow_displacement(d) * 2**-0.4, rtol=0, atol=1e-9
+        2 * thin.follow(force * 2**-0.4), thick.follow(force), rtol=0, atol=1e-9
     )
 
 
 forces = st.lists(st.floats(0.0, 40.0), min_size=1, max_size=12)
-
-
-@given(forces, st.sampled_from([10.0, 30.0, 50.0]), st.floats(0.01, 100.0))
-def test_force_balances_at_every_step(path: list[float], thickness: float, dt: float):
-    """F(d) = force where the probe is in contact, F(0) >= force where it is not."""
-    rig = SpongeRig(thickness_mm=thickness)
-    d = rig.follow(path, dt=dt, substeps=1)
-    force = rig.follow_displacement(d, dt=dt, substeps=1)
-    # 1e-12 mm of the root, times at most 150 N/mm: 10 mm at 40 N, where fast steps stiffen it.
-    touching = d > 0
-    np.testing.assert_allclose(force[touching], np.array(path)[touching], rtol=0, atol=1e-9)
-    assert np.all(force[~touching] >= np.array(path)[~touching] - 1e-9)
 
 
 @given(forces)
@@ -148,7 +136,6 @@ def test_noise_is_the_seeds():
         lambda: RIG.follow([[1.0]]),
         lambda: RIG.follow([1.0], dt=0.0),
         lambda: RIG.follow([1.0], substeps=0),
-        lambda: RIG.follow_displacement([51.0]),
         lambda: SpongeRig(densification_mm=60.0).follow([40.0]),
         lambda: RIG.five_cycles(peak=20.0, step=3.0),
         lambda: RIG.five_cycles(step=-2.0),
