@@ -3,15 +3,13 @@
 import io
 import struct
 import zipfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
-Cell = tuple[int, int, float | str | int]
-"""Row and column, from 0, and what is there; in an old workbook a whole number is that of a shared text."""
+Cell = tuple[int, int, float | str]
+"""Row and column, from 0, and what is there."""
 
 
-def old_workbook(
-    cells: Iterable[Cell], declared: tuple[int, int] | None = None, shared: Sequence[str] = ()
-) -> bytes:
+def old_workbook(cells: Iterable[Cell], declared: tuple[int, int] | None = None) -> bytes:
     """A .xls file of one sheet: BIFF8 records in a compound file. `declared`: rows and columns."""
     begin = _old(0x0809, struct.pack("<HHHHII", 0x0600, 0x0005, 0, 0, 0, 0))
     sheet = _old(0x0809, struct.pack("<HHHHII", 0x0600, 0x0010, 0, 0, 0, 0))
@@ -21,32 +19,14 @@ def old_workbook(
         at = struct.pack("<HHH", row, column, 0)
         if isinstance(value, str):
             sheet += _old(0x0204, at + struct.pack("<HB", len(value), 0) + value.encode("latin-1"))
-        elif isinstance(value, int):
-            sheet += _old(0x00FD, at + struct.pack("<I", value))
         else:
             sheet += _old(0x0203, at + struct.pack("<d", value))
     sheet += _old(0x000A)
     name = _old(0x0085, struct.pack("<IBBBB", 0, 0, 0, 1, 0) + b"s")
-    texts = _shared(shared) if shared else b""
-    place = len(begin) + len(name) + len(texts) + 4
+    place = len(begin) + len(name) + 4
     name = name[:4] + struct.pack("<I", place) + name[8:]
-    stream = (begin + name + texts + _old(0x000A) + sheet).ljust(4096, b"\0")
+    stream = (begin + name + _old(0x000A) + sheet).ljust(4096, b"\0")
     return _compound(stream)
-
-
-def _shared(texts: Sequence[str]) -> bytes:
-    """Shared texts, the first with a font behind it. Records end within a text, of which two bytes a
-    character go on."""
-    records, kind, part = b"", 0x00FC, struct.pack("<II", len(texts), len(texts))
-    for k, text in enumerate(texts):
-        part += struct.pack("<HB", len(text), 8 if not k else 0)
-        part += struct.pack("<H", 1) if not k else b""
-        part += text[:100].encode("latin-1")
-        for begin in range(100, len(text), 4000):
-            records += _old(kind, part)
-            kind, part = 0x003C, b"\1" + text[begin : begin + 4000].encode("utf-16-le")
-        part += bytes(4) if not k else b""
-    return records + _old(kind, part)
 
 
 def _old(kind: int, content: bytes = b"") -> bytes:

@@ -116,7 +116,8 @@ _REL = "http://schemas.openxmlformats.org/officeDocument/2006/relationships"
 _PACK = "http://schemas.openxmlformats.org/package/2006"
 
 
-def _xlsx(sheet: str, strings: str) -> bytes:
+def xlsx(sheet: str, strings: str = "") -> bytes:
+    """A workbook of one sheet with these rows and shared texts."""
     types = "application/vnd.openxmlformats-officedocument.spreadsheetml"
     return _zip({
         "[Content_Types].xml": f'<Types xmlns="{_PACK}/content-types">'
@@ -133,10 +134,10 @@ def _xlsx(sheet: str, strings: str) -> bytes:
     })  # fmt: skip
 
 
-def xlsx_words() -> bytes:
-    """One long shared text in a hundred thousand cells."""
+def xlsx_words(rows: int = 1000) -> bytes:
+    """One long shared text in a hundred cells of each row."""
     row = "<row>" + '<c t="s"><v>0</v></c>' * 100 + "</row>"
-    return _xlsx(row * 1000, f"<si><t>{'x' * 1_000_000}</t></si>")
+    return xlsx(row * rows, f"<si><t>{'x' * 1_000_000}</t></si>")
 
 
 def parquet_words() -> bytes:

@@ -1,17 +1,22 @@
 """Spreadsheets (.xlsx, .xls, .xlsb, .ods) through python-calamine (an extra: pip install 'hysid[rigs]')."""
 
+import importlib.util
 import io
+import json
+import subprocess
+import sys
 import zipfile
-from datetime import date, datetime, time, timedelta
 from pathlib import Path
-from typing import Any
 
 from ..._limits import DAMAGE
+from .._cells import MOST_TEXT
 from ._blocks import Block, blocks, nameless, sheet_of
 from ._dialects import OTHER
 from ._file import damage_of, fault
 from ._sheet import Sheet
-from ._workbook_size import check_workbook
+
+MOST_MEMORY, _LONGEST_S = 2 * 1024**3, 120
+"""Bytes and seconds that the reader of a workbook gets."""
 
 _ZIP, _OLD = b"PK\x03\x04", b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
 _INSIDE = ("xl/workbook.xml", "xl/workbook.bin", "content.xml")
@@ -27,23 +32,14 @@ def workbook(path: Path, data: bytes, table: int | None = None) -> Sheet | None:
     """
     if not _is_workbook(data):
         return None
-    try:
-        from python_calamine import CalamineWorkbook
-    except ImportError:
+    if importlib.util.find_spec("python_calamine") is None:
         raise fault(
             "missing-extra", path, "workbooks are read by python-calamine, which is not installed.",
             "pip install 'hysid[rigs]', or export the sheet as CSV.",
-        ) from None  # fmt: skip
+        )  # fmt: skip
     with damage_of("binary-file", path, "workbook"):
-        check_workbook(data)
-        book = CalamineWorkbook.from_filelike(io.BytesIO(data))
-        sheets = {
-            name: [[_cell(v) for v in row] for row in book.get_sheet_by_name(name).to_python(False)]
-            for name in book.sheet_names
-        }
+        numbered = _cells(data)
     found: list[Block] = []
-    numbered = {title: [(k, row) for k, row in enumerate(rows, 1) if any(row)]
-                for title, rows in sheets.items()}  # fmt: skip
     for title, rows in numbered.items():
         pieces = blocks(rows)
         found += [b._replace(above=[[title]] if len(pieces) == 1 else [[f"{title} {k}"]])
@@ -69,13 +65,20 @@ def _is_workbook(data: bytes) -> bool:
         return False
 
 
-def _cell(value: Any) -> str:
-    if isinstance(value, bool):
-        return str(value)
-    if isinstance(value, float) and value.is_integer() and abs(value) < 1e15:
-        return str(int(value))
-    if isinstance(value, datetime | date | time):
-        return value.isoformat()
-    if isinstance(value, timedelta):
-        return repr(value.total_seconds())
-    return " ".join(str(value).split())
+def _cells(data: bytes) -> dict[str, list[tuple[int, list[str]]]]:
+    """Number and cells of the rows of each sheet that are not empty.
+
+    Raises `ValueError` where the reader fails, or needs more memory or time than it gets.
+    """
+    limits = (str(MOST_MEMORY), str(MOST_TEXT))
+    command = [sys.executable, "-P", str(Path(__file__).with_name("_workbook_cells.py")), *limits]
+    try:
+        done = subprocess.run(command, input=data, capture_output=True, timeout=_LONGEST_S)
+    except subprocess.TimeoutExpired:
+        raise ValueError(f"reading it takes more than {_LONGEST_S} s") from None
+    if done.returncode == 1:
+        raise ValueError(done.stderr.decode("utf-8", "replace").strip().splitlines()[-1])
+    if done.returncode:
+        raise ValueError(f"it takes more than {MOST_MEMORY:,} bytes of memory, or ends its reader")
+    read = json.loads(done.stdout)
+    return {name: [(k, row) for k, row in rows] for name, rows in read.items()}

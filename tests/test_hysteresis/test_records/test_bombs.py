@@ -4,6 +4,7 @@ import contextlib
 import io
 import os
 import struct
+import sys
 import tracemalloc
 import zipfile
 from collections.abc import Callable
@@ -96,42 +97,6 @@ def test_samples_that_a_file_does_not_hold(tmp_path: Path):
         assert perf_counter() - begin < 5.0
 
 
-def xlsx(sheet: str, more: int = 0) -> bytes:
-    """A workbook of one sheet, with `more` bytes of nothing."""
-    openpyxl = pytest.importorskip("openpyxl")
-    packed, changed = io.BytesIO(), io.BytesIO()
-    openpyxl.Workbook().save(packed)
-    with zipfile.ZipFile(packed) as old, zipfile.ZipFile(changed, "w", zipfile.ZIP_DEFLATED) as new:
-        for name in old.namelist():
-            new.writestr(name, sheet if "worksheets/" in name else old.read(name))
-        with new.open("xl/media/nothing.png", "w") as to:
-            for _ in range(more // 1_000_000):
-                to.write(bytes(1_000_000))
-    return changed.getvalue()
-
-
-SHEET = (
-    '<worksheet xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/main">{}</worksheet>'
-)
-
-
-@pytest.mark.parametrize(
-    "inside",
-    [
-        '<dimension ref="A1:XFD1048576"/>'
-        '<sheetData><row r="1048576"><c r="XFD1048576"><v>1</v></c></row></sheetData>',
-        '<sheetData><row r="1000000000"><c r="A1000000000"><v>1</v></c></row></sheetData>',
-        "<sheetData>"
-        + "".join(f'<row><c r="XFD{k}"/></row>' for k in range(1, 2001))
-        + "</sheetData>",
-    ],
-)
-def test_a_sheet_that_is_nearly_empty(inside: str, tmp_path: Path):
-    file = tmp_path / "run.xlsx"
-    file.write_bytes(xlsx(SHEET.format(inside)))
-    refused(file, "binary-file", "span", "cells, and the limit is 5,0")
-
-
 CELLS = [
     (0, 0, "force"),
     (0, 1, "x"),
@@ -139,69 +104,45 @@ CELLS = [
 ]
 
 
-@pytest.mark.parametrize(("make", "ending"), [(old_workbook, "xls"), (binary_workbook, "xlsb")])
-def test_a_binary_sheet_that_is_nearly_empty(make: Any, ending: str, tmp_path: Path):
-    """What a sheet spans, and what it declares, is looked at before room is made for it."""
+FAR = """
+<row r="1000000000"><c r="A1000000000"><v>1</v></c></row>
+"""
+
+
+@pytest.mark.parametrize(
+    ("content", "ending"),
+    [
+        (bombs.xlsx(FAR), "xlsx"),
+        (bombs.xlsx_words(), "xlsx"),
+        (bombs.ods_words(), "ods"),
+        (old_workbook([*CELLS, (65_535, 16_383, 1.0)]), "xls"),
+        (old_workbook(CELLS, (2**31, 2)), "xls"),
+        (binary_workbook([*CELLS, (65_535, 16_383, 1.0)]), "xlsb"),
+    ],
+)
+@pytest.mark.skipif(sys.platform == "win32", reason="memory has no end there")
+def test_a_workbook_that_asks_for_gigabytes(content: bytes, ending: str, tmp_path: Path):
+    """It spans a thousand million cells, or says a long text again and again: 9 kB, read as 100 GB."""
     pytest.importorskip("python_calamine")
     file = tmp_path / f"run.{ending}"
-    for declared in ((1, 1), (21, 2), (65_536, 256)):
-        file.write_bytes(make(CELLS, declared))
+    file.write_bytes(content)
+    refused(file, "binary-file", "more than 2,147,483,648 bytes of memory")
+
+
+@pytest.mark.parametrize(("make", "ending"), [(old_workbook, "xls"), (binary_workbook, "xlsb")])
+def test_a_sheet_that_is_nearly_empty_is_read(make: Any, ending: str, tmp_path: Path):
+    pytest.importorskip("python_calamine")
+    file = tmp_path / f"run.{ending}"
+    for content in (make(CELLS, (65_536, 256)), make([*CELLS, (60_000, 20, 1.0)])):
+        file.write_bytes(content)
         np.testing.assert_array_equal(read_table(file).number("x"), np.arange(2.0, 22.0))
-    file.write_bytes(make([*CELLS, (65_535, 16_383, 1.0)]))
-    refused(file, "binary-file", "span 1,073,741,824 cells, and the limit is 5,0")
-    file.write_bytes(make([*CELLS, (60_000, 200, 1.0)]))
-    refused(file, "binary-file", "span 12,060,201 cells")
-    for declared in ((2**31, 2), (21, 60_000)):
-        file.write_bytes(make(CELLS, declared))
-        refused(file, "binary-file", f"declares {declared[0]:,} rows")
 
 
-def test_texts_that_many_cells_share(tmp_path: Path):
-    """They are read as often as they are used, which is counted before."""
-    pytest.importorskip("python_calamine")
-    file, shared = tmp_path / "run.xls", ("force " + "x" * 9000, "y")
-    numbers = [cell for cell in CELLS if cell[0]]
-    file.write_bytes(old_workbook([(0, 0, 0), (0, 1, 1), *numbers], shared=shared))
-    table = read_table(file)
-    assert list(table.columns) == [*shared]
-    np.testing.assert_array_equal(table.number("y"), np.arange(2.0, 22.0))
-    shared = ("x" * 60_000, "y")
-    cells = [(row, column, 0) for row in range(1, 251) for column in range(20)]
-    file.write_bytes(old_workbook(cells, shared=shared))
-    refused(file, "binary-file", "hold 300,000,000 characters")
-
-
-def test_a_chain_of_sectors_that_never_ends(tmp_path: Path):
-    whole = bytearray(old_workbook(CELLS))
-    whole[512 + 4 * 5 : 512 + 4 * 6] = (3).to_bytes(4, "little")
-    file = tmp_path / "run.xls"
-    file.write_bytes(whole)
-    refused(file, "binary-file", "a chain of sectors never ends")
-
-
-def test_a_sheet_of_rows_whose_cells_have_no_place(tmp_path: Path):
-    """Such cells are beside the one before: the sheet is as wide as its longest row."""
-    file = tmp_path / "run.xlsx"
-    rows = f'<row r="1048576">{"<c/>" * 100}</row>'
-    file.write_bytes(xlsx(SHEET.format(f"<sheetData>{rows}</sheetData>")))
-    refused(file, "binary-file", "span 104,857,600 cells")
-
-
-def test_a_workbook_that_unpacks_without_end(tmp_path: Path):
-    file = tmp_path / "run.xlsx"
-    file.write_bytes(xlsx(SHEET.format("<sheetData/>"), more=300_000_000))
-    refused(file, "binary-file", "would unpack to 300,", "256,000,000")
-
-
-def test_a_text_that_many_cells_share_or_repeat(tmp_path: Path):
-    """It is stored once and read for each of them: 9 kB, read as 100 GB."""
+def test_a_workbook_of_too_many_characters(tmp_path: Path):
     pytest.importorskip("python_calamine")
     file = tmp_path / "run.xlsx"
-    file.write_bytes(bombs.xlsx_words())
-    refused(file, "binary-file", "hold 100,00", "characters, and the limit is 256,000,000")
-    file = tmp_path / "run.ods"
-    file.write_bytes(bombs.ods_words())
-    refused(file, "binary-file", "characters, and the limit is 256,000,000")
+    file.write_bytes(bombs.xlsx_words(3))
+    refused(file, "binary-file", "more than 256,000,000 characters")
 
 
 def test_a_long_word_of_a_long_column(tmp_path: Path):
@@ -351,19 +292,3 @@ def test_a_column_of_one_value_and_a_thousand_million_rows(tmp_path: Path):
             writer.write_table(table)
     assert file.stat().st_size < 1e6
     refused(file, "damaged-file", "declares")
-
-
-def test_a_panic_of_a_native_reader_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    calamine = pytest.importorskip("python_calamine")
-
-    class Panic(BaseException):
-        """As Rust's are in Python."""
-
-    def panics(data: Any) -> None:
-        raise Panic("index out of bounds")
-
-    file = tmp_path / "run.xlsx"
-    with zipfile.ZipFile(file, "w") as archive:
-        archive.writestr("xl/workbook.xml", "<workbook/>")
-    monkeypatch.setattr(calamine.CalamineWorkbook, "from_filelike", panics, raising=True)
-    refused(file, "binary-file", "index out of bounds")
