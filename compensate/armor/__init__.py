@@ -9,7 +9,6 @@ from ._calibration import PressResiduals as PressResiduals
 from ._calibration import planned_presses as planned_presses
 from ._calibration import with_slip as with_slip
 from ._contact import Contact as Contact
-from ._conventions import convention_doubt as convention_doubt
 from ._convex import Convex as Convex
 from ._cover import Cover as Cover
 from ._examples import forearm as forearm

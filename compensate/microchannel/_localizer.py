@@ -12,6 +12,7 @@ from jaxtyping import Float, Int
 from numpy.typing import ArrayLike
 
 from hysteresis import InputError, register
+from hysteresis._show import aligned
 
 from ._localizer_gaussian import Clouds, train_clouds
 from ._localizer_neighbours import Neighbours
@@ -61,16 +62,12 @@ class Confusion:
 
     def __str__(self) -> str:
         """As the paper prints it: nothing for zero."""
-        width = max(5, *(len(str(name)) + 1 for name in self.names))
         head = ["Ref\\Est.", *map(str, self.names), "none"]
         rows = [
             [str(name), *("" if n == 0 else str(n) for n in row)]
             for name, row in zip(self.names, self.counts, strict=True)
         ]
-        lines = (
-            row[0].ljust(9) + "".join(c.rjust(width) for c in row[1:]) for row in [head, *rows]
-        )
-        return "\n".join(line.rstrip() for line in lines)
+        return "\n".join(aligned([head, *rows], range(1, len(head))))
 
 
 @register

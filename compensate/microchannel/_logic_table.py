@@ -13,6 +13,7 @@ from jaxtyping import Bool, Float
 from numpy.typing import ArrayLike
 
 from hysteresis import InputError
+from hysteresis._show import aligned
 
 from ._logic_remedies import Remedy, apart, remedies
 
@@ -197,11 +198,7 @@ class LogicTable:
             for members in self._members
         ]
         rows = [["Contact Locations", *(f"V{n + 1}" for n in range(len(self.levels)))], *rows]
-        widths = [max(map(len, column)) + 2 for column in zip(*rows, strict=True)]
-        return "\n".join(
-            "".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip()
-            for row in rows
-        )
+        return "\n".join(aligned(rows))
 
     @cached_property
     def _members(self) -> tuple[tuple[int, ...], ...]:

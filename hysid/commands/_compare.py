@@ -6,6 +6,7 @@ from typing import Any
 
 import identify
 from hysteresis import InputError
+from hysteresis._show import aligned
 
 from ..figures._format import number, pretty
 from ..intake._folders import folders_of
@@ -197,12 +198,4 @@ def _signed(x: float) -> str:
 def _table(columns: dict[str, list[str]], left: int) -> list[str]:
     """Columns under their names, the first `left` of them to the left; those without a figure left out."""
     kept = {name: cells for name, cells in columns.items() if set(cells) != {DASH}}
-    widths = [max(map(len, (name, *cells))) for name, cells in kept.items()]
-    rows = [list(kept), *zip(*kept.values(), strict=True)]
-    return [
-        "  ".join(
-            cell.ljust(width) if k < left else cell.rjust(width)
-            for k, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ).rstrip()
-        for row in rows
-    ]
+    return aligned([list(kept), *zip(*kept.values(), strict=True)], range(left, len(kept)))

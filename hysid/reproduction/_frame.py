@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import identify
 from hysteresis import InputError
 from hysteresis._atomic_file import write_whole
+from hysteresis._show import aligned
 from identify.internal import versions
 
 from ..intake._folders import check_writable
@@ -104,25 +105,12 @@ def _paper(name: str) -> Paper:
 
 def terminal(document: dict[str, Any]) -> list[str]:
     """The tables, and below them what the paper says in words."""
-    lines = _aligned(_cells(document), 2)
+    lines = aligned(rows := _cells(document), range(2, len(rows[0]) - 2))
     said = [f"{'Yes' if f['holds'] else 'No'}: {_finding(f)}" for f in document["findings"]]
     tables = [
         line for name, text in document.get("tables", {}).items() for line in (name, text, "")
     ]
     return [document.get("rig", ""), "", *lines, "", TOLERANCE, "", *said, "", *tables]
-
-
-def _aligned(table: list[list[str]], left: int) -> list[str]:
-    """Columns side by side; the first `left` and the last two begin on the left."""
-    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
-    last = len(widths) - 2
-    return [
-        "  ".join(
-            cell.ljust(width) if k < left or k >= last else cell.rjust(width)
-            for k, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ).rstrip()
-        for row in table
-    ]
 
 
 def _cells(document: dict[str, Any]) -> list[list[str]]:

@@ -14,6 +14,7 @@ import identify
 from hysteresis import InputError, Table, parse_condition
 from hysteresis._atomic_file import write_table
 from hysteresis._limits import damage_told, parse_json
+from hysteresis._show import aligned
 
 from ..intake._selection import Selection
 from ._sensor import SoftSensor
@@ -134,13 +135,7 @@ def confusion_lines(table: dict[str, Any]) -> list[str]:
         [name, *(str(n or "") for n in row)]
         for name, row in zip(table["places"], table["counts"], strict=True)
     ]
-    widths = [max(map(len, column)) + 2 for column in zip(*cells, strict=True)]
-    lines = (
-        row[0].ljust(widths[0])
-        + "".join(c.rjust(w) for c, w in zip(row[1:], widths[1:], strict=True))
-        for row in cells
-    )
-    return [line.rstrip() for line in lines]
+    return aligned(cells, range(1, len(cells[0])))
 
 
 def read_training(folder: str | Path) -> dict[str, Any]:

@@ -21,7 +21,6 @@ from compensate.armor import (
     Convex,
     Cover,
     Grid,
-    convention_doubt,
 )
 from hysteresis import (
     Burgers,
@@ -468,18 +467,3 @@ def test_wrong_shapes_and_limits_are_refused():
         Convex(0.1 * np.vstack([np.eye(3), -np.eye(3)]), [(0, 1, 2), (3, 5, 4), (0, 2, 3, 5)])
     with pytest.raises(InputError, match="not-a-mesh"):
         Convex(0.1 * np.vstack([np.eye(3), -np.eye(3)]), [(2, 1, 0), (3, 5, 4)])
-
-
-@pytest.mark.parametrize(
-    ("sign", "scale", "told"),
-    [(1, 1, None), (1, -1, "moment"), (-1, -1, "force and moment"), (1, 1000, "N mm")],
-)
-def test_mixed_conventions_are_told(sign: float, scale: float, told: str | None):
-    random = np.random.default_rng(2)
-    k = random.integers(0, 5, 60)
-    solver = ContactSolver(BOX)
-    force = 10 * NORMALS[k] + random.normal(size=(60, 3))
-    place = random.uniform(-0.8, 0.8, (60, 3))
-    points = [put(solver, *row, 0.0, 1.0)[0] for row in zip(k, place, force, strict=True)]
-    doubt = convention_doubt(solver, sign * force, scale * np.cross(points, force))
-    assert doubt is None if told is None else doubt is not None and told in doubt
