@@ -31,7 +31,15 @@ from hysteresis.laws._tree import node_of
 from hysteresis.preisach import GaussianDensity, GridDensity
 from hysteresis.trees import Tree, plain
 from tests import compositions
-from tests.problems import PROBLEMS, Problem, clock, random_histories, variants_thorough, weights
+from tests.problems import (
+    PROBLEMS,
+    Problem,
+    clock,
+    kinds_often,
+    random_histories,
+    variants_thorough,
+    weights,
+)
 
 LOW, HIGH, ROWS = -1.0, 2.0, 60
 WITHOUT = {"rate-forms", "coupled-oscillators"}
@@ -127,7 +135,7 @@ def test_run_forwards_it_is_the_model(problem: Problem):
     assert np.abs(np.array(found) - y).max() <= 1e-9 * np.ptp(y)
 
 
-@every
+@pytest.mark.parametrize("problem", kinds_often(TREES), ids=lambda p: p.name)
 def test_it_is_traced_and_differentiated(problem: Problem):
     """Along a direction through all parameters, as by central differences; of many models at once, too."""
     model, other = problem.model(0), problem.model(1)
