@@ -8,6 +8,7 @@ import subprocess
 import sys
 import tomllib
 from collections.abc import Iterator
+from functools import cache
 from importlib.metadata import packages_distributions
 from pathlib import Path
 from typing import Any
@@ -65,7 +66,17 @@ def test_a_dependency_has_one_lowest_version():
     assert {name: said for name, said in lowest.items() if len(said) > 1} == {}
 
 
-def imported(package: str) -> Iterator[tuple[str, str]]:
+@cache
+def owners_of_names() -> dict[str, list[str]]:
+    return dict(packages_distributions())
+
+
+@cache
+def imported(package: str) -> list[tuple[str, str]]:
+    return [*_imported(package)]
+
+
+def _imported(package: str) -> Iterator[tuple[str, str]]:
     """(import name, place) of every absolute import below a package."""
     for file in (ROOT / package).rglob("*.py"):
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
@@ -84,7 +95,7 @@ def imported(package: str) -> Iterator[tuple[str, str]]:
 @pytest.mark.parametrize("package", PACKAGES)
 def test_what_is_imported_is_declared(package: str):
     """Else it works where another package happens to bring it."""
-    owners = packages_distributions()
+    owners = owners_of_names()
     undeclared = {}
     for name, place in imported(package):
         if name in sys.stdlib_module_names or name in PACKAGES:
@@ -98,7 +109,7 @@ def test_what_is_imported_is_declared(package: str):
 def test_every_dependency_is_imported():
     """What nobody imports, everybody would install."""
     used = {name for package in PACKAGES for name, _ in imported(package)}
-    owners = packages_distributions()
+    owners = owners_of_names()
     owned = {name_of(one) for name in used for one in (name, *owners.get(name, ()))}
     assert sorted({name_of(wanted) for wanted in PROJECT["dependencies"]} - owned) == []
 

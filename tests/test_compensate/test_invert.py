@@ -134,7 +134,7 @@ def test_the_input_itself_is_found_where_the_slope_is_not_zero(problem: Problem)
     assert np.abs(found - u)[steep & far].max() <= 1e-7 * np.ptp(u)
 
 
-@every
+@pytest.mark.parametrize("problem", kinds_often(INVERTIBLE), ids=lambda p: p.name)
 @settings(max_examples=4)
 @given(seed=seeds, data=st.data())
 def test_drawn_histories_with_ties_and_plateaus(problem: Problem, seed: int, data: st.DataObject):

@@ -99,15 +99,6 @@ def test_every_model_is_at_hysid():
     assert all(getattr(hysid, name) is not None for name in dir(hysid))
 
 
-def test_a_report_is_one_file(tmp_path: Path):
-    fit = hysid.fit(U, Y, **HOW)
-    file = hysid.report(fit, tmp_path / "out.html")
-    page = file.read_text("utf-8")
-    assert "LinearSponge" in page
-    assert str(tmp_path) not in page
-    assert [x.name for x in tmp_path.iterdir()] == ["out.html"]
-
-
 def test_the_first_call_works_and_leaves_the_precision_of_jax():
     code = (
         "import hysid, jax.numpy\n"
@@ -150,6 +141,7 @@ def _used(folder: Path, name: str) -> dict[str, Any]:
     }  # fmt: skip
 
 
+@pytest.mark.thorough
 def test_what_is_made_of_a_fit_is_the_same_in_single_precision(tmp_path: Path):
     double = _used(tmp_path, "Preisach")
     with jax.enable_x64(False):

@@ -49,8 +49,6 @@ WITH_LAWS = [problem for problem in PROBLEMS if _has_tree(problem.model())]
 FORWARDS = [p for p in WITH_LAWS if p.model().tree()["kind"] != "oscillator"]
 INVERTED = [p for p in WITH_LAWS if not p.tags & {"no-inverse"}]
 
-each_forwards = pytest.mark.parametrize("problem", FORWARDS, ids=lambda p: p.name)
-
 COMPILED = ("sum", "bouc-wen", "series")
 """Of every run: compiling all takes minutes."""
 
@@ -150,7 +148,7 @@ def test_nodes_within_nodes_are_put_together_alike(shape: Any):
             assert over_time.find(own, u, dt).status[-1] == node.status()
 
 
-@each_forwards
+@some_compiled(FORWARDS)
 @pytest.mark.usefixtures("interpreted")
 def test_plain_python_goes_on_where_it_was(problem: Problem):
     """From the numbers after any sample, as from the state itself."""
@@ -179,7 +177,7 @@ def test_sequences_begin_in_the_first_state(
     np.testing.assert_array_equal(again, late)
 
 
-@each_forwards
+@some_compiled(FORWARDS)
 @pytest.mark.usefixtures("interpreted")
 def test_a_look_is_the_output_from_the_state_before(problem: Problem):
     own, (u, dt), k = numbers(problem.model()), history(problem), 20
@@ -247,7 +245,7 @@ def _plays(theta: Any) -> PrandtlIshlinskii:
 THETA = np.array([0.1, 0.4, 0.3, 0.2, 1.0])
 
 
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", rest_thorough([0, 1], 1))
 def test_inside_programs_of_jax_it_is_the_same(seed: int):
     rng = np.random.default_rng(seed)
     u, none, theta = rng.normal(size=20), np.zeros(20), jnp.asarray(THETA)
@@ -292,6 +290,7 @@ print(sum(loop.stats.cache_hits.values()))
 """
 
 
+@pytest.mark.thorough
 def test_another_process_finds_what_was_compiled(tmp_path: Path):
     pytest.importorskip("numba")
     environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path)}
@@ -337,6 +336,7 @@ with ThreadPoolExecutor(8) as pool:
 """
 
 
+@pytest.mark.thorough
 def test_several_threads_may_read_laws():
     """Two threads of the search for plays did so first, and failed now and then."""
     subprocess.run([sys.executable, "-c", READING], check=True)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from hysteresis import Record
 from identify.baselines._contract import scored
-from identify.baselines._curves import MonotoneBaseline, isotonic, replay
+from identify.baselines._curves import MonotoneBaseline, replay
 from identify.baselines._holds import of_holds
 from identify.baselines._input_memory import branches_of, directions, lags, slow_states, stops
 from identify.baselines._linear import constant, cubic_per_branch, ridges, straight_line
@@ -85,16 +85,6 @@ def test_a_monotone_curve_follows_the_output_up_or_down(sign):
     assert (sign * np.diff(y) >= 0).all()
     assert y[:15] == pytest.approx(y[0])  # held beyond the trained inputs
     assert np.sqrt(np.mean((curve.predicted(seen, fitted) - output) ** 2)) < 0.02
-
-
-@given(st.lists(st.floats(-5, 5), min_size=1, max_size=30))
-def test_isotonic_values_are_the_nearest_that_rise(values):
-    """Their order, their mean, and the optimality of a projection on a cone: (y - x) x = 0."""
-    y = np.array(values)
-    x = isotonic(y, np.ones(len(y)))
-    assert (np.diff(x) >= 0).all()
-    assert x.mean() == pytest.approx(y.mean(), abs=1e-9)
-    assert (y - x) @ x == pytest.approx(0, abs=1e-8)
 
 
 def test_ridge_beats_a_line_on_a_play():
@@ -177,15 +167,3 @@ def test_a_condition_may_change_the_size_of_an_effect():
         for c in ((), ("heat",))
     )
     assert both < 0.05 * alone
-
-
-def test_together_they_take_no_time():
-    """A hundredth of a second each, 1,000 rows; a second for all is the promise, with room to spare."""
-    import time
-
-    t = np.linspace(0, 20, 1000)
-    u = 5 * np.sin(t) + np.sin(3 * t)
-    made = Record.from_arrays(u, u + play(u, 1.0), t)
-    begin = time.process_time()
-    baselines_of(made, parts(made), None)
-    assert time.process_time() - begin < 2.0

@@ -14,6 +14,7 @@ from identify import load as load_fit
 from identify.linear._channel_map_fit import fit_channel_map
 from identify.records._channel_map import combine
 from identify.records._folds import as_good
+from tests.thorough import rest_thorough
 
 CYCLES, SAMPLES = 6, 60
 CHANNELS = {"rises": "mT", "falls": "V", "bends": "1"}
@@ -73,7 +74,7 @@ def test_the_order_of_channels_does_not_matter():
     np.testing.assert_allclose(other.values[::-1], one.values, atol=1e-6)
 
 
-@pytest.mark.parametrize("runs", [1, 3])
+@pytest.mark.parametrize("runs", rest_thorough([3, 1], 1))
 def test_a_channel_that_lags_and_creeps_has_a_memory(runs: int, tmp_path: Path):
     names = ("creeps", "rises", "falls")
     record = rig(runs=runs, names=names, more={"creeps": np.zeros(runs * len(rig()))})

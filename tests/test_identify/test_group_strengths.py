@@ -47,20 +47,6 @@ def test_the_gradient_is_that_of_differences(seed: int, logs: list[float]):
     np.testing.assert_allclose(slope, expected, atol=1e-4 * max(1.0, abs(value)))
 
 
-def test_groups_that_tell_nothing_are_weak():
-    for seed in range(5):
-        line, curve, noise = searched(seed)[1].logs
-        assert noise < min(line, curve) - 2
-
-
-def test_weights_of_columns_are_those_of_the_turned_ones():
-    columns, strengths, X, y = searched(0)
-    unknowns = strengths.solution(range(PARTS))
-    weights, offset = columns.weights(unknowns)
-    np.testing.assert_allclose(X @ weights + offset, columns.whitened @ unknowns, atol=1e-9)
-    assert np.std(X @ weights + offset - y) < 0.1
-
-
 def test_a_column_that_never_changes_has_no_weight():
     X, y, groups, part = problem(3)
     X[:, 4] = 7.0

@@ -35,6 +35,7 @@ def test_a_difference_is_that_of_welch_and_clear_where_it_is_large():
     assert row.needed <= 4 < found["energy lost"].needed
 
 
+@pytest.mark.thorough
 def test_equal_groups_are_seldom_called_different():
     clear = [
         any(row.clear for row in compare_loops(group(2 * k, 5, 3.0), group(2 * k + 1, 5, 3.0)))

@@ -6,9 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hysteresis import Burgers, LinearSponge, Record
+from hysteresis import Burgers, Record
 from identify import estimate_noise, metrics
-from identify.noise import _residual_statistics
 from identify.parameters._transform import Transform, transform
 from identify.records._folds import parts, thinned
 
@@ -37,16 +36,6 @@ def test_values_stay_inside_their_bounds(z: float) -> None:
     assert d == pytest.approx(3 * z, abs=1e-300)  # XLA flushes denormals to zero
 
 
-def test_slope_against_the_derivative() -> None:
-    bounds = Transform(("a", "b"), (0.0, -np.inf), (np.inf, np.inf), 3.0)
-    # Central differences with h = 1e-6: h^2/6 of the third derivative, 1e-10 by rounding.
-    np.testing.assert_allclose(bounds.slope(np.array([1.0, 1.0])), [np.e, 3.0], rtol=1e-8)
-
-
-def test_fixed_parameters_do_not_move() -> None:
-    assert transform(LinearSponge(1.0, 0.0, 1.5), 1.0).names == ("K", "b")
-
-
 def test_white_noise_counts_in_full() -> None:
     residuals = np.random.default_rng(0).normal(0, 2.0, 20_000)
     noise = estimate_noise([residuals])
@@ -70,21 +59,6 @@ def test_coloured_noise_counts_for_less(phi: float) -> None:
     # Sokal's window of five times tau cuts off exp(-5) of the sum and leaves 3 % of statistics.
     assert noise.correlation_time == pytest.approx((1 + phi) / (1 - phi), rel=0.08)
     assert noise.effective == pytest.approx(160_000 * (1 - phi) / (1 + phi), rel=0.08)
-
-
-@pytest.mark.parametrize("rows", [17, 64, 65, 1001])
-def test_blocks_of_a_long_sequence_give_the_same_sums(
-    rows: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(_residual_statistics, "WHOLE", 16)
-    r, found = np.random.default_rng(2).normal(size=rows), np.zeros(rows)
-    _residual_statistics._add_autocovariance(found, r)
-    np.testing.assert_allclose(found, np.correlate(r, r, "full")[rows - 1 :], atol=1e-10)
-
-
-def test_a_constant_error_is_one_fact_not_many() -> None:
-    noise = estimate_noise([np.ones(1000)], parameters=3)
-    assert noise.effective == pytest.approx(4)
 
 
 def test_figures_by_hand() -> None:

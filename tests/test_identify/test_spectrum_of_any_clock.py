@@ -47,6 +47,7 @@ def test_storage_alone_is_enough():
     np.testing.assert_allclose(found.model.tau, SOLID.tau, rtol=1e-3)
 
 
+@pytest.mark.thorough
 @settings(max_examples=15, deadline=None)
 @given(
     st.lists(st.tuples(st.floats(-2, 3), st.floats(0.1, 10)), min_size=1, max_size=6),
@@ -207,6 +208,7 @@ def test_a_public_master_curve(measured_data: Path):
     assert found.order < 4 * np.log10(t[-1] / t[0])
 
 
+@pytest.mark.thorough
 def test_public_moduli_contradict_each_other(measured_data: Path):
     """The freest non-negative spectrum leaves 1.39 % of the storage moduli alone."""
     f, storage, loss = measured(measured_data, "freq_user_master.csv").T
@@ -216,6 +218,7 @@ def test_public_moduli_contradict_each_other(measured_data: Path):
     assert any("contradict" in note for note in both.notes)
 
 
+@pytest.mark.thorough
 def test_public_shift_factors(measured_data: Path):
     """Raw rows at 21 temperatures: published factors are met within the errors told here."""
     rows = measured(measured_data, "time_user_raw.csv")

@@ -6,12 +6,9 @@ import jax.numpy as jnp
 import numpy as np
 import optax
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from hysteresis import InputError
 from identify import train
-from identify.training._shuffle import shuffled
 
 X = np.linspace(-1, 1, 200)
 DATA = (X, 0.5 + 2.0 * X)
@@ -38,21 +35,6 @@ def line(rough: float = 0.0) -> Line:
 
 def squares(module: Line, rows: tuple[jax.Array, jax.Array], key: jax.Array) -> jax.Array:
     return jnp.mean((module(rows[0], key) - rows[1]) ** 2)
-
-
-@given(st.sampled_from([1, 2, 3, 64, 65, 1000]), st.integers(0, 2**31 - 1))
-def test_every_row_comes_once(rows: int, seed: int):
-    order = np.asarray(shuffled(jax.random.key(seed), rows))
-    assert (np.sort(order) == np.arange(rows)).all()
-
-
-def test_the_order_is_even():
-    """Row i comes at place j once in 50 times; the sum of squares is chi-squared with 49^2 degrees."""
-    keys = jax.random.split(jax.random.key(1), 4000)
-    orders = np.asarray(jax.vmap(lambda key: shuffled(key, 50))(keys))
-    counts = np.stack([(orders == k).sum(0) for k in range(50)])
-    statistic = ((counts - 80.0) ** 2 / 80).sum()
-    assert abs(statistic - 49**2) < 5 * np.sqrt(2) * 49
 
 
 def test_a_line_is_learnt_and_the_best_kept():

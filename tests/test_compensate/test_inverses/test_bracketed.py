@@ -77,6 +77,7 @@ def test_out_of_reach_and_invalid_samples():
     np.testing.assert_allclose(found.value, [LOW, 0.4, HIGH, HIGH, LOW, LOW, 0.4], atol=1e-12)
 
 
+@pytest.mark.thorough
 def test_the_state_may_be_carried():
     model = Preisach(WIDE)
     compensator, u = invert(model), drawn()[0]

@@ -4,7 +4,7 @@ import sys
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from compensate.microchannel import Confusion, Localizer, PlaceStatus
@@ -70,17 +70,6 @@ def test_probabilities_are_the_frequencies():
     )
 
 
-def test_scatter_is_the_placement_s_without_the_noise():
-    """W = 2 x 0.066^2 in z = (ln V1 - ln V2)/sqrt(2), although light presses add noise of their own."""
-    many = Localizer.train(ASKED.reading, ASKED.location, noise=0.02).clouds
-    np.testing.assert_allclose(many.scatter[:, 0, 0], 2 * 0.066**2, rtol=0.09)  # 4 sqrt(2/4000)
-    S = np.array(RIG.sensitivity)
-    expected = np.log(S[0] / S[1]) / np.sqrt(2)
-    np.testing.assert_allclose(many.mean[:, 0], expected, atol=4 * 0.1 / np.sqrt(4000))
-    noisy = Localizer.train(ASKED.reading, ASKED.location).clouds
-    assert np.all(noisy.scatter > many.scatter)
-
-
 def test_training_counts_are_no_priors_unless_told():
     few = RIG.finger_presses([2000, 2000, 2000, 20, 2000], session=5)
     equal = Localizer.train(few.reading, few.location, noise=0.02)
@@ -97,16 +86,6 @@ def test_training_counts_are_no_priors_unless_told():
     assert found(equal) > 0.75
     assert found(votes) < 0.25
     assert found(counted) < found(equal) - 0.2
-
-
-@settings(max_examples=6)
-@given(st.floats(0.2, 5), st.integers(0, 19_999))
-def test_place_does_not_depend_on_the_unit(factor, row):
-    press = ASKED.reading[row : row + 1]
-    in_units = Localizer.train(factor * KNOWN.reading, KNOWN.location, noise=factor * 0.02)
-    one, other = GAUSSIAN.locate(press), in_units.locate(factor * press)
-    np.testing.assert_allclose(one.probability, other.probability, atol=1e-9)
-    np.testing.assert_array_equal(one.status, other.status)
 
 
 def test_what_was_never_seen_is_rejected():

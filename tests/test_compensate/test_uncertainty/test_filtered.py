@@ -6,8 +6,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from compensate import DeadBandCompensator, EnsembleCompensator, FilteredCompensator, Status, invert
 from compensate.uncertainty import _filtered
@@ -19,8 +17,7 @@ from hysteresis import (
     Preisach,
 )
 from hysteresis.preisach import GridDensity
-from hysteresis.running import _over_time as over_time
-from tests.problems import HIGH, LOW, PROBLEMS, SAMPLES, clock, histories, random_histories, without
+from tests.problems import HIGH, LOW, SAMPLES, clock, random_histories, without
 from tests.thorough import rest_thorough
 
 CELLS = 12
@@ -78,24 +75,6 @@ def test_without_noise_it_is_the_raw_inverse(model: AbstractModel):
     assert set(np.unique(estimate.status).tolist()) <= {Status.OK, Status.FLAT}
 
 
-@pytest.mark.parametrize(
-    "problem",
-    rest_thorough(
-        [p for p in PROBLEMS if p.name in ("sponge", "burgers-leading-constant", "preisach-up")], 2
-    ),
-    ids=lambda p: p.name,
-)
-@settings(max_examples=10)
-@given(data=st.data())
-def test_a_dead_band_of_no_width_is_the_inner_inverse(problem: Any, data: st.DataObject):
-    model, t = problem.model(), jnp.asarray(clock(0))
-    u = data.draw(histories(problem.low, problem.high), "u")
-    y = model.simulate(t, u)
-    inner = invert(model)
-    found = DeadBandCompensator(inner, 0.0).simulate(t, y)
-    np.testing.assert_array_equal(found.value, inner.simulate(t, y).value)
-
-
 def test_a_dead_band_lags_by_its_width_over_the_slope():
     model = LinearSponge(K=2.0, b=1.0, threshold=0.0)
     u = np.concatenate([np.linspace(1, 5, 41), np.linspace(5, 2, 31)])
@@ -148,18 +127,6 @@ def test_a_stream_equals_the_batch_and_holes_leave_no_trace(model: AbstractModel
         state, _ = step(state, t[k], jnp.asarray(broken[k]))
     rest = compensator.simulate(t[half:], broken[half:], state)
     np.testing.assert_allclose(rest.value, whole.value[half:], rtol=0, atol=1e-9)
-
-
-def test_compiled_it_is_the_same_to_the_last_bit(monkeypatch: pytest.MonkeyPatch):
-    compensator = FilteredCompensator(LinearSponge(2.0, 1.0, 0.5), 0.05, 0.02, by_time=True)
-    t, y, _ = noisy(LinearSponge(2.0, 1.0, 0.5), walk(0.05, SAMPLES, 2))
-    y[3] = np.nan
-    each = []
-    for seconds in (np.inf, 0.0):
-        monkeypatch.setattr(over_time, "COMPILING", dict.fromkeys(over_time.COMPILING, seconds))
-        each.append(compensator.simulate(t, y))
-    for a, b in zip(each[0][:3], each[1][:3], strict=True):
-        np.testing.assert_array_equal(a, b)
 
 
 def test_a_model_without_laws_is_filtered_step_by_step(monkeypatch: pytest.MonkeyPatch):

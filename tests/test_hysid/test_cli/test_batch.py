@@ -24,6 +24,7 @@ from tests.test_hysid.command import (
     sponge,
     text,
 )
+from tests.thorough import rest_thorough
 
 CONFIG = f"""
 [selection]
@@ -199,7 +200,7 @@ with _pool(1) as pool:
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals")
-@pytest.mark.parametrize("number", ["SIGTERM", "SIGKILL"])
+@pytest.mark.parametrize("number", rest_thorough(["SIGKILL", "SIGTERM"], 1))
 def test_no_worker_outlives_its_batch(number):
     started = [sys.executable, "-c", STARTS_A_WORKER]
     silent = subprocess.DEVNULL

@@ -74,6 +74,7 @@ def test_a_condition_beyond_the_trained_ones_is_flagged(folder, fitted):
         assert found["flagged"] == found["rows"] == ROWS
 
 
+@pytest.mark.thorough
 def test_the_report_names_the_condition(folder, fitted):
     assert run("report", folder / "out").code == 0
     page = (folder / "out" / "report.html").read_text("utf-8")

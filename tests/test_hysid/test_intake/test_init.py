@@ -14,11 +14,8 @@ from hypothesis import strategies as st
 from hysid.cli._app import app
 from hysid.cli._config_file import options_of
 from hysid.intake._init import init
-from hysid.intake.guess._column_pairs import leftover, rank_correlation
 from hysid.intake.guess._hold_out import hold_out
-from hysid.intake.guess._quantities import kind_of, words_of
 from hysteresis import InputError, read_table
-from hysteresis.records._compiled_rows import CompiledRows
 from tests.test_hysid.command import F, Result, T, X, put, refused, run, sponge, text
 from tests.thorough import rest_thorough
 
@@ -381,26 +378,6 @@ def test_odd_names_survive_the_file():
     assert json.loads(json.dumps(found))["selection"]["input"] == name
 
 
-def test_words_and_kinds():
-    assert words_of("Prüfzeit_Kanal1 (s)") == ["pruefzeit", "kanal", "1"]
-    assert words_of("loadCell") == ["load", "cell"]
-    assert kind_of("force (N)", "N").sure == 1.0
-    assert kind_of("sigma_current_A", "A").name == "aside"
-    assert kind_of("Sigma_true", "1").name == "stress"
-    assert kind_of("target force (N)", "N").commanded
-    assert kind_of("s07", "1").name == "sensor"
-
-
-def test_how_far_one_follows_the_other():
-    x = np.linspace(-1, 1, 200)
-    assert rank_correlation(x, x**3) == pytest.approx(1)
-    assert rank_correlation(x, np.zeros(200)) == 0
-    # A curve with a flat part is a function one way, and none the other.
-    y = np.maximum(x, 0)
-    up = np.ones(200)
-    assert leftover(x, y, up) < 0.01 < leftover(y, x, up)
-
-
 @pytest.mark.parametrize(
     ("file", "pair"),
     rest_thorough(
@@ -494,15 +471,3 @@ def test_moduli_over_frequency_have_no_roles(names: tuple[str, str]):
     found = guessed(text(rows, ("f (Hz)", *(f"{name} (MPa)" for name in names))))
     assert "input" not in found["selection"]
     assert "storage and loss modulus" in found["no_roles"]
-
-
-def test_text_of_a_large_table_is_read_a_few_times(monkeypatch):
-    """Cells of numbers are not kept as text: each look at them reads the file anew."""
-    looks, words = [], CompiledRows.words
-    monkeypatch.setattr(CompiledRows, "words", lambda *a: looks.append(a) or words(*a))
-    t = np.linspace(0, 60 * np.pi, 5000)
-    lines = [f"{k},{a:.5f},{0.4 * a + 0.1 * b:.6f}\n" for k in (1, 2, 3)
-             for a, b in zip(k * np.sin(t), np.cos(t), strict=True)]  # fmt: skip
-    found = guessed("specimen,force (kN),displacement (mm)\n" + "".join(lines))
-    assert found["selection"]["each"] == "specimen"
-    assert 0 < len(looks) < 40

@@ -211,26 +211,6 @@ def test_headings_and_regions_lead_a_screen_reader(page: Page):
     assert len(set(regions)) == len(regions)
 
 
-def test_hostile_names_are_only_text(tmp_path: Path):
-    """In a report of another model than Preisach's, on arrays."""
-    hostile = '<script>alert("$x^{2$")</script>'
-    u = np.tile(np.r_[0:10, 10:0:-1], 3).astype(float)
-    record = Record.from_arrays(
-        u, 2 * u + 1, np.arange(len(u)), input_name=hostile, output_name="力 & <b>", input_unit="N",
-        source="<img src=x onerror=alert(1)>.csv",
-    )  # fmt: skip
-    found = fit(record, "LinearSponge", test_cycles=1, noise="gaussian", starts=2)
-    told: list[tuple[int, int, str]] = []
-    page = Page(write_report(save(found, tmp_path), tell=lambda *said: told.append(said)))
-    assert [done for done, _, _ in told] == list(range(1, told[0][1] + 1))
-    assert all(title in page.text for _, _, title in told)
-    assert "threshold" in page.text
-    assert not page.all("script")
-    assert not page.all("b")
-    assert len(page.all("img")) == len([a for a in page.all("img") if a["src"].startswith("data:")])
-    assert hostile in page.text
-
-
 def test_a_folder_at_fault_is_named(tmp_path: Path, preisach: Path):
     with pytest.raises(InputError, match="file-not-found"):
         write_report(tmp_path)

@@ -112,6 +112,7 @@ def test_a_sensor_is_learnt_and_judged(trained: Trained):
         assert (trained.out / name).read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.thorough
 def test_the_examples_of_its_help_run(trained: Trained, tmp_path: Path, monkeypatch: Any):
     monkeypatch.chdir(tmp_path)
     one = [[f"{0.05 * k:.2f}", *row[1:]] for k, row in enumerate(presses("ACEACE", seed=2))]

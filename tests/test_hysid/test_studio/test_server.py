@@ -54,6 +54,7 @@ def test_a_wrong_request_is_answered_with_words(fitted):
     assert found.statuses[400] > found.statuses[200] > 10  # some are good all the same
 
 
+@pytest.mark.thorough
 def test_changes_at_the_same_time_all_arrive(folder):
     with serving([folder]) as ready:
         secret = entered(ready.address)

@@ -43,7 +43,7 @@ def with_shape(n: float, ratio: float) -> BoucWen:
     return BoucWen(2.0, 0.2, 0.5, n, ratio, 0.1)
 
 
-@pytest.mark.parametrize("ratio", rest_thorough([-0.5, 0.3, 0.0, 1.0], 2))
+@pytest.mark.parametrize("ratio", rest_thorough([-0.5, 0.3, 0.0, 1.0], 1))
 @pytest.mark.parametrize("n", rest_thorough([1.5, 1.0, 3.0], 1))
 def test_against_a_stiff_solver(n: float, ratio: float):
     """The equation as it stands in the literature, along a path with minor loops."""
@@ -93,18 +93,6 @@ def test_against_closed_forms(ratio: float):
     np.testing.assert_allclose(after(with_shape(2.0, ratio), w, way), two, rtol=0, atol=1e-13)
 
 
-@given(seed=seeds, w=st.floats(-1, 1), way=st.floats(0, 20), cut=st.floats(0, 1))
-def test_a_way_in_two_parts_is_the_way(seed: int, w: float, way: float, cut: float):
-    """The number of samples does not matter: a law to rounding, whatever the quadrature's error."""
-    model = drawn(seed)
-    whole = after(model, np.array([w]), np.array([way]))
-    half = after(model, np.array([w]), np.array([cut * way]))
-    # Roundings of 1 in w are e^v in v, which nothing sees; 1e-12 is for q up to 19.
-    np.testing.assert_allclose(
-        after(model, half, np.array([way - cut * way])), whole, rtol=0, atol=1e-12
-    )
-
-
 @given(seed=seeds, u=histories(-3.0, 3.0))
 def test_bounded_and_rising(seed: int, u: np.ndarray):
     model = drawn(seed)
@@ -132,13 +120,6 @@ def test_the_yielding_spring_gives_back_no_more_than_it_stores(seed: int, u: np.
     z, middle = z[::2], z[1::2]
     work = np.cumsum(np.diff(u) * middle)
     assert np.all(work >= (z[1:] ** 2 - z[0] ** 2) / 2 - 1e-13)
-
-
-@given(u=histories(-2.0, 2.0))
-def test_the_path_alone_counts(u: np.ndarray):
-    model = with_shape(1.7, 0.3)
-    dense = np.interp(np.linspace(0, SAMPLES - 1, 10 * (SAMPLES - 1) + 1), np.arange(SAMPLES), u)
-    np.testing.assert_allclose(simulate(model, dense)[::10], simulate(model, u), atol=1e-12)
 
 
 def test_gradients_stay_finite_at_saturation_and_at_rest():

@@ -26,7 +26,7 @@ CASES = rest_thorough([
     model(initial=(0.7, 0.2, 0.5)), model(nodes=UNEVEN), Sum([model(), model(True)]),
     Scaled(model(), -2.0, 1.0), Series([MonotoneCurve.even(0.0, 1.0, np.array([0.2, 0.8])), model()]),
     model(), model(True), model(initial="positive"), model(initial="demagnetised"),
-], 5)  # fmt: skip
+], 3)  # fmt: skip
 
 
 @pytest.mark.parametrize("case", CASES)

@@ -128,56 +128,7 @@ def test_area_of_a_loop(seed: int, leading: bool, size: float):
     assert abs(area - wanted) <= 8 * rounding(model) * HIGH
 
 
-@given(seed=seeds, bent=flags)
-def test_branches_double_the_initial_curve(seed: int, bent: bool):
-    """Masing's rule, before the output is bent: f(u) from rest, then f(A) - 2 f((A - u) / 2)."""
-    model = draw(seed)
-    top, depth = 2.5, np.linspace(0, 1, 50)
-    first = output(model, top * depth) - float(model.offset)
-    down = output(model, np.append(top, top - 2 * top * depth))[1:] - float(model.offset)
-    np.testing.assert_allclose(down, first[-1] - 2 * first, rtol=0, atol=4 * rounding(model))
-
-
-@given(seed=seeds, u=paths, stretch=seeds, leading=flags, bent=flags)
-def test_rate_independent(seed: int, u: np.ndarray, stretch: int, leading: bool, bent: bool):
-    """Neither times nor how long the input rests at each value matter."""
-    model = draw(seed, leading, bent)
-    repeats = np.random.default_rng(stretch).multinomial(SAMPLES, np.full(SAMPLES, 1 / SAMPLES))
-    y = output(model, u)
-    slow = output(model, np.repeat(u, repeats + 1))[np.cumsum(repeats + 1) - 1]
-    np.testing.assert_allclose(slow, y, rtol=0, atol=rounding(model))
-    np.testing.assert_array_equal(output(model, u, clock(stretch)), y)
-
-
-@given(seed=seeds, past=histories(LOW, HIGH, 20), inside=histories(0.0, 1.0, 18), leading=flags)
-def test_return_point_memory(seed: int, past: np.ndarray, inside: np.ndarray, leading: bool):
-    """However the input moves between its last reversal and itself, coming back restores y."""
-    model = draw(seed, leading, bent=True)
-    x = past[-1]
-    y = output(model, np.concatenate([past, [LOW, x], LOW + inside * (x - LOW), [x]]))
-    np.testing.assert_allclose(y[-1], y[len(past) + 1], rtol=0, atol=2 * rounding(model))
-
-
 limits = st.tuples(st.floats(LOW, HIGH), st.floats(LOW, HIGH)).map(sorted)
-
-
-@given(seed=seeds, one=histories(LOW, HIGH, 12), other=histories(LOW, HIGH, 12), between=limits)
-def test_minor_loops_are_congruent_before_the_output_is_bent(
-    seed: int, one: np.ndarray, other: np.ndarray, between: list[float]
-):
-    model, (low, high), shapes = draw(seed), between, []
-    loop = np.interp(np.linspace(0, 2, 27), range(3), [low, high, low])
-    for past in (one, other):
-        y = output(model, np.concatenate([past, [low, high], loop]))[len(past) + 2 :]
-        shapes.append(y - y[0])
-    np.testing.assert_allclose(*shapes, rtol=0, atol=2 * rounding(model))
-
-
-@given(seed=seeds, u=paths, leading=flags, bent=flags)
-def test_output_rises_with_the_input(seed: int, u: np.ndarray, leading: bool, bent: bool):
-    model = draw(seed, leading, bent)
-    y = output(model, u)
-    assert np.all(np.diff(y) * np.sign(np.diff(u)) >= -rounding(model))
 
 
 def test_only_the_speed_before_a_sample_widens_its_plays():

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from jax import export
 
-from hysteresis.preisach import GridDensity, MemoryTree, Preisach, memory_tree
+from hysteresis.preisach import MemoryTree, memory_tree
 from hysteresis.preisach._traced_memory import traced_tree
 from tests.problems import SAMPLES, histories
 
@@ -66,18 +66,6 @@ def path_of(u: Any) -> np.ndarray:
 ROUNDING = 1e-13
 
 
-@settings(max_examples=300)
-@given(histories_here)
-def test_anchors_are_the_stack_s(u: np.ndarray):
-    path = path_of(u)
-    tree, stack = memory_tree(path), stack_loop(path)
-    # A plateau has many samples of one value; which of them the anchor is does not matter.
-    moved = path != path[tree.node[tree.anchor]]
-    np.testing.assert_array_equal(path[tree.node[tree.anchor]][moved], stack.anchor[moved])
-    np.testing.assert_array_equal(tree.rising[tree.anchor][moved], stack.rising[moved])
-    np.testing.assert_allclose(from_tree(path, tree), stack.output, rtol=0, atol=ROUNDING)
-
-
 @pytest.mark.parametrize(
     "u",
     [
@@ -102,23 +90,6 @@ def test_by_hand(u: list[float]):
     )
 
 
-@given(histories_here)
-def test_a_tree_is_well_formed(u: np.ndarray):
-    tree = memory_tree(path_of(u))
-    anchors = np.arange(len(tree.node))
-    assert tree.parent[0] == 0
-    assert np.all(tree.parent[1:] < anchors[1:])
-    np.testing.assert_array_equal(tree.event[tree.position], anchors)
-    # Pushed once each, and popped at most once, after that: every event is one of the two.
-    top = tree.event[tree.event >= len(anchors)] - len(anchors)
-    popped = np.concatenate([top, tree.parent[top]])
-    assert len(np.unique(popped)) == len(popped)
-    assert len(tree.event) == len(anchors) + len(top)
-    event = np.flatnonzero(tree.event >= len(anchors))
-    assert np.all(tree.position[top] < event)
-    assert np.all(tree.position[tree.parent[top]] < event)
-
-
 @given(histories_here, st.data())
 def test_a_closed_excursion_is_wiped_out(u: np.ndarray, data: st.DataObject):
     """From a sample back towards the branch's anchor and up to the sample again: nothing is left."""
@@ -130,33 +101,6 @@ def test_a_closed_excursion_is_wiped_out(u: np.ndarray, data: st.DataObject):
     longer = np.concatenate([path[: k + 1], [inside, path[k]], path[k + 1 :]])
     y = from_tree(longer, memory_tree(longer))
     np.testing.assert_allclose(np.delete(y, [k + 1, k + 2]), stack.output, rtol=0, atol=ROUNDING)
-
-
-@given(histories_here, st.lists(st.integers(0, 3), min_size=SAMPLES + 1, max_size=SAMPLES + 1))
-def test_repeated_samples_add_no_memory(u: np.ndarray, repeats: list[int]):
-    path = path_of(u)
-    counts = np.array(repeats) + 1
-    longer = np.repeat(path, counts)
-    first = np.cumsum(counts) - counts
-    y, wanted = (from_tree(p, memory_tree(p)) for p in (longer, path))
-    np.testing.assert_allclose(y[first], wanted, rtol=0, atol=ROUNDING)
-
-
-DENSER = 100
-model = Preisach(GridDensity(0.0, 1.0, np.tril(np.random.default_rng(0).random((9, 9)))))
-simulate = jax.jit(lambda u: model.simulate(None, u))
-
-
-@given(histories(0.0, 1.0, 12))
-def test_denser_sampling_gives_the_same_output(u: np.ndarray):
-    """A hundred samples on every branch: the same at the common ones, to 1e-12 of the range."""
-    share = np.arange(DENSER) / DENSER
-    low, high = np.minimum(u[:-1], u[1:])[:, None], np.maximum(u[:-1], u[1:])[:, None]
-    between = np.clip(u[:-1, None] + share * np.diff(u)[:, None], low, high)  # rounding kept inside
-    dense = np.append(between.ravel(), u[-1])
-    spread = 2 * float(model.density.weights.sum())  # pyright: ignore[reportAttributeAccessIssue]
-    got = np.asarray(simulate(dense))[::DENSER]
-    np.testing.assert_allclose(got, np.asarray(simulate(u)), rtol=0, atol=1e-12 * spread)
 
 
 def same_tree(path: np.ndarray, traced: MemoryTree) -> None:

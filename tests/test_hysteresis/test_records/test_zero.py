@@ -12,6 +12,7 @@ from hysteresis.records import _arrays
 from hysteresis.records._excitation import check_identifiable
 from hysteresis.records._turned import rezeroed
 from hysteresis.records._zero import lost_contact, zero_drift, zero_jumps
+from tests.thorough import rest_thorough
 
 ZEROS = {"zero-jump", "zero-moves", "lost-contact"}
 CYCLE = 100
@@ -165,7 +166,7 @@ SPECIMENS = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("specimen", SPECIMENS)
+@pytest.mark.parametrize("specimen", rest_thorough(SPECIMENS, 3))
 @given(SEEDS)
 def test_what_a_specimen_does_by_itself_is_no_change_of_the_zero(
     specimen: Callable[[np.ndarray, np.random.Generator], np.ndarray], seed: int

@@ -101,18 +101,6 @@ def test_loops_lag_and_rest_is_rest():
     assert np.all(np.diff(RIG.follow(np.full(20, 15.0))) > 0)  # creep
 
 
-def test_keeps_no_state():
-    np.testing.assert_array_equal(RIG.follow(CYCLE), RIG.follow(CYCLE))
-
-
-def test_record_is_laid_out_as_a_rig_would():
-    time, force, d, cycle = RIG.five_cycles(peak=10.0, step=2.5)
-    np.testing.assert_array_equal(time, 6.0 * np.arange(41))
-    np.testing.assert_array_equal(force[:9], [0, 2.5, 5, 7.5, 10, 7.5, 5, 2.5, 0])
-    np.testing.assert_array_equal(cycle[[0, 8, 9, 16, 17, 40]], [1, 1, 2, 2, 3, 5])
-    assert d[0] == 0
-
-
 def test_noise_is_the_seeds():
     quiet = RIG.five_cycles().displacement
     one = RIG.five_cycles(noise=0.05, seed=1).displacement

@@ -1,6 +1,5 @@
 """Changes and pooled specimens: p values are uniform, intervals hold what they say."""
 
-import emcee
 import numpy as np
 import pytest
 import scipy.stats
@@ -196,38 +195,6 @@ def test_pooling_agrees_with_quadrature() -> None:
 
 
 @pytest.mark.thorough
-def test_pooling_agrees_with_emcee_on_every_specimen() -> None:
-    """mu, log tau and each theta sampled as they stand, nothing integrated."""
-    z, sd = np.array([0.1, 0.4, 0.9]), np.array([0.1, 0.2, 0.1])
-
-    def log_probability(points: np.ndarray) -> np.ndarray:
-        mu, log_tau, away = points[:, 0], points[:, 1], points[:, 2:]
-        tau = np.exp(log_tau)
-        theta = mu[:, None] + tau[:, None] * away
-        squares = (((z - theta) / sd) ** 2).sum(1) + (away**2).sum(1)
-        return -squares / 2 + log_tau - np.log1p((tau / 0.5) ** 2)
-
-    random = np.random.default_rng(2)
-    sampler = emcee.EnsembleSampler(60, 5, log_probability, vectorize=True)
-    sampler.random_state = np.random.RandomState(0).get_state()
-    sampler.run_mcmc(random.normal([0.4, -1, 0, 0, 0], 0.3, (60, 5)), 5000)
-    chain = sampler.get_chain(discard=500, flat=True, thin=5)
-    assert chain is not None
-    lanes = np.broadcast_to(z[:, None], (16, 3, 1))
-    found = population_draws(lanes, sd[:, None, None] ** 2, np.array([0.5]), 1000, random)
-    theta = chain[:, :1] + np.exp(chain[:, 1:2]) * chain[:, 2:]
-    # emcee's autocorrelation time is about 60 steps: 60 x 4500 / 60 draws, 0.02 of a deviation.
-    for quantile in (0.1, 0.5, 0.9):
-        for mine, other in (
-            (found.mean, chain[:, 0]),
-            (np.log(found.tau), chain[:, 1]),
-            (found.specimens[:, :, 0], theta[:, 0]),
-            (found.specimens[:, :, 1], theta[:, 1]),
-        ):
-            a, b = np.quantile(mine, quantile), np.quantile(other, quantile)
-            assert a == pytest.approx(b, abs=0.15 * float(np.std(other)))
-
-
 @pytest.mark.parametrize(
     ("specimens", "draws"),
     rest_thorough([(3, 400), (5, 400), (30, 150)], 1),
@@ -254,6 +221,7 @@ def test_nine_intervals_in_ten_hold_the_population(specimens: int, draws: int) -
         assert 0.86 <= ((low < truth) & (truth < high)).mean() <= 0.94
 
 
+@pytest.mark.thorough
 def test_thirty_specimens_spread_as_der_simonian_and_laird_say() -> None:
     random = np.random.default_rng(8)
     sd = random.uniform(0.05, 0.2, 30)

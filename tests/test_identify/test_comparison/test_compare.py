@@ -84,6 +84,7 @@ def steep() -> tuple[FitResult, FitResult]:
     return line(train, test), line(train, test, slope=1.17)
 
 
+@pytest.mark.thorough
 def test_the_better_line_comes_first_whatever_the_order(steep, tmp_path) -> None:
     free, given = steep
     save(given, tmp_path / "given")

@@ -4,6 +4,7 @@ import csv
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from compensate import Status, invert
 from hysteresis import (
@@ -44,6 +45,7 @@ def columns(file: Path, *names: str) -> list[np.ndarray]:
     return [np.array([float(row[name]) for row in rows]) for name in names]
 
 
+@pytest.mark.thorough
 def test_foam_curve_is_recovered_from_afar(tmp_path: Path) -> None:
     truth = FoamCurve(1.0, 0.05, 0.2, 1.5, 5.0, 8.0, 0.8, 0.1, 0.3)
     u = np.concatenate([np.linspace(0.0, 22.0, 64), np.linspace(22.0, 0.0, 64)])
@@ -56,6 +58,7 @@ def test_foam_curve_is_recovered_from_afar(tmp_path: Path) -> None:
     np.testing.assert_array_equal(again.simulate(None, u), result.model.simulate(None, u))
 
 
+@pytest.mark.thorough
 def test_bouc_wen_is_recovered_from_afar(tmp_path: Path) -> None:
     truth = BoucWen(10.0, 0.2, 0.5, 1.5, 0.3, 1.0)
     turns = [0, 1, -1, 1.5, -1.5, 2, -2, 1, -0.5, 1.5, 0]

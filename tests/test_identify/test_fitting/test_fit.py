@@ -51,6 +51,7 @@ def test_the_simplest_has_the_fewest_parts_then_the_fewest_unknowns(sponge_fit: 
     assert parts == sorted(parts)
 
 
+@pytest.mark.thorough
 def test_burgers_agrees_with_lmfit() -> None:
     record, _ = creep_record(noise=0.01, seed=3)
     ours = fit(record, "Burgers", seed=0)

@@ -64,6 +64,7 @@ def test_half_a_cycle_and_earlier_specimens_tell_the_whole_loop() -> None:
     assert error(mixed(), NEW) < 0.3 * error(alone, NEW)
 
 
+@pytest.mark.thorough
 def test_many_cycles_are_ranked_like_every_model() -> None:
     unlike = pressed(0.3, 6.0, seed=8)  # no mixture of the others
     found = fit(unlike, "Composition", like=earlier())

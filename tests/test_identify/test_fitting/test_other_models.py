@@ -219,6 +219,7 @@ def test_a_model_of_another_distribution_is_imported_when_it_is_named(plugged: P
         find_model("broken")
 
 
+@pytest.mark.thorough
 def test_a_saved_fit_names_its_distribution(plugged: Path, tmp_path: Path):
     save(fit(record(), "Acme", **QUICK), tmp_path / "fit")
     script = "import jax, sys, identify; jax.config.update('jax_enable_x64', True); " + (

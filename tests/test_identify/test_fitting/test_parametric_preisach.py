@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from compensate import invert
 from hysteresis import Preisach, Record, StandardLinearSolid
 from hysteresis.preisach import GaussianDensity, GridDensity, SumDensity
 from identify import FitResult, Parametric, fit, load, save
@@ -37,7 +36,7 @@ def record_of(truth: Preisach, sign: float = 1.0) -> Record:
 
 @pytest.fixture(scope="module")
 def fitted() -> FitResult:
-    return fit(record_of(TRUTH), "gaussianpreisach", test_tail=0.2, noise="gaussian")
+    return fit(record_of(TRUTH), "gaussianpreisach", test_tail=0.2, noise="gaussian", starts=1)
 
 
 @pytest.mark.parametrize("leading", [False, True])
@@ -80,13 +79,11 @@ def test_the_density_of_a_record_is_found(fitted: FitResult):
     assert test.nrmse_percent < 0.2
 
 
-def test_it_is_kept_and_inverted(fitted: FitResult, tmp_path: Path):
+def test_it_is_kept(fitted: FitResult, tmp_path: Path):
     again = load(save(fitted, tmp_path / "fit"))
     u = minor_loops()
     y = np.asarray(again.model.simulate(None, u))
     np.testing.assert_array_equal(y, fitted.model.simulate(None, u))
-    back = invert(again.model).simulate(None, y)
-    np.testing.assert_allclose(np.asarray(back.value), u, atol=1e-8)
 
 
 def test_of_an_output_that_falls_the_negative_is_started():

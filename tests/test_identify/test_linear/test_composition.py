@@ -31,9 +31,8 @@ from identify.linear._composition_fit import (
 )
 from identify.linear._composition_lag import find_lag
 from identify.linear._composition_memory import memory_of
-from identify.linear._cross_validation import Choice
 from identify.linear._sliders import THRESHOLDS
-from identify.records._clocks import Clocks, interpolated, is_held, least_at, shifted
+from identify.records._clocks import Clocks, interpolated, is_held, shifted
 from identify.records._folds import parts
 from identify.records._relaxation_times import relaxation_times
 from identify.records._run_model import predict
@@ -99,6 +98,7 @@ def test_columns_times_unknowns_are_the_model(
     assert len(meaning.totals) == len(meaning.total_names)
 
 
+@pytest.mark.thorough
 def test_all_parts_but_the_strengths_rise_with_the_input():
     meaning = CompositionUnknowns(
         PARTS, 0.0, 1.0, 1.0, (0.1, 2.0), True, "negative", speed=0.3, step=0.1, duration=7.0
@@ -113,6 +113,7 @@ def test_all_parts_but_the_strengths_rise_with_the_input():
         state, _ = step(state, t[k], u[k])
 
 
+@pytest.mark.thorough
 def test_a_backlash_is_found_as_plays():
     """Of a width between two thresholds."""
 
@@ -132,6 +133,7 @@ def test_a_backlash_is_found_as_plays():
     assert np.sqrt(np.mean((found.predict(other) - other.output) ** 2)) < 0.006
 
 
+@pytest.mark.thorough
 def test_stops_that_are_the_same_everywhere_are_found_as_such():
     def slide(heights: tuple[float, ...]) -> Record:
         """Sliders beside a spring, over cycles of some heights."""
@@ -153,7 +155,8 @@ def test_stops_that_are_the_same_everywhere_are_found_as_such():
 
 
 @pytest.mark.parametrize(
-    ("heights", "told"), [((1, 0.6, 0.3, 0.8, 1, 0.5, 0.9, 0.4), True), ((1,) * 6, False)]
+    ("heights", "told"),
+    rest_thorough([((1, 0.6, 0.3, 0.8, 1, 0.5, 0.9, 0.4), True), ((1,) * 6, False)], 1),
 )
 def test_only_several_amplitudes_tell_what_the_place_changes(
     heights: tuple[float, ...], told: bool
@@ -197,7 +200,7 @@ def test_relaxing_branches_are_found_and_predict_other_histories():
     assert np.sqrt(np.mean((predicted - other.output) ** 2)) < 0.005 * np.ptp(other.output)
 
 
-@pytest.mark.parametrize("rest", [0.6, 0.0])
+@pytest.mark.parametrize("rest", rest_thorough([0.6, 0.0], 1))
 def test_branches_begin_where_they_are_relaxed(rest: float):
     """A record that starts in the middle of its range: after a rest there, or stretched at once."""
     curve, relaxing = branches().parts
@@ -308,17 +311,6 @@ def test_clocks_are_undone():
     assert shifted(data, 0.0) is data
 
 
-def test_least_at_finds_a_parabola():
-    lag, curvature = least_at(lambda x: 3 * (x - 0.37) ** 2 + 1, 0.1, 2.0)
-    assert lag == pytest.approx(0.37)
-    assert curvature == pytest.approx(6)
-
-
-def test_least_at_says_where_a_function_goes_on_falling():
-    assert least_at(lambda x: -x, 0.1, 1.0)[1] == 0
-    assert least_at(lambda x: 1 / (1 + np.exp(x)), 0.1, 1.0)[1] == 0  # curved at the end, too
-
-
 SLIDERS = PrandtlIshlinskii(np.array([0.05, 0.1, 0.2, 0.4, 0.8]), np.full(5, 0.05), slope=1.0)
 
 
@@ -334,6 +326,7 @@ def test_a_loop_of_one_frequency_is_no_lag():
     assert fit(Record.from_arrays(slid, u, t), "Composition", test_tail=0.3).clocks.lag == 0
 
 
+@pytest.mark.thorough
 def test_a_lag_is_told_from_sliders():
     t, u = walk()
     lag = 0.45  # of some 4.5 sampling steps
@@ -367,6 +360,7 @@ def test_the_fit_of_a_falling_output_is_the_negative_of_that_of_its_negative(nam
     )
 
 
+@pytest.mark.thorough
 def test_no_part_that_is_left_out_would_gain():
     """Sliders that lag, and a branch that leads: friction gains little before the sliders are there."""
     t, cycle = 0.01 * np.arange(2000), np.arange(2000) / 250
@@ -410,29 +404,3 @@ def test_weights_are_those_of_the_squared_errors(monkeypatch: pytest.MonkeyPatch
     final = Problem(data, cut, whole, weights=w).final(whole.parts)
     np.testing.assert_allclose(final.H, want, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(final.b, problem.A.T @ (squares * problem.y), rtol=1e-9, atol=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("least", "found", "tried"),
-    [(1e-3, 1e-3, 3), (1e-4, 1e-4, 4), (1e-5, 1e-5, 5), (1e-9, 1e-6, 5)],
-)
-def test_weaker_priors_are_tried_while_the_weakest_is_the_best(
-    least: float, found: float, tried: int
-):
-    """Held-out errors fall down to the strength `least` and grow beyond it; 1e-6 is the last."""
-    strengths: list[float] = []
-    data = record()
-
-    class Held(Problem):
-        def __init__(self, first: tuple[float, ...] = ()):
-            self.whole = unknowns_for(data, parts(data), "negative", (CURVE,))._replace(first=first)
-
-        def tried(self, some: tuple[str, ...], strength: float, folds: tuple = ()) -> Choice:
-            strengths.append(strength)
-            decades = np.log10(strength / least)
-            return Choice(self, strength, np.array([1.0, 1.1]) * (1 + decades**2), some)
-
-    chosen = best_prior(Held(), (CURVE,))
-    assert chosen.strength == pytest.approx(found)
-    assert len(strengths) == tried
-    assert best_prior(Held((1.0,)), (CURVE,)).strength == pytest.approx(max(found, 1e-4))

@@ -13,6 +13,7 @@ from identify import fit, fit_density, load, save, target
 from identify.linear._preisach_problem import PreisachProblem
 from identify.linear._preisach_unknowns import GridUnknowns, refined
 from identify.records._folds import Parts
+from tests.thorough import rest_thorough
 
 
 def walk(seed: int, turns: int = 40, samples: int = 800) -> np.ndarray:
@@ -59,7 +60,7 @@ def test_the_objective_is_that_of_scipy() -> None:
     )
 
 
-@pytest.mark.parametrize("strength", [1e-1, 1e-4])
+@pytest.mark.parametrize("strength", rest_thorough([1e-4, 1e-1], 1))
 def test_products_find_what_the_matrix_finds(
     strength: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -191,6 +192,7 @@ def test_a_parametric_density_is_fitted_and_has_a_posterior() -> None:
     assert best > float(aim.log_probability(aim.start.at[1].add(0.1)))
 
 
+@pytest.mark.thorough
 def test_a_sum_of_densities_is_saved_and_loaded(tmp_path: Path) -> None:
     parts = (GaussianDensity(0.0, 1.0, 1.0, 0.2, 0.1, 0.5, 0.1), GridDensity(0.2, 0.9, bump(4)))
     model = Preisach(SumDensity(parts), initial=(0.9, 0.1))

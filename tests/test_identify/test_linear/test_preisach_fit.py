@@ -17,7 +17,6 @@ from identify.linear import _preisach_design_matrix
 from identify.linear._preisach_design_matrix import NodeSpace, design_blocks, design_rows
 from identify.linear._preisach_fit import fit_preisach
 from identify.linear._preisach_normal_equations import normal_equations
-from identify.linear._preisach_problem import PreisachProblem
 from identify.linear._preisach_unknowns import GridUnknowns
 from identify.records._folds import parts
 
@@ -145,19 +144,6 @@ def test_slopes_are_those_of_the_model() -> None:
     along_columns = meaning.constraints @ z
     least = np.minimum(z[1 : 1 + n], along_columns) * n
     np.testing.assert_allclose(np.asarray(model.least_slope()), least, atol=1e-12)
-
-
-def test_the_minimum_does_not_depend_on_the_way_of_summing() -> None:
-    """Parts fitted together are the whole."""
-    u = history(5)
-    record = Record.from_arrays(u, np.sin(3 * u), groups=np.arange(len(u)) // 120)
-    cut = parts(record)
-    problem = PreisachProblem(record, cut, GridUnknowns(8, 0.0, 1.0, False, "negative", 1.0))
-    H, _ = problem.objective(cut.all, 1e-3)
-    one = parts(Record.from_arrays(u, np.sin(3 * u)))
-    assert H.shape == (problem.meaning.count,) * 2
-    assert np.linalg.eigvalsh(H).min() > 0
-    assert one.how != cut.how
 
 
 def test_cells_are_narrow_where_a_loop_is_steep(tmp_path: Path) -> None:

@@ -2,13 +2,12 @@
 
 import numpy as np
 import pytest
-import scipy.linalg
 
 from benchmarks._identification.sums import noisy, truth
 from identify import FitResult, fit
-from identify.linear._preisach_unknowns import NOT_SEPARABLE, SUMS, GridUnknowns
+from identify.linear._preisach_unknowns import SUMS, GridUnknowns
 from identify.linear._unknown_vectors import in_units
-from identify.noise._correlated_noise import noise_behind, spread_over_rows
+from identify.noise._correlated_noise import noise_behind
 
 
 def ar1(phi: float, rows: int, seed: int) -> np.ndarray:
@@ -30,15 +29,6 @@ def test_the_noise_is_found_behind_residuals_that_a_fit_has_smoothed() -> None:
     # Of 600 rows: phi is known to 0.04, sigma to 7 per cent.
     assert found.phi == pytest.approx(phi, abs=0.09)
     assert found.sigma == pytest.approx(2.0, rel=0.15)
-
-
-def test_the_spread_is_the_covariance_of_ar1_noise() -> None:
-    columns = np.random.default_rng(0).normal(size=(9, 3))
-    first = scipy.linalg.toeplitz(0.6 ** np.arange(5))
-    second = scipy.linalg.toeplitz(0.6 ** np.arange(4))
-    wanted = scipy.linalg.block_diag(first, second) @ columns
-    found = spread_over_rows(columns, 0.6, [slice(0, 5), slice(5, 9)])
-    np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize(("leading", "scale"), [(False, 2.0), (True, 2.0), (False, -2.0)])
@@ -71,25 +61,6 @@ def fits() -> list[tuple[dict[str, float], FitResult, FitResult]]:
         clean, rough = noisy(one, 0.0, random, 0.0), noisy(one, 0.7, random)
         found.append((one.sums, fit(clean, "Preisach"), fit(rough, "Preisach")))
     return found
-
-
-def test_without_noise_the_sums_are_right_and_the_shares_are_open(fits) -> None:
-    """Bias in parts of the error under noise: small for the sums; the shares need their ranges."""
-    bias: dict[str, list[float]] = {}
-    for sums, clean, rough in fits:
-        error = {p.name: p.stderr for p in rough.parameters if p.stderr is not None}
-        assert tuple(error) == SUMS
-        for p in clean.parameters:
-            if p.name in error:
-                bias.setdefault(p.name, []).append((p.value - sums[p.name]) / error[p.name])
-            else:
-                assert (p.status, p.stderr) == ("inseparable", None)
-                assert p.low is not None
-                assert p.high is not None
-                assert p.low <= sums[p.name] <= p.high
-    assert {p.name for p in fits[0][1].parameters} == {*SUMS, *NOT_SEPARABLE}
-    # Of five other truths, of 80 x 80 relays and more rows, the largest was 0.25.
-    assert max(abs(b) for of_sum in bias.values() for b in of_sum) < 1.0
 
 
 def test_under_noise_no_sum_is_far_from_the_truth(fits) -> None:

@@ -97,6 +97,7 @@ def test_a_rig_is_learnt_beyond_the_best_baseline(
     assert ("growth" in found.verdict.codes) == (rig is block)
 
 
+@pytest.mark.thorough
 def test_friction_is_sharp_where_the_input_moves_evenly():
     """Bristles bend within a step. A velocity smoothed over two steps errs three times as much."""
     rig = RIGS["slide with bristles"]
@@ -108,6 +109,7 @@ def test_friction_is_sharp_where_the_input_moves_evenly():
     assert found.verdict.level == "PASS"
 
 
+@pytest.mark.thorough
 def test_a_zero_that_warms_up_is_told_from_memory():
     """It explains the rows; the model is of the last state, and the verdict says what knows the trend."""
     rig = RIGS["warming load cell"]

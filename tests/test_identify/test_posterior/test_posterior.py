@@ -84,6 +84,13 @@ def test_resumed_chains_are_the_uninterrupted_ones(line_fit, tmp_path) -> None:
         np.testing.assert_array_equal(one, other)
 
 
+@pytest.fixture(scope="module")
+def kept(line_fit, tmp_path_factory) -> Path:
+    file = tmp_path_factory.mktemp("chains") / "chains.h5"
+    sample(line_fit, steps=20, checkpoint=file)
+    return file
+
+
 @pytest.mark.parametrize(
     ("what", "changed", "options"),
     [
@@ -106,13 +113,10 @@ def test_resumed_chains_are_the_uninterrupted_ones(line_fit, tmp_path) -> None:
     ids=lambda value: value if isinstance(value, str) else "",
 )
 def test_chains_are_only_gone_on_from_where_all_is_the_same(
-    line_fit, tmp_path, what, changed, options
+    line_fit, kept, what, changed, options
 ) -> None:
-    sample(line_fit, steps=20, checkpoint=tmp_path / "chains.h5")
     with pytest.raises(InputError, match=f"another {what}") as error:
-        sample(
-            changed(line_fit), steps=30, checkpoint=tmp_path / "chains.h5", resume=True, **options
-        )
+        sample(changed(line_fit), steps=30, checkpoint=kept, resume=True, **options)
     assert error.value.code == "other-checkpoint"
 
 
