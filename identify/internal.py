@@ -9,7 +9,6 @@ from hysteresis._format import plain as plain
 from .baselines._backwards import backwards as backwards
 from .files._fit_folder import read_document as read_document
 from .files._fit_folder import read_fit as read_fit
-from .files._fit_folder import replace_fits as replace_fits
 from .files._fit_folder import residuals_of_all as residuals_of_all
 from .files._fit_folder import to_json as to_json
 from .files._fit_folder import write_fit as write_fit

@@ -1,5 +1,6 @@
 """`hysid fit`: records from a file, a fit of each, and its folder."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -31,8 +32,8 @@ def run(asked: Fit) -> Done:
 def _written(asked: Fit, out: Path) -> dict[str, Any]:
     """Fit, and write the folder. With `each` every value gets a folder of its own below.
 
-    New fits of several values replace the old ones all at once, at the end; where there are none, each is
-    there as soon as it is made.
+    New fits of several values replace the old ones at the end; where there are none, each is there as soon
+    as it is made.
     """
     selection, options = Selection(**asked.selection), asked.of_identify
     check_there(asked.file)
@@ -43,7 +44,7 @@ def _written(asked: Fit, out: Path) -> dict[str, Any]:
         identify.internal.check_free(out / name, asked.overwrite)
     check_writable(out)
     found: dict[str, dict[str, Any]] = {}
-    written: dict[str, Any] = {}
+    waiting: list[Callable[[], dict[str, Any]]] = []
     extra = {
         "selection": _as_read(selection, [train for train, _ in records.values()]).as_json(),
         "options": {k: v for k, v in options.items() if isinstance(v, str | int)},
@@ -58,8 +59,7 @@ def _written(asked: Fit, out: Path) -> dict[str, Any]:
                 fix="Leave out --purpose compensate, or fit a record whose input changes.",
             )
         run = partial(identify.fit_step, **step_options(options))
-    at_once = "" not in records and asked.overwrite and (out / "fit.json").exists()
-    staged: dict[str, dict[str, Any]] = {}
+    at_the_end = "" not in records and asked.overwrite and (out / "fit.json").exists()
     for value, (train, test) in records.items():
         if value:
             log(f"{selection.each} = {value}")
@@ -69,25 +69,24 @@ def _written(asked: Fit, out: Path) -> dict[str, Any]:
             faults[value] = error
             continue
         found[value] = identify.internal.to_json(result)
-        written = identify.internal.write_fit(
-            result,
-            out / folders[value],
-            found[value],
-            overwrite=asked.overwrite,
-            extra=extra,
-            staged=at_once,
-        )
-        staged[folders[value]] = written
+        write = partial(
+            identify.internal.write_fit, result, out / folders[value], found[value],
+            overwrite=asked.overwrite, extra=extra,
+        )  # fmt: skip
+        if "" in records:
+            return write()
+        if at_the_end:
+            waiting.append(write)
+        else:
+            write()
         if value:
             log(_in_short(result))
     if not found:
         raise all_of(faults)
-    if "" in found:
-        return written
     failed = {value: str(error) for value, error in faults.items()}
     document = together(found, failed) | extra | {"folders": {v: folders[v] for v in found}}
-    if at_once:
-        return identify.internal.replace_fits(out, document, staged)
+    for write in waiting:
+        write()
     document = identify.internal.sealed(document)
     identify.internal.write_json(out / "fit.json", document)
     return document

@@ -30,7 +30,7 @@ from ..records._clocks import Clocks
 from ..results._baseline import Baseline
 from ..results._detail import detail_of
 from ..results._fit_result import Candidate, FitResult, Starts
-from ..storage._file_set import check_unedited, document_in, replace_sets, whole_files, write_set
+from ..storage._file_set import check_unedited, whole_files, write_set
 from ..storage._json import check_free, read_json
 from ..storage._provenance import versions
 from ._fit_document import checked
@@ -86,12 +86,8 @@ def write_fit(
     *,
     overwrite: bool = False,
     extra: dict[str, Any] | None = None,
-    staged: bool = False,
 ) -> dict[str, Any]:
-    """`save`, from what `to_json` gave; returns what fit.json holds, so that nobody has to read it back.
-
-    `staged`: the old fit stays in force until `replace_fits`.
-    """
+    """`save`, from what `to_json` gave; returns what fit.json holds, so that nobody has to read it back."""
     check_free(folder, overwrite)
     structure, arrays = described(fit.model)
     channels: dict[str, Any] = {}
@@ -121,15 +117,7 @@ def write_fit(
         {"model.npz": arrays, "data.npz": data, "fit.npz": _fit_arrays(fit)},
         remove=OF_EARLIER,
         check=partial(check_free, folder, overwrite),
-        staged=staged,
     )
-
-
-def replace_fits(
-    folder: Path, document: dict[str, Any], staged: Mapping[str, Mapping[str, Any]]
-) -> dict[str, Any]:
-    """Write fit.json of several fits, which `write_fit` staged in folders below: all change at once."""
-    return replace_sets(folder, "fit.json", document, staged, OF_EARLIER)
 
 
 def rewrite_fit(folder: Path, files: Mapping[str, bytes], extra: dict[str, Any]) -> dict[str, Any]:
@@ -240,7 +228,7 @@ def _figures(saved: dict[str, Any]) -> dict[str, Any]:
 def read_document(folder: str | Path) -> dict[str, Any]:
     """fit.json of a folder. Raises `InputError` where it is not one of ours, or of a newer kind."""
     folder = Path(folder)
-    file = document_in(folder, "fit.json")
+    file = folder / "fit.json"
     if not file.is_file():
         raise InputError(
             "file-not-found",

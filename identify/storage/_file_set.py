@@ -30,7 +30,6 @@ def write_set(
     *,
     remove: Collection[str] = (),
     check: Callable[[], None] = lambda: None,
-    staged: bool = False,
 ) -> dict[str, Any]:
     """Write `files` {name: content} and the document that holds their checksums; all or none.
 
@@ -43,91 +42,22 @@ def write_set(
 
     - `remove`: files of the old set that the new one makes wrong.
     - `check`: is called when no other writer is at work, and may refuse.
-    - `staged`: all stays beside the old set, the document too, until `replace_sets` takes over.
 
     Returns the document as it was written, with `files` and `checksums`.
     """
     folder.mkdir(parents=True, exist_ok=True)
     with _alone(folder), _uninterrupted():
         check()
-        _settle(folder, name, remove)
-        to = _aside(folder, name) if staged else folder / name
-        document = _written(folder, to, document, files)
-        if not staged:
-            for old in remove:
-                (folder / old).unlink(missing_ok=True)
-            for one in files:
-                os.replace(_aside(folder, one), folder / one)
+        document = _written(folder, name, document, files)
+        for old in remove:
+            (folder / old).unlink(missing_ok=True)
+        for one in files:
+            os.replace(_aside(folder, one), folder / one)
     return document
 
 
-def replace_sets(
-    folder: Path,
-    name: str,
-    document: Mapping[str, Any],
-    staged: Mapping[str, Mapping[str, Any]],
-    remove: Collection[str] = (),
-) -> dict[str, Any]:
-    """Write the document of several sets, each in a folder below, and take over what was staged of them.
-
-    The rename of the one document changes all sets: it holds the checksums of theirs, by which readers of a
-    folder below know whether its staged document is the one in force (`document_in`).
-
-    **Arguments:** `staged`: what `write_set` returned of each, by the name of the folder below.
-
-    Raises `InputError` where another process has staged something else since.
-    """
-    with _alone(folder), _uninterrupted():
-        parts = {}
-        for below, known in staged.items():
-            place = _aside(folder / below, name)
-            try:
-                same = json.loads(place.read_bytes())["checksums"] == known["checksums"]
-            except (OSError, ValueError, LookupError, TypeError):
-                same = False
-            if not same:
-                raise InputError(
-                    "cannot-write",
-                    f"another process has written into {below} meanwhile.",
-                    place=str(folder),
-                    fix="run one of them at a time, or name another folder (--out).",
-                )
-            parts[below] = _digest(place)
-        found = sealed({**document, "parts": parts})
-        write_json(folder / name, found)
-        for below in parts:
-            _settle(folder / below, name, remove)
-    return found
-
-
-def document_in(folder: Path, name: str) -> Path:
-    """The document of a folder: the staged one where that of the folder above holds its checksum."""
-    staged = _aside(folder, name)
-    if staged.is_file():
-        with contextlib.suppress(OSError, ValueError, AttributeError):
-            parts = json.loads((folder.absolute().parent / name).read_bytes()).get("parts")
-            if isinstance(parts, dict) and parts.get(folder.absolute().name) == _digest(staged):
-                return staged
-    return folder / name
-
-
-def _settle(folder: Path, name: str, remove: Collection[str]) -> None:
-    """Give a staged set that is in force its names, as a killed process has left to do."""
-    staged = document_in(folder, name)
-    if staged != folder / name:
-        for old in remove:
-            (folder / old).unlink(missing_ok=True)
-        files = json.loads(staged.read_bytes())["files"]
-        for one, digest in files.items():
-            place = _aside(folder, Path(one).name)
-            if place.is_file() and _digest(place) == digest:
-                os.replace(place, folder / Path(one).name)
-        os.replace(staged, folder / name)
-    _aside(folder, name).unlink(missing_ok=True)
-
-
 def _written(
-    folder: Path, to: Path, document: Mapping[str, Any], files: Mapping[str, Content]
+    folder: Path, name: str, document: Mapping[str, Any], files: Mapping[str, Content]
 ) -> dict[str, Any]:
     """The files beside the old ones, then the document with their checksums; nothing where that fails."""
     aside = {one: _aside(folder, one) for one in files}
@@ -136,7 +66,7 @@ def _written(
             _put(aside[one], content)
         digests = {one: _digest(place) for one, place in aside.items()}
         found = sealed({**document, "files": digests})
-        write_json(to, found)
+        write_json(folder / name, found)
     except BaseException:
         for place in aside.values():
             place.unlink(missing_ok=True)

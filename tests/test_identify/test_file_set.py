@@ -16,9 +16,7 @@ from hysteresis import InputError
 from identify.storage import _file_set
 from identify.storage._file_set import (
     check_unedited,
-    document_in,
     edited,
-    replace_sets,
     sealed,
     whole_files,
     write_set,
@@ -36,23 +34,13 @@ def written(folder: Path, word: str) -> None:
 
 def read(folder: Path) -> tuple[str, set[str]]:
     """The word of the document, and the words of the files that belong to it."""
-    document = read_json(document_in(folder, "fit.json"))
+    document = read_json(folder / "fit.json")
     check_unedited(folder, "fit.json", document)
     return document["word"], {p.read_text() for p in whole_files(folder, document).values()}
 
 
 class Killed(BaseException):
     """As if the process ended here."""
-
-
-def several_written(folder: Path, word: str) -> None:
-    """Two sets, and the table of both."""
-    files = {name: lambda place: place.write_text(word) and None for name in NAMES}
-    staged = {
-        below: write_set(folder / below, "fit.json", {"word": word}, files, staged=True)
-        for below in ("a", "b")
-    }
-    replace_sets(folder, "fit.json", {"word": word, "files": {}}, staged, ["report.html"])
 
 
 def mortal_from(moment: int, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -74,43 +62,6 @@ def mortal_from(moment: int, monkeypatch: pytest.MonkeyPatch) -> None:
         (Path, "write_bytes"),
     ):
         monkeypatch.setattr(owner, name, mortal(getattr(owner, name)))
-
-
-@pytest.mark.parametrize("moment", range(30))
-def test_several_sets_change_at_once(moment: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Killed before each of the changes in turn: table and sets are of one time."""
-    several_written(tmp_path, "old")
-    (tmp_path / "a" / "report.html").write_text("old")
-    mortal_from(moment, monkeypatch)
-    ended = False
-    try:
-        several_written(tmp_path, "new")
-        ended = True
-    except Killed:
-        pass
-    monkeypatch.undo()
-    word, _ = read(tmp_path)
-    assert word in ("old", "new")
-    for below in ("a", "b"):
-        assert read(tmp_path / below) == (word, {word})
-    if ended:
-        assert word == "new"
-        for below in ("a", "b"):
-            here = sorted(p.name for p in (tmp_path / below).iterdir())
-            assert here == sorted([*NAMES, "fit.json"])
-    written(tmp_path / "a", "last")
-    assert read(tmp_path / "a") == ("last", {"last"})
-    assert read(tmp_path / "b") == (word, {word})
-
-
-def test_what_another_process_has_staged_is_not_taken_over(tmp_path: Path):
-    several_written(tmp_path, "old")
-    staged = {"a": write_set(tmp_path / "a", "fit.json", {"word": "new"}, {}, staged=True)}
-    write_set(tmp_path / "a", "fit.json", {"word": "another"}, {}, staged=True)
-    with pytest.raises(InputError, match="another process") as caught:
-        replace_sets(tmp_path, "fit.json", {"word": "new", "files": {}}, staged)
-    assert caught.value.code == "cannot-write"
-    assert read(tmp_path / "a")[0] == read(tmp_path)[0] == "old"
 
 
 @pytest.mark.parametrize("moment", range(12))

@@ -90,10 +90,8 @@ def fitted(folder) -> dict[str, Any]:
 def each(folder) -> dict[str, Any]:
     options = ("--each", "block", "--test-tail", 0.2, *LINE)
     words = ("fit", folder / "blocks.csv", *COLUMNS, *options, "--out", folder / "each", "--json")
-    first = run(*words).json()
+    assert run(*words).code == 0
     again = run(*words, "--overwrite").json()
-    assert "parts" not in first
-    assert again["parts"].keys() == {*again["folders"].values()}
     assert not [*(folder / "each").rglob("*.new.*")]
     return again
 
