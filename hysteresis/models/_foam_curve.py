@@ -1,8 +1,5 @@
 """Force over compression of a foam: toe, linear part, plateau, densification."""
 
-from typing import Any
-
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -92,25 +89,6 @@ class FoamCurve(AbstractCurve):
                 "origin": self._integral(jnp.zeros(())),
             },
         )  # fmt: skip
-
-    def of_thickness(self, new: float, old: float) -> "FoamCurve":
-        """The same foam in another thickness: equal force at equal strain."""
-        ratio = new / old
-
-        def sizes(model: FoamCurve) -> list[Any]:
-            lengths = [model.toe_length, model.linear_length, model.plateau_length, model.rounding]
-            return [model.linear, model.densification, *lengths]
-
-        factors = [1 / ratio] * 2 + [ratio] * 4
-        return eqx.tree_at(sizes, self, [a * b for a, b in zip(sizes(self), factors, strict=True)])
-
-    def of_area(self, new: float, old: float) -> "FoamCurve":
-        """The same foam under another area: equal compression at equal stress."""
-
-        def forces(model: FoamCurve) -> list[Any]:
-            return [model.linear, model.offset]
-
-        return eqx.tree_at(forces, self, [force * (new / old) for force in forces(self)])
 
     def _integral(self, u: Array) -> Array:
         w = self.rounding

@@ -6,7 +6,6 @@ from ._coercive import LorentzianDensity as LorentzianDensity
 from ._dead_band import input_noise as input_noise
 from ._density import AbstractDensity as AbstractDensity
 from ._density import GridDensity as GridDensity
-from ._density import quantile_nodes as quantile_nodes
 from ._everett import EverettTable as EverettTable
 from ._everett import GridPairs as GridPairs
 from ._everett import read as read

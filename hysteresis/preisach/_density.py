@@ -79,7 +79,7 @@ class GridDensity(AbstractDensity[GridPairs, EverettTable]):
     - `signed`: allow negative weights. The output may then fall while the input rises, and the model
       has no inverse in general.
     - `nodes`: the n+1 inputs between which the cells lie, increasing from `low` to `high`; None for
-      cells of one width. See `quantile_nodes`.
+      cells of one width.
 
     Raises `InputError` for an empty range, nodes that do not fit, a table that is not square, weights
     that are not finite, and negative weights unless `signed`.
@@ -186,29 +186,3 @@ def check_weights(weights: Any, signed: bool = False) -> None:
             cause="a loop that leads its input was described as one that lags it.",
             fix="use Preisach(..., leading=True), or GridDensity(..., signed=True) if meant.",
         )
-
-
-def quantile_nodes(u: Any, cells: int) -> tuple[float, ...]:
-    """Nodes of a grid whose cells are small where the inputs are dense, from their least to greatest.
-
-        node_k = (uniform_k + quantile of u at k / cells) / 2
-
-    so no cell is narrower than half a uniform one, whatever gaps and ties the inputs have.
-
-    Raises `InputError` for inputs that are not finite or do not change.
-
-    **Example:**
-
-        >>> hysteresis.preisach.quantile_nodes(u, 4)
-        (0.0, 1.75, 3.0, 4.25, 6.0)
-    """
-    u = np.asarray(u, float)
-    low, high = (u.min(), u.max()) if u.size and np.isfinite(u).all() else (np.nan, np.nan)
-    if not low < high:
-        raise InputError(
-            "zero-range",
-            "the inputs are not finite, or all the same.",
-            fix="give the finite inputs of a record that moves.",
-        )
-    quantiles = np.quantile(u, np.linspace(0, 1, cells + 1))
-    return tuple(((np.linspace(low, high, cells + 1) + quantiles) / 2).tolist())

@@ -163,11 +163,6 @@ class ArmorRig:
         """What makes this rig's sensor another than the next one's."""
         return self.sensor.specimen(np.random.default_rng([self.seed, 0]))
 
-    @property
-    def sensor_matrix(self) -> Float[np.ndarray, "6 6"]:
-        """The linear part of this rig's sensor: the truth that a calibration looks for."""
-        return self.sensor.matrix(self.specimen)
-
     def points_of_surface_1(self) -> ArmorPoints:
         """The 76 points of the paper's fig 11, on the soft box: along x, y and both diagonals.
 

@@ -73,10 +73,6 @@ class ForceSensor:
         G[3:, :3] *= self.crosstalk_arm_m
         return np.eye(6) + G
 
-    def matrix(self, specimen: Float[np.ndarray, "6 6"]) -> Float[np.ndarray, "6 6"]:
-        """What the reading is of loads without hysteresis: the specimen itself."""
-        return specimen
-
     def read(
         self,
         load: Float[np.ndarray, "presses samples 6"],

@@ -108,12 +108,6 @@ class GaugeSensor:
         decoupling = np.linalg.lstsq(bridges, meant, rcond=None)[0].T
         return Gauges(mounting, strain, bend, decoupling)
 
-    def matrix(self, specimen: Gauges) -> Float[np.ndarray, "6 6"]:
-        """What the reading is of small loads that have come a long way, N and N m."""
-        full = self.full_scale
-        part = specimen.decoupling @ specimen.strain @ specimen.mounting
-        return full[:, None] * part / full
-
     def read(
         self,
         load: Float[np.ndarray, "presses samples 6"],

@@ -21,7 +21,6 @@ from hysteresis.preisach import (
     LogNormalDensity,
     LorentzianDensity,
     SumDensity,
-    quantile_nodes,
 )
 from tests.densities import CELLS, DENSITIES, KINDS, Coercive, plain_everett, warped
 from tests.problems import HIGH, LOW, SAMPLES, histories
@@ -224,23 +223,6 @@ def test_where_an_input_lies_is_the_same_on_the_host_and_back(name: str, seed: i
         np.testing.assert_allclose(back, u, rtol=0, atol=8 * EPS * (HIGH - LOW))
 
 
-@given(u=histories(LOW, HIGH), cells=st.integers(1, 30))
-def test_quantile_nodes_halve_no_cell_more_than_once(u: np.ndarray, cells: int):
-    u[:2] = LOW, HIGH
-    nodes = quantile_nodes(u, cells)
-    assert (len(nodes), nodes[0], nodes[-1]) == (cells + 1, LOW, HIGH)
-    assert np.diff(nodes).min() >= 0.499 * (HIGH - LOW) / cells
-    assert GridDensity(LOW, HIGH, np.ones((cells, cells)), nodes=nodes).cells == cells
-
-
-def test_quantile_nodes_lie_where_the_inputs_are():
-    u = np.concatenate([np.linspace(0, 1, 900), np.linspace(1, 10, 100)])
-    width = np.diff(quantile_nodes(u, 20))
-    # Even ones would be 1/2 wide; half of that remains, and the quantiles' share is next to nothing.
-    assert width[0] < 0.3
-    assert width[-1] > 1.0
-
-
 def refused(code: str, *words: str):
     return pytest.raises(InputError, match=".*".join([*words, rf"\[{code}\]"]))
 
@@ -261,6 +243,3 @@ def test_densities_that_are_refused():
         LogNormalDensity(1.0, 1.0, 1.0, 0.1, 0.1, 0.5, 0.1)
     with refused("bad-parts"):
         SumDensity(())
-    for u in ([], [1.0, 1.0], [0.0, np.nan]):
-        with refused("zero-range"):
-            quantile_nodes(u, 3)

@@ -126,12 +126,6 @@ def test_sensor_lags_by_one_per_cent_of_its_scale():
     assert np.all(np.abs(read - load)[..., 3:] <= 0.06 + 1e-12)
 
 
-def test_conditions_of_one_rig_share_its_sensor():
-    one = ArmorRig(seed=4).sensor_matrix
-    np.testing.assert_array_equal(one, ArmorRig(seed=4, soft=False).sensor_matrix)
-    assert not np.array_equal(one, ArmorRig(seed=5).sensor_matrix)
-
-
 def test_draws_are_the_seeds_and_the_sessions():
     points = ArmorRig().points_of_the_body()
     for field in ("wrench", "displacement"):
