@@ -172,7 +172,7 @@ def one_run(case: Case, number: int) -> Run:
         return float(np.mean((np.asarray(evaluate(model, prepared)) - y)[used] ** 2))
 
     def nearest(model: AbstractModel) -> float:
-        z = refine(bounds, truth, prepared, y, used, bounds.to_free(model)).free
+        z = refine(bounds, truth, prepared, y, 1.0 * used, bounds.to_free(model)).free
         return objective(bounds.insert(truth, bounds.to_values(jnp.asarray(z))))
 
     least = SAME * nearest(truth)

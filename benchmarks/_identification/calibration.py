@@ -195,7 +195,7 @@ def _fit(
     bounds: Transform, model: AbstractModel, prepared: Any, y: np.ndarray, rows: Rows, z: np.ndarray
 ) -> _Fit:
     """What a fit does, from the middle of the prior."""
-    first = refine(bounds, model, prepared, y, np.asarray(rows.counted), z)
+    first = refine(bounds, model, prepared, y, np.ones(len(y)), z)
     r = first.predicted - y
     plain = covariance_of(first.jacobian, float(r @ r) / (len(y) - len(z)))
     found = likeliest(bounds, model, prepared, y, rows, first.free, kinds("auto"))

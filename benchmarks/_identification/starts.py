@@ -26,7 +26,7 @@ def start_rows(quick: bool) -> list[Row]:
     bounds, prepared = transform_for(truth, record).for_fit, prepare(truth, record)
     about = bounds.to_free(truth)
     points = about + SPREAD * random.normal(size=(STARTS, len(about)))
-    arguments = bounds, truth, prepared, record.output, record.mask
+    arguments = bounds, truth, prepared, record.output, record.mask.astype(float)
 
     def search() -> float:
         return float(multi_start(*arguments, points)[0].objective[0])

@@ -57,6 +57,7 @@ def for_new_file(
     selection = replace(
         selection, where=where, group=group, exclude_lines=(), rezero=(), branch=None, range=(),
         turn=tuple(column for column in selection.turn if column in columns),
+        sigma=selection.sigma if selection.sigma in columns else None,
     )  # fmt: skip
     if selection.is_step:
         if inverse or wanted in columns or selection.time is None:

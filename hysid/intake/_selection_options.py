@@ -67,6 +67,12 @@ class SelectionOptions:
         " the end of its sequence. check finds line and size.",
         metavar="LINE:SIZE[,LINE:SIZE]",
     )
+    sigma: str | None = option(
+        "Column of the output's standard deviation: fit, noise, errors and verdict weigh each row by its"
+        " inverse square. Only ratios from row to row count.",
+        None,
+        metavar="COL",
+    )
     each: str | None = option("Fit one model for each value of this column.", None, metavar="COL")
     where: tuple[str, ...] = option(
         "Use only these rows; repeatable.", (), repeated=True, metavar="COL=VALUE[,VALUE]"

@@ -13,6 +13,7 @@ from ..intake._selection_options import ASIDE, FIELDS
 ROLES = {
     "input": "input", "output": "output", "time": "time", "input_time": "time of the input",
     "group": "separates sequences", "each": "one fit for each value", "condition": "condition",
+    "sigma": "standard deviation",
 }  # fmt: skip
 """Options that name columns: a role in the table of columns."""
 

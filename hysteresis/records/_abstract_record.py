@@ -43,6 +43,7 @@ class AbstractRecord:
     columns: Mapping[str, np.ndarray] = field(default_factory=dict)
     channels: Mapping[str, str] = field(default_factory=dict)
     conditions: Mapping[str, str] = field(default_factory=dict)
+    sigma_name: str = ""
 
     def __post_init__(self) -> None:
         line = np.asarray(self.line)
@@ -65,6 +66,12 @@ class AbstractRecord:
             raise InputError("length-mismatch", f"Sequences start at {starts} of {len(self)} rows.")
         self._check_finite()
         self._check_clock()
+        if (sigma := self.sigma) is None:
+            return
+        if (bad := self.mask & ~((sigma > 0) & (sigma < np.inf))).any():
+            said = f"{bad.sum()} blank, 0, negative or infinite in sigma {self.sigma_name!r}"
+            mend = "give a standard deviation above 0 in every row that counts, a large one where in doubt."
+            raise self._fault("bad-sigma", said, bad, fix=mend)
 
     def _check_finite(self):
         wanted: list[tuple[str, str, np.ndarray, Any]]
@@ -169,6 +176,28 @@ class AbstractRecord:
         return [first_of_cycles(self.input[s]) for _, s in self.sequences()]
 
     @property
+    def sigma(self) -> np.ndarray | None:
+        """Standard deviation of each output, (n,), but for a factor common to all; None: all alike."""
+        return self.columns[self.sigma_name] if self.sigma_name else None
+
+    @cached_property
+    def weights(self) -> np.ndarray:
+        """1 / sigma, (n,), its mean square 1 over the rows that count; without sigma 1.
+
+        Times an error it is in the output's unit still: every fit, error figure and noise is of this.
+        """
+        if self.sigma is None or not self.mask.any():
+            return np.ones(len(self))
+        return np.where(self.mask, self.typical_sigma / np.where(self.mask, self.sigma, 1.0), 0.0)
+
+    @cached_property
+    def typical_sigma(self) -> float:
+        """The sigma of a row of weight 1: 1 / the rms of 1 / sigma over the rows that count."""
+        assert self.sigma is not None
+        sigma = self.sigma[self.mask]
+        return float(sigma.min() / np.sqrt(np.mean((sigma.min() / sigma) ** 2)))
+
+    @property
     def cycle_counts(self) -> np.ndarray:
         """Complete cycles of each sequence, (m,)."""
         return np.array([len(firsts) - 1 for firsts in self.first_of_cycles])
@@ -181,7 +210,8 @@ class AbstractRecord:
     def digest(self) -> str:
         """SHA-256 of arrays and labels: equal for equal data, wherever they came from."""
         code = hashlib.sha256("\0".join(self.labels).encode())
-        more = [self.columns[name] for name in (*sorted(self.channels), *sorted(self.conditions))]
+        names = *sorted(self.channels), *sorted(self.conditions), *filter(None, [self.sigma_name])
+        more = [self.columns[name] for name in names]
         for x in (self.input, self.output, self.time, self.starts, self.mask, *more):
             code.update(b"-" if x is None else np.ascontiguousarray(x).data)
         return code.hexdigest()

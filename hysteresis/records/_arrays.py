@@ -69,6 +69,12 @@ def named_columns(columns: Any, asked: Sequence[str]) -> dict[str, np.ndarray]:
     return {name: np.asanyarray(columns[names[name]]) for name in asked}
 
 
+def tell_nothing(sigma: np.ndarray) -> np.ndarray:
+    """Rows (n,) bool whose sigma is above 1,000 times the median: a million of them weigh as one."""
+    known = sigma[sigma > 0]
+    return np.isfinite(sigma) & (sigma > 1e3 * np.median(known if len(known) else 1.0))
+
+
 def seconds(values: ArrayLike) -> np.ndarray:
     """Times as float64, dates as seconds from the first one. Raises `InputError` `not-numbers`."""
     given = np.asarray(values)

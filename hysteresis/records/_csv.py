@@ -41,6 +41,7 @@ def read_csv(
     condition: Sequence[str] = (),
     turn: Sequence[str] = (),
     rezero: Sequence[str] = (),
+    sigma: str | None = None,
 ) -> Record:
     """A `Record` from a CSV file, or from a `Table` already read.
 
@@ -59,6 +60,7 @@ def read_csv(
     - `input_time`: the clock of the input(s), where it is another than that of the output, which is
         then `time`: the input is interpolated linearly to the output's times.
     - `condition`: columns such as a temperature or a pressure, on which the output depends too.
+    - `sigma`: the standard deviation of each row's output, in its unit, but for a factor common to all.
     - `turn`: columns whose sign is turned: a push that the rig counts as a pull.
     - `rezero`: jumps of the output's zero that are taken out, each `LINE:SIZE`. SIZE is subtracted from the
         output from the row on this line of the file to the end of its sequence, before a sign is turned.
@@ -125,7 +127,7 @@ def read_csv(
             raise InputError("no-match", problem, place=table.path, fix=lines)
     chosen = slice(None) if rows.all() else rows  # a view, where a mask makes a copy
     names = [group] if isinstance(group, str) else list(group or ())
-    for name in (*names, *keep):
+    for name in (*names, *keep, *filter(None, [sigma])):
         column_of(table, name)
     groups = None
     if names:
@@ -159,6 +161,8 @@ def read_csv(
         | {name: moved[name] for name in (*channels, *condition)},
         channels=channels,
         conditions={name: units["condition", name] for name in condition},
+        sigma=table.number(sigma, chosen) if sigma else None,
+        sigma_name=sigma or "",
         output_name=output,
         time_name=time or "time",
         output_unit=units["output", output],

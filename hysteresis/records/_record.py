@@ -18,7 +18,7 @@ from .._errors import InputError
 from .._note import Note
 from .._show import at_most
 from ._abstract_record import AbstractRecord
-from ._arrays import fill, named_columns, numbers, same_length, seconds
+from ._arrays import fill, named_columns, numbers, same_length, seconds, tell_nothing
 from ._branch_rows import selected
 from ._common_part import common_part, constant_within
 from ._excitation import describe, summary
@@ -48,11 +48,12 @@ class Record(AbstractRecord):
         input is what they have in common, see `common_part`.
     - `conditions`: names and units of those `columns`, such as a temperature or a pressure, on which the
         output depends too.
+    - `sigma_name`: which of the `columns` is the standard deviation of each row's output, see `sigma`.
 
     Every method returns a new record.
 
     **Raises:** `InputError` `length-mismatch`, `nan-input`, `nan-output`,
-    `not-finite`, `nan-time`, `time-repeated`, `time-backwards`.
+    `not-finite`, `nan-time`, `time-repeated`, `time-backwards`, `bad-sigma`.
 
     **Example:**
 
@@ -82,6 +83,7 @@ class Record(AbstractRecord):
         time: Any = None,
         group: Any = None,
         condition: Any = (),
+        sigma: Any = None,
         **options: Any,
     ) -> "Record":
         """A record from the columns of a data frame or a mapping.
@@ -92,7 +94,7 @@ class Record(AbstractRecord):
         - `input`, `output`, `time`: names of columns. Several inputs are channels that `fit` combines.
           Units are read from names such as "force (N)" or "force_N", unless `options` give them.
         - `group`: the column whose values name sequences; `condition`: columns such as a temperature, on
-          which the output depends too.
+          which the output depends too; `sigma`: that of the standard deviations of the output.
         - `options`: further arguments of `from_arrays`, such as `dt`, `nan` or `input_unit`.
 
         **Returns:** the record.
@@ -107,8 +109,9 @@ class Record(AbstractRecord):
         """
         many = [one if isinstance(one, list | tuple) else [one] for one in (input, condition)]
         inputs, given = ([*map(str, one)] for one in many)
-        output, time, group = (one if one is None else str(one) for one in (output, time, group))
-        asked = [*inputs, output, *given, *(name for name in (time, group) if name is not None)]
+        more = (one if one is None else str(one) for one in (time, group, sigma))
+        output, (time, group, sigma) = str(output), more
+        asked = [*inputs, output, *given, *(one for one in (time, group, sigma) if one is not None)]
         found = named_columns(columns, asked)
         units = {name: named_unit(name, None, None) or "1" for name in asked}
         own: dict[str, Any] = {"output_name": output, "output_unit": units[output]}
@@ -122,13 +125,10 @@ class Record(AbstractRecord):
         if time is not None:
             bare = units[time] == "1" or found[time].dtype.kind in "mM"
             own |= {"time_name": time, "time_unit": "s" if bare else units[time]}
-        return cls.from_arrays(
-            found[inputs[0]] if len(inputs) == 1 else None,
-            found[output],
-            None if time is None else found[time],
-            None if group is None else found[group],
-            **(own | options),
-        )
+        of = {name: None if name is None else found[name] for name in (time, group, sigma)}
+        u = found[inputs[0]] if len(inputs) == 1 else None
+        own |= {"sigma": of[sigma], "sigma_name": sigma or ""}
+        return cls.from_arrays(u, found[output], of[time], of[group], **(own | options))
 
     @classmethod
     def from_arrays(
@@ -148,6 +148,7 @@ class Record(AbstractRecord):
         columns: Mapping[str, np.ndarray] | None = None,
         channels: Mapping[str, str] | None = None,
         conditions: Mapping[str, str] | None = None,
+        sigma: ArrayLike | None = None,
         **names: str,
     ) -> "Record":
         """A record from (n,) arrays.
@@ -163,6 +164,7 @@ class Record(AbstractRecord):
         - `channels`: several inputs, for an `input` of None: {name: unit} of some of the `columns`. The
             second of two that is constant in every sequence and differs between them is a condition.
         - `conditions`: {name: unit} of the `columns` on which the output depends too.
+        - `sigma`: (n,) standard deviations of the outputs, in their unit, but for a factor common to all.
         - `names`: the other fields of `Record`.
 
         **Raises:** `InputError` as `Record` does, and `not-numbers`, `bad-option`.
@@ -174,12 +176,19 @@ class Record(AbstractRecord):
         shared, kept = nan != "interpolate", dict(columns or {})
         y, done = numbers("output", output, shared), [*map(Note.of, history)]
         more = *(channels or ()), *(conditions or ())
-        kept |= {name: numbers(name, kept[name]) for name in more}
         n, t = y.size, None if time is None else seconds(time)
         u: np.ndarray = np.zeros(n) if input is None else numbers("input", input, shared)
         group = np.zeros(n, np.int8) if groups is None else np.asarray(groups)
         used = np.ones(n, bool) if mask is None else np.array(mask, bool)
         number = np.arange(1, n + 1) if line is None else np.asarray(line)
+        if sigma is not None:
+            name = names["sigma_name"] = names.get("sigma_name", "sigma")
+            kept[name], more = numbers(name, sigma), (*more, name)
+            if (blind := used & tell_nothing(kept[name])).any():
+                used &= ~blind
+                said = f"Masked {blind.sum()} rows whose sigma is over 1,000 times the median."
+                done.append(Note("masked", said))
+        kept |= {name: numbers(name, kept[name]) for name in more}
         same_length(time=t, input=u, output=y, groups=group, mask=used, line=number)
         same_length(output=y, **{name: kept[name] for name in more})
         if segments not in (None, "auto"):
@@ -232,20 +241,10 @@ class Record(AbstractRecord):
             names.setdefault("input_name", f"common part of {len(channels)} channels")
         unit = "1" if t is None else time_unit
         return cls(
-            u,
-            y,
-            t,
-            starts,
-            tuple(labels),
-            used,
-            number,
-            time_unit=unit,
-            history=tuple(done),
-            columns=kept,
-            channels=channels,
-            conditions=conditions,
+            u, y, t, starts, tuple(labels), used, number, time_unit=unit, history=tuple(done), columns=kept,
+            channels=channels, conditions=conditions,
             **names,  # pyright: ignore[reportArgumentType]
-        )
+        )  # fmt: skip
 
     def noted(self, code: str, said: str, **changes: Any) -> "Record":
         """The record with some fields changed, and with a note in its history of what was done.

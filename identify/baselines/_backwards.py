@@ -30,7 +30,7 @@ def backwards(train: Record, used: Bool[np.ndarray, " samples"], record: Record)
     rows = thinned(np.flatnonzero(used & np.isfinite(train.output)), MOST)
     found = []
     for one in (straight_line((*train.conditions,)), cubic_per_branch(turned, branches_of(turned))):
-        unknowns = one.fitted(one.prepared(turned), turned.output, rows)
+        unknowns = one.fitted(one.prepared(turned), turned.output, rows, turned.weights)
         found.append(Backwards(one.name, one.predicted(one.prepared(asked), unknowns)))
     return found
 
@@ -43,4 +43,4 @@ def _turned(record: Record) -> Record:
         if len(known):
             at = np.searchsorted(known, np.arange(rows.stop - rows.start), side="right") - 1
             y[rows] = y[rows][known[np.maximum(at, 0)]]
-    return replace(record, input=np.nan_to_num(y), output=record.input)
+    return replace(record, input=np.nan_to_num(y), output=record.input, sigma_name="")

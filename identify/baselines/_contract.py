@@ -17,7 +17,7 @@ MOST = 20_000
 class AbstractBaseline(Protocol):
     """A predictor in three steps, so that what depends on the input alone is computed once:
 
-        seen = prepared(record);  unknowns = fitted(seen, output, rows);  predicted(seen, unknowns)
+        seen = prepared(record);  unknowns = fitted(seen, output, rows, weights);  predicted(seen, unknowns)
 
     It is causal: a prediction depends on the inputs up to its row, and never on an output there.
     """
@@ -31,8 +31,14 @@ class AbstractBaseline(Protocol):
         """What it reads of the inputs of a record."""
         ...
 
-    def fitted(self, seen: Any, output: Float[np.ndarray, " samples"], rows: np.ndarray) -> Any:
-        """Its unknowns, from these rows (their numbers)."""
+    def fitted(
+        self,
+        seen: Any,
+        output: Float[np.ndarray, " samples"],
+        rows: np.ndarray,
+        weights: Float[np.ndarray, " samples"],
+    ) -> Any:
+        """Its unknowns, from these rows (their numbers), each error times the row's weight."""
         ...
 
     def predicted(self, seen: Any, unknowns: Any) -> Float[np.ndarray, " samples"]:
@@ -63,11 +69,11 @@ def scored(baseline: AbstractBaseline, record: Record, parts: Parts) -> Scored:
 
     def fitted(which: tuple[int, ...]) -> Any:
         rows = np.flatnonzero(np.isin(parts.label, which))
-        return baseline.fitted(seen, y, thinned(rows, MOST))
+        return baseline.fitted(seen, y, thinned(rows, MOST), record.weights)
 
     def error(unknowns: Any, test: tuple[int, ...]) -> np.ndarray:
         rows = np.isin(parts.label, test)
-        return baseline.predicted(seen, unknowns)[rows] - y[rows]
+        return (baseline.predicted(seen, unknowns)[rows] - y[rows]) * record.weights[rows]
 
     blocks, unknowns = held_out_errors(parts.folds, fitted, error), fitted(parts.all)
     used = parts.label >= 0

@@ -39,9 +39,11 @@ class MonotoneBaseline:
     def prepared(self, record: Record) -> Float[np.ndarray, " samples"]:
         return record.input
 
-    def fitted(self, seen: np.ndarray, output: np.ndarray, rows: np.ndarray) -> Curve:
+    def fitted(
+        self, seen: np.ndarray, output: np.ndarray, rows: np.ndarray, weights: np.ndarray
+    ) -> Curve:
         u, y = seen[rows], output[rows]
-        x, mean, count = binned(u, y)
+        x, mean, count = binned(u, y, weights[rows])
         sign = -1.0 if np.cov(u, y)[0, 1] < 0 else 1.0
         values = sign * isotonic(sign * mean, count)
         if len(x) > 1:
@@ -79,7 +81,11 @@ class ReplayBaseline:
         return record.input, self.branches(record)
 
     def fitted(
-        self, seen: tuple[np.ndarray, np.ndarray], output: np.ndarray, rows: np.ndarray
+        self,
+        seen: tuple[np.ndarray, np.ndarray],
+        output: np.ndarray,
+        rows: np.ndarray,
+        weights: np.ndarray,
     ) -> Branches:
         if self.cycle is not None:
             counts = np.bincount(self.cycle[rows])
@@ -90,7 +96,10 @@ class ReplayBaseline:
         u, direction = (x[rows] for x in seen)
         legs = [np.flatnonzero(direction == sign) for sign in (1, -1)]
         # Where the rows go one way only, the other way is as good as nothing known.
-        found = [_mean_curve(u[at], output[rows][at]) if len(at) else None for at in legs]
+        found = [
+            _mean_curve(u[at], output[rows][at], weights[rows][at]) if len(at) else None
+            for at in legs
+        ]
         rising, falling = found[0] or found[1], found[1] or found[0]
         assert rising is not None
         assert falling is not None
@@ -112,17 +121,22 @@ def replay(train: Record, branches: OncePerInput) -> ReplayBaseline:
 
 
 def binned(
-    u: Float[np.ndarray, " rows"], y: Float[np.ndarray, " rows"], most: int = BINS
+    u: Float[np.ndarray, " rows"],
+    y: Float[np.ndarray, " rows"],
+    weights: Float[np.ndarray, " rows"],
+    most: int = BINS,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Means of the inputs and outputs of equally filled parts of the input, and how many rows each has.
+    """Means of the inputs and outputs of equally filled parts of the input, and what each weighs: where all
+    weights are 1 the number of its rows.
 
     As many parts as there are different inputs, at most `most`.
     """
     edges = np.unique(np.quantile(u, np.linspace(0, 1, most + 1)))
     at = np.clip(np.searchsorted(edges, u, side="right") - 1, 0, max(len(edges) - 2, 0))
-    count = np.bincount(at).astype(float)
+    square = weights**2
+    count = np.bincount(at, square)
     have = count > 0
-    x, mean = (np.bincount(at, v)[have] / count[have] for v in (u, y))
+    x, mean = (np.bincount(at, square * v)[have] / count[have] for v in (u, y))
     return x, mean, count[have]
 
 
@@ -139,9 +153,9 @@ def isotonic(
     return np.repeat([value for value, _, _ in pools], [length for _, _, length in pools])
 
 
-def _mean_curve(u: np.ndarray, y: np.ndarray) -> Curve:
+def _mean_curve(u: np.ndarray, y: np.ndarray, weights: np.ndarray) -> Curve:
     """Through every input once, its outputs averaged; of many rows through the means of parts."""
     if len(u) > 8 * BINS:
-        return Curve(*binned(u, y, 2 * BINS)[:2])
-    at, which, count = np.unique(u, return_inverse=True, return_counts=True)
-    return Curve(at, np.bincount(which, y) / count)
+        return Curve(*binned(u, y, weights, 2 * BINS)[:2])
+    at, which = np.unique(u, return_inverse=True)
+    return Curve(at, np.bincount(which, weights**2 * y) / np.bincount(which, weights**2))

@@ -22,7 +22,8 @@ class PowerLaw(NamedTuple):
 
 @dataclass(frozen=True)
 class HoldBaseline:
-    """Creep or relaxation as a power law of the time since the step, by least squares of relative errors.
+    """Creep or relaxation as a power law of the time since the step, by least squares of relative errors;
+    where not `relative`, of errors times their weights.
 
         y = input (level + factor t^n),  with n from `exponents`
 
@@ -31,6 +32,7 @@ class HoldBaseline:
 
     name: str
     exponents: tuple[float, ...]
+    relative: bool = True
 
     def prepared(self, record: Record) -> tuple[np.ndarray, np.ndarray]:
         assert record.time is not None
@@ -39,11 +41,15 @@ class HoldBaseline:
         return record.input, np.maximum(t, t[t > 0].min(initial=np.inf))
 
     def fitted(
-        self, seen: tuple[np.ndarray, np.ndarray], output: np.ndarray, rows: np.ndarray
+        self,
+        seen: tuple[np.ndarray, np.ndarray],
+        output: np.ndarray,
+        rows: np.ndarray,
+        weights: np.ndarray,
     ) -> PowerLaw:
         force, t = (x[rows] for x in seen)
         y = output[rows] / force
-        weight = 1 / np.abs(y)
+        weight = 1 / np.abs(y) if self.relative else weights[rows] * np.abs(force)
         best, least = PowerLaw(float(y.mean()), 0.0, 0.0), np.inf
         for exponent in self.exponents:
             columns = np.column_stack([np.ones_like(t), _power(t, exponent)])
@@ -61,12 +67,12 @@ class HoldBaseline:
         return force * (level + factor * _power(t, exponent))
 
 
-def of_holds() -> tuple[HoldBaseline, ...]:
+def of_holds(relative: bool = True) -> tuple[HoldBaseline, ...]:
     """The simplest first."""
     return (
-        HoldBaseline("constant", ()),
-        HoldBaseline("straight line in time", (1.0,)),
-        HoldBaseline("power law of time", tuple(EXPONENTS.tolist())),
+        HoldBaseline("constant", (), relative),
+        HoldBaseline("straight line in time", (1.0,), relative),
+        HoldBaseline("power law of time", tuple(EXPONENTS.tolist()), relative),
     )
 
 

@@ -53,22 +53,24 @@ class LinearBaseline:
     def prepared(self, record: Record) -> Float[np.ndarray, "samples columns"]:
         return self.design(record)
 
-    def fitted(self, seen: np.ndarray, output: np.ndarray, rows: np.ndarray) -> Weights:
-        x, y = seen[rows], output[rows]
-        centre, level = x.mean(0), float(y.mean())
-        x = x - centre
+    def fitted(
+        self, seen: np.ndarray, output: np.ndarray, rows: np.ndarray, weights: np.ndarray
+    ) -> Weights:
+        x, y, each = seen[rows], output[rows], weights[rows, None]
+        centre, level = (np.average(a, 0, each[:, 0] ** 2) for a in (x, y))
+        x, y = x - centre, each[:, 0] * (y - level)
         size = x.std(0)
         # A column that is constant here, up to rounding, says nothing: its weight is 0.
         told = size > 1e-12 * np.maximum(np.abs(centre), np.abs(x).max(0, initial=0.0))
-        x = x[:, told] / size[told]
-        weights = np.zeros(len(centre))
+        x = each * x[:, told] / size[told]
+        found_all = np.zeros(len(centre))
         if self.penalty:
             normal = x.T @ x / len(y) + self.penalty * np.eye(x.shape[1])
-            found = np.linalg.solve(normal, x.T @ (y - level) / len(y))
+            found = np.linalg.solve(normal, x.T @ y / len(y))
         else:
-            found = np.linalg.lstsq(x, y - level, rcond=None)[0]
-        weights[told] = found / size[told]
-        return Weights(level, centre, weights)
+            found = np.linalg.lstsq(x, y, rcond=None)[0]
+        found_all[told] = found / size[told]
+        return Weights(float(level), centre, found_all)
 
     def predicted(self, seen: np.ndarray, unknowns: Weights) -> Float[np.ndarray, " samples"]:
         # The columns are not copied: they are the largest array there is.

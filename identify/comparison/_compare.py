@@ -273,7 +273,7 @@ def _test_blocks(fit: FitResult) -> np.ndarray:
     """Squared errors on the test record, which is kept as the model saw it, in ten blocks."""
     record = fit.test
     assert record is not None
-    error = (fit.predict(record) - record.output)[record.mask]
+    error = (record.weights * (fit.predict(record) - record.output))[record.mask]
     span = float(np.ptp(record.output[record.mask])) or 1.0
     return 1e4 * np.array(block_errors(error)) / span**2
 

@@ -58,7 +58,7 @@ class Breakdown(NamedTuple):
 
 
 def breakdown(fit: FitResult, record: Record | None = None) -> Breakdown:
-    """Residuals, predicted - measured, by branch, cycle, rate and input.
+    """Residuals, predicted - measured, times the rows' weights, by branch, cycle, rate and input.
 
     Branches rise, fall, or rest: less than a thousandth of the fastest change. Cycles are sequences where
     there are several. Rates are quantiles of the speed of the rows that move, where there is more than one
@@ -78,6 +78,7 @@ def breakdown(fit: FitResult, record: Record | None = None) -> Breakdown:
     else:
         used = record.mask
         residuals = fit.predict(record) - record.output
+    residuals = record.weights * residuals
     r = residuals[used]
     sequences = [residuals[rows][used[rows]] for _, rows in record.sequences() if used[rows].any()]
     time = estimate_noise(sequences).correlation_time

@@ -21,7 +21,7 @@ def extrapolation(fit: FitResult, predicted: Float[np.ndarray, " samples"]) -> E
     if (test := fit.test) is None:
         return None
     beyond = rows_beyond(fit, test)
-    error = predicted - test.output
+    error = test.weights * (predicted - test.output)
 
     def scored(rows: np.ndarray) -> RowsBeyond:
         rows = rows & test.mask

@@ -130,7 +130,7 @@ def innovations(
     residuals = np.where(used, fit.residuals, 0.0)
     x = residuals if signal is None else np.where(used, signal, 0.0)
     if noise is None:
-        return x / max(fit.noise.sigma, 1e-300)
+        return x * record.weights / max(fit.noise.sigma, 1e-300)
     rows = rows_of(record, used, np.where(used, record.output + residuals, 0.0))
     return np.asarray(noise.whitened(jnp.asarray(x), rows))
 

@@ -80,6 +80,7 @@ class RecordWords(TypedDict):
     sha256: str
     history: list[str | tuple[str, str]]
     conditions: NotRequired[dict[str, str]]
+    sigma_name: NotRequired[str]
 
 
 class RecordsWords(TypedDict):

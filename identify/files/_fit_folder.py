@@ -367,12 +367,16 @@ def _record_words(record: Record) -> dict[str, Any]:
     words = {n: getattr(record, n) for n in (*names, "labels", "source", "sha256")}
     if record.conditions:
         words["conditions"] = dict(record.conditions)
+    if record.sigma_name:
+        words["sigma_name"] = record.sigma_name
     return words | {"history": [(note.code, note.text) for note in record.history]}
 
 
 def _record_arrays(record: Record) -> dict[str, np.ndarray]:
     arrays = {name: getattr(record, name) for name in _RECORD_ARRAYS}
     held = {f"condition_{k}": record.columns[name] for k, name in enumerate(record.conditions)}
+    if record.sigma is not None:
+        held["sigma"] = record.sigma
     return {name: x for name, x in (arrays | held).items() if x is not None}
 
 
@@ -381,6 +385,8 @@ def _record(part: str, words: dict[str, Any], data: dict[str, np.ndarray]) -> Re
     arrays: Any = {name: data.get(f"{part}_{name}") for name in _RECORD_ARRAYS}
     conditions = enumerate(words.get("conditions", {}))
     columns = {name: data[f"{part}_condition_{k}"] for k, name in conditions}
+    if name := words.get("sigma_name"):
+        columns[name] = data[f"{part}_sigma"]
     return Record(**arrays, **words | {"history": _notes(words["history"])}, columns=columns)
 
 

@@ -45,7 +45,10 @@ def baselines_of(
 
 def baselines_of_hold(record: Record, parts: Parts, test: Record | None) -> tuple[Baseline, ...]:
     """Those of creep or relaxation under a constant input, the simplest first."""
-    return tuple(_figures(scored(one, record, parts), record, test) for one in of_holds())
+    return tuple(
+        _figures(scored(one, record, parts), record, test)
+        for one in of_holds(not record.sigma_name)
+    )
 
 
 def _best(tried: Iterable[Scored]) -> Scored:
@@ -53,13 +56,15 @@ def _best(tried: Iterable[Scored]) -> Scored:
 
 
 def _figures(one: Scored, record: Record, test: Record | None) -> Baseline:
-    figures: dict[str, Any] = {"train": metrics(record.output, one.output, one.used), "test": None}
+    figures: dict[str, Any] = {"test": None}
+    figures["train"] = metrics(record.output, one.output, one.used, record.weights)
     test_blocks = None
     if test is not None:
         baseline: AbstractBaseline = one.baseline
         predicted = baseline.predicted(baseline.prepared(test), one.unknowns)
-        figures["test"] = metrics(test.output, predicted, test.mask)
-        test_blocks = np.array(block_errors((predicted - test.output)[test.mask]))
+        figures["test"] = metrics(test.output, predicted, test.mask, test.weights)
+        error = test.weights * (predicted - test.output)
+        test_blocks = np.array(block_errors(error[test.mask]))
     held_out = float(one.blocks.mean()) if len(one.blocks) else np.nan
     score = 100 * float(np.sqrt(held_out)) / float(np.ptp(record.output[record.mask]))
     residuals = np.where(one.used, one.output - record.output, np.nan)

@@ -93,15 +93,15 @@ def fit_butterfly(name: str, data: TrainingData, initial: Initial) -> FitResult:
         )
     open_loops = replace(record, output=state.state, output_unit="1", output_name="state")
     # An error of the output is so many times that of the state: next to the fold the output says little.
-    weights = np.maximum(np.abs(state.state), FOLD)
+    weights = np.maximum(np.abs(state.state), FOLD) * record.weights
     weights /= np.sqrt(np.mean(weights[record.mask] ** 2))
     choice = path_of(open_loops, parts, orientations(open_loops), initial, weights)[-1]
     linear = fitted([choice])[0]
-    blocks = held_out(choice, record.output)
+    blocks = held_out(choice, record)
     inner = linear.outputs(record)
     inner = predict(linear.model, record) if inner is None else inner
     used = np.isin(parts.label, parts.all)
-    curve = folding(inner[used], record.output[used])
+    curve = folding(inner[used], record.output[used], record.weights[used])
     judged = evidence(record, parts, folded(curve, inner), False, float(blocks.mean()))
     kind = "peak" if state.peak else "valley"
     note = (
@@ -191,28 +191,31 @@ def _share(ways: list[_Way]) -> float:
 
 
 def folding(
-    state: Float[np.ndarray, " rows"], output: Float[np.ndarray, " rows"]
+    state: Float[np.ndarray, " rows"],
+    output: Float[np.ndarray, " rows"],
+    weights: Float[np.ndarray, " rows"],
 ) -> PolynomialCurve:
     """The polynomial from a predicted state to the output, straight on beyond the states of these rows."""
     low, high = float(state.min()), float(state.max())
-    found = np.polynomial.Polynomial.fit(state, output, DEGREE, domain=[low, high])
+    found = np.polynomial.Polynomial.fit(state, output, DEGREE, domain=[low, high], w=weights)
     return PolynomialCurve(found.coef, low, high)
 
 
-def held_out(choice: Tried, output: Float[np.ndarray, " samples"]) -> Float[np.ndarray, " blocks"]:
+def held_out(choice: Tried, record: Record) -> Float[np.ndarray, " blocks"]:
     """Mean squared errors of held-out outputs, of a composition chosen for their unfolded state."""
     problem = choice.problem
-    y, every = output[problem.rows], np.ones(len(problem.rows), bool)
+    y, w = (x[problem.rows] for x in (record.output, record.weights))
+    every = np.ones(len(problem.rows), bool)
 
     def solve(train: tuple[int, ...]) -> Float[np.ndarray, " rows"]:
         solved = train, problem.solution(train, choice.parts, choice.strength)
         state = problem.predicted(solved, choice.parts, every)
         state = problem.whole.centre + problem.whole.scale * state
         seen = np.isin(problem.label, train)
-        return folded(folding(state[seen], y[seen]), state)
+        return folded(folding(state[seen], y[seen], w[seen]), state)
 
     def error(predicted: np.ndarray, test: tuple[int, ...]) -> np.ndarray:
         rows = np.isin(problem.label, test)
-        return predicted[rows] - y[rows]
+        return w[rows] * (predicted[rows] - y[rows])
 
     return held_out_errors(problem.parts.folds, solve, error)

@@ -17,7 +17,7 @@ from ..results._detail import DiscreteSpectrum, Parametric
 from ..results._fit_result import FitResult, Parameter, Status
 from ..results._metrics import Metrics, metrics
 from ..spectra._extrapolation import CONFIDENCE
-from ..spectra._of_record import answers_on, is_moduli, is_survey, responses_of, sizes_of
+from ..spectra._of_record import answers_on, is_moduli, is_survey, responses_of, sizes_of, weighed
 from ..spectra._prony_series import Input, Way
 from ..spectra._response import Response
 from ..spectra._spectrum import Answer, Order, Spectrum, spectrum
@@ -157,8 +157,8 @@ def fit_step(
     A deformation under a constant load creeps: `GeneralizedKelvinVoigt`. A load under a constant
     deformation relaxes: `GeneralizedMaxwell`. The units of input and output say which of them is held;
     where they do not, an output that rises is taken for creep, and a note says so. Errors are weighed by
-    1 / output. The model is a short series of time constants, or a dense spectrum where the rows call for
-    one. See `spectrum`.
+    1 / sigma where the record has one, else by 1 / output. The model is a short series of time constants,
+    or a dense spectrum where the rows call for one. See `spectrum`.
 
     **Arguments:**
 
@@ -210,7 +210,8 @@ def fit_step(
     else:
         assert record.time is not None
         y, way = record.output[rows] / record.input[rows], way_of(record)
-        found = spectrum(Response(record.time[rows], y, kind, way=way), **asked)
+        own = Response(record.time[rows], y, kind, way=way)
+        found = spectrum(weighed(own, record, np.abs(record.input[rows]), rows), **asked)
     say(f"{kind}: {found.row.words}")
     detail = DiscreteSpectrum(found, shifts)
     fits = [
@@ -258,7 +259,8 @@ def _result(
     if test is not None:
         predicted, held_out = _outputs(detail, answer, test), counted(test)
         figures["test"] = _figures(test, predicted, held_out)
-        test_blocks = np.array(block_errors((predicted - test.output)[held_out]))
+        error = test.weights * (predicted - test.output)
+        test_blocks = np.array(block_errors(error[held_out]))
     listed, covariance = _parameters(found, row, answer, record)
     return FitResult(
         name=f"{type(model).__name__} {row.words}",
@@ -269,7 +271,7 @@ def _result(
         metrics=figures,
         success=True,
         score=float(100 * np.exp(row.evidence / (2 * found.noise.effective))),
-        noise=estimate_noise([residuals[rows]], row.parameters),
+        noise=estimate_noise([(record.weights * residuals)[rows]], row.parameters),
         train=record,
         test=test,
         test_blocks=test_blocks,
@@ -279,11 +281,16 @@ def _result(
 
 
 def _figures(record: Record, predicted: np.ndarray, rows: np.ndarray) -> Metrics:
-    """Errors; of moduli the relative one is by what the fit weighs a row with."""
-    found = metrics(record.output, predicted, rows)
+    """Errors; of moduli the relative one is by what the fit weighs a row with. Under a sigma it is that of
+    weighted errors over weighted readings."""
+    found = metrics(record.output, predicted, rows, record.weights)
+    sizes, w = sizes_of(record, rows)[rows], record.weights[rows]
+    if record.sigma is not None:
+        whole = found.rmse * np.sqrt(np.sum(w**2) / np.sum((w * sizes) ** 2))
+        return found._replace(relative_percent=100 * float(whole))
     if not is_moduli(record):
         return found
-    relative = ((predicted - record.output) / sizes_of(record, rows))[rows]
+    relative = (predicted - record.output)[rows] / sizes
     return found._replace(relative_percent=100 * float(np.sqrt(np.mean(relative**2))))
 
 

@@ -102,7 +102,8 @@ class _Others:
     def weights(self, rows: np.ndarray) -> Float[np.ndarray, " weights_and_offset"]:
         """Of least squares in these rows, none but the offset below 0."""
         low = np.append(np.zeros(self.columns.shape[1] - 1), -np.inf)
-        x, y = self.columns[rows], self.record.output[rows]
+        w = self.record.weights[rows]
+        x, y = w[:, None] * self.columns[rows], w * self.record.output[rows]
         # Bounded-variable least squares is exact: a weight at its bound is 0.
         return scipy.optimize.lsq_linear(x, y, (low, np.inf), method="bvls").x
 
@@ -149,7 +150,7 @@ def _best_curve(first: Record, later: np.ndarray) -> float:
     errors = []
     for one in [*curves, replay(first, branches)]:
         seen = one.prepared(first)
-        found = one.predicted(seen, one.fitted(seen, first.output, rows))
+        found = one.predicted(seen, one.fitted(seen, first.output, rows, first.weights))
         errors.append(float(np.sqrt(np.mean((found - first.output)[later] ** 2))))
     return min(errors)
 

@@ -99,6 +99,12 @@ def fit_oscillator(
     begin = time.perf_counter()
     if oversampling < 1:
         raise InputError("bad-option", f"oversampling={oversampling}; at least 1.")
+    if record.sigma is not None:
+        raise InputError(
+            "bad-option",
+            "An oscillator has noise of one size: it cannot weigh rows by sigma.",
+            fix="leave --sigma out.",
+        )
     motion = measured_motion(record, period)
     linear = linear_approximation(motion)
     warnings = [*warnings_of(motion, linear, oversampling)]

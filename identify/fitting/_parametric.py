@@ -18,7 +18,14 @@ from ..noise._reml import Linearised, kinds
 from ..noise._residual_statistics import Noise
 from ..parameters._settings import Settings, with_settings
 from ..parameters._transform import Transform, transform_for
-from ..parametric._maximum_likelihood import Likeliest, likeliest, linearised, plainest, skewness_at
+from ..parametric._maximum_likelihood import (
+    Likeliest,
+    likeliest,
+    linearised,
+    linearised_at,
+    plainest,
+    skewness_at,
+)
 from ..parametric._multistart import (
     FEW,
     SPREADS,
@@ -55,6 +62,13 @@ class ParametricCandidate(Candidate):
     has_weights: ClassVar[bool] = False
 
     def fitted(self, data: TrainingData, options: Options) -> list[Trial]:
+        search = self.searched(data, options)
+        # Several are ranked by least squares; noise is sought for the residuals of the chosen one alone.
+        noise = options.noise if options.alone else None
+        return [Trial(explained(search, noise), partial(explained, search))]
+
+    def searched(self, data: TrainingData, options: Options) -> "LeastSquares":
+        """The optimum of least squares. Raises `InputError` as `fitted` does."""
         start, others, starts = self._starts(data, options)
         said = options.parameters
         if data.falls and self.template is None:
@@ -71,12 +85,7 @@ class ParametricCandidate(Candidate):
             )
         first = bounds.points_of(start, *others)
         check_rows(data.record, len(bounds.names))
-        search = least_squares(
-            self.name, start, data, bounds, settings, first, starts, options.seed
-        )
-        # Several are ranked by least squares; noise is sought for the residuals of the chosen one alone.
-        noise = options.noise if options.alone else None
-        return [Trial(explained(search, noise), partial(explained, search))]
+        return least_squares(self.name, start, data, bounds, settings, first, starts, options.seed)
 
     def _starts(
         self, data: TrainingData, options: Options
@@ -152,8 +161,8 @@ def least_squares(
     measured = longer(y)
 
     def fitted(which: tuple[int, ...], free: np.ndarray, steps: int = STEPS) -> Optimum:
-        counted = longer(np.isin(parts.label, which))
-        return refine(bounds, template, prepared, measured, counted, free, steps)
+        weights = longer(np.where(np.isin(parts.label, which), record.weights, 0.0))
+        return refine(bounds, template, prepared, measured, weights, free, steps)
 
     # Where all rows were searched the best optimum is that of the record. Else few steps on every row tell
     # which of the different optima it is, and that one alone is followed to its end.
@@ -173,7 +182,7 @@ def least_squares(
 
         def error(end: Optimum, test: tuple[int, ...]) -> np.ndarray:
             rows = np.isin(parts.label, test)
-            return end.predicted[: len(y)][rows] - y[rows]
+            return (end.predicted[: len(y)][rows] - y[rows]) * record.weights[rows]
 
         return held_out_errors(parts.folds, solve, error)
 
@@ -187,12 +196,16 @@ def least_squares(
     )  # fmt: skip
 
 
-def explained(fit: LeastSquares, noise: str | None = "auto") -> FitResult:
+def explained(
+    fit: LeastSquares,
+    noise: str | None = "auto",
+    covariance: Float[np.ndarray, "parameters parameters"] | None = None,
+) -> FitResult:
     """The fit of greatest likelihood under a kind of `noise`, from the least-squares optimum, with errors.
 
     The kind is the one that the residuals show, see `likeliest`. Where none explains them, because they are
     coloured otherwise or follow the input, or with `noise` None, least squares stays, and its errors are
-    widened by the residuals' correlation time.
+    widened by the residuals' correlation time, unless the free vector's `covariance` is known.
     """
     bounds, data = fit.bounds, fit.data
     optimum, rows = fit.optimum, len(data.record)
@@ -200,15 +213,17 @@ def explained(fit: LeastSquares, noise: str | None = "auto") -> FitResult:
     noise_rows = Rows(
         *(longer(x) for x in rows_of(data.record, judged.used, optimum.predicted[:rows]))
     )
-    errors = _errors(fit, judged.noise, noise_rows, noise)
+    if covariance is None:
+        errors = _errors(fit, judged.noise, noise_rows, noise)
+    else:
+        errors = _stayed(fit, judged.noise, covariance)
     if errors.taken.misfit is None:  # nobody asks for the largest array any more
         noise_rows = noise_rows._replace(shapes=np.zeros((len(noise_rows.place), 0)))
     arguments = (fit.template, fit.prepared, fit.measured, noise_rows)
     found, free = errors.found, errors.free
     if found is not None and found.free is not optimum.free:
-        counted = np.asarray(noise_rows.counted)
-        at_found = refine(bounds, fit.template, fit.prepared, fit.measured, counted, free, steps=1)
-        judged = fit.evidence(at_found.predicted[:rows])
+        at_found = linearised_at(bounds, *arguments, free)
+        judged = fit.evidence(np.asarray(at_found.rows.output)[:rows])
     model, covariance = fit.model(free), errors.covariance
     bent = skewness_at(bounds, arguments, errors.taken, free, covariance, 1 / errors.widened)
     covariance = rescaled(covariance, errors.wider)
@@ -251,12 +266,12 @@ def _search(
     rows, thin_starts = thinned_rows(record, THINNED)
     time = None if record.time is None else record.time[rows]
     thin = prepared_longer(template, time, record.input[rows], thin_starts)
-    thin_y, thin_mask = longer(y[rows]), longer(record.mask[rows])
+    thin_y, thin_weights = longer(y[rows]), longer(np.where(record.mask, record.weights, 0.0)[rows])
     random = np.random.default_rng(seed).normal(0, 1, (starts, first.shape[1]))
     random[0] = 0.0
     for spread in SPREADS:
         points = np.vstack([first[0] + spread * random, first[1:]])
-        tried = multi_start(bounds, template, thin, thin_y, thin_mask, points)
+        tried = multi_start(bounds, template, thin, thin_y, thin_weights, points)
         if np.isfinite(tried[0].objective[0]):
             return tried
     raise InputError(
@@ -313,9 +328,16 @@ def _errors(fit: LeastSquares, residual: Noise, rows: Rows, noise: str | None) -
         return _Errors(
             found, found.free, covariance, found.noise, None, widened, found.wider, evidence
         )
-    covariance = covariance_of(np.asarray(at.jacobian), residual.sigma**2 * widened)
-    taken, wider = NoiseModel(residual.sigma), np.ones_like(free)
-    return _Errors(None, free, covariance, taken, None, widened, wider, evidence)
+    weighted = np.asarray(at.jacobian) * np.asarray(rows.weight)[:, None]
+    covariance = covariance_of(weighted, residual.sigma**2 * widened)
+    return _stayed(fit, residual, covariance)._replace(evidence=evidence)
+
+
+def _stayed(fit: LeastSquares, residual: Noise, covariance: np.ndarray) -> _Errors:
+    """The optimum of least squares, whose residuals no noise explains."""
+    free, taken = fit.optimum.free, NoiseModel(residual.sigma)
+    one = np.ones_like(free)
+    return _Errors(None, free, covariance, taken, None, residual.correlation_time, one, {})
 
 
 def _plainest(free: np.ndarray, at: Linearised, noise: str) -> Likeliest | None:

@@ -67,7 +67,7 @@ def fit_surface(name: str, data: TrainingData) -> FitResult:
 
     def error(model: Preisach, which: tuple[int, ...]) -> np.ndarray:
         rows = np.isin(parts.label, which)
-        return predict(model, record)[rows] - record.output[rows]
+        return record.weights[rows] * (predict(model, record)[rows] - record.output[rows])
 
     blocks = held_out_errors(parts.folds, model_of, error)
     model = model_of(parts.all)

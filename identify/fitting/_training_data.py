@@ -64,14 +64,18 @@ class TrainingData:
             # alone saturates and a prediction goes on.
             predicted = fit.predict(fit.train)
             residuals = np.where(fit.train.mask, predicted - fit.train.output, np.nan)
-            figures = {**fit.metrics, "train": metrics(fit.train.output, predicted, fit.used)}
+            figures = {
+                **fit.metrics,
+                "train": metrics(fit.train.output, predicted, fit.used, fit.train.weights),
+            }
             fit = replace(fit, residuals=residuals, metrics=figures)
         if self.test is None:
             return fit
         judged = replace(fit, test=fit.clocks.applied(self.test))
         predicted, counted = judged.predict(self.test), self.test.mask
-        held_out = metrics(self.test.output, predicted, counted)
-        blocks = np.array(block_errors((predicted - self.test.output)[counted]))
+        weights = self.test.weights
+        held_out = metrics(self.test.output, predicted, counted, weights)
+        blocks = np.array(block_errors((weights * (predicted - self.test.output))[counted]))
         return replace(
             judged,
             metrics={**fit.metrics, "test": held_out},

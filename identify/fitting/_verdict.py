@@ -247,6 +247,13 @@ def _parameters(fit: FitResult, found: Reasons) -> None:
 
 
 def _noise(fit: FitResult, found: Reasons) -> None:
+    if fit.train.sigma is not None:
+        ratio = fit.noise.sigma / fit.train.typical_sigma
+        text = (
+            f"The residuals are {ratio:.3g} times the sigma given: if that is absolute, the reduced"
+        )
+        text += f" chi-square is {ratio**2:.3g}, and 1 is expected. Errors follow the residuals."
+        found.facts.append(Note("sigma", text, {"ratio": ratio, "chi2": ratio**2}))
     if fit.noise_model is not None and not fit.noise_model.is_white:
         text = f"Noise model of the residuals: {fit.noise_model.words}."
         found.facts.append(Note("noise-model", text))

@@ -46,7 +46,7 @@ def over_cycles(fit: FitResult, found: Reasons) -> None:
     _changes(fit, found)
     if fit.test is None:
         return
-    error = fit.predict(fit.test) - fit.test.output
+    error = fit.test.weights * (fit.predict(fit.test) - fit.test.output)
     each = [_loops(fit.test, rows, fit.test.mask, error) for _, rows in fit.test.sequences()]
     _grows(fit, each, found)
     _sizes(fit, [one for loops in each for one in loops], found)

@@ -164,17 +164,19 @@ class _Problem:
         learnt, tested = used[rows], cut.tested[rows]
         self.columns = GroupedColumns(X, groups)
         self.mean = X[learnt].mean(0)
-        A = self.columns.whitened
+        A, w = self.columns.whitened, record.weights[rows]
         of_part = {p: cut.part[rows] == p for p in range(cut.part.max() + 1)}
         self.normal, held = (
-            normal_equations_of(A, y, {p: own & some for p, own in of_part.items()})
+            normal_equations_of(
+                A * w[:, None], y * w, {p: own & some for p, own in of_part.items()}
+            )
             for some in (learnt, tested)
         )
         self.strengths = Strengths(self.columns, self.normal, cut.folds, held)
 
         def error(unknowns: np.ndarray, test: tuple[int, ...]) -> np.ndarray:
             some = np.isin(cut.part[rows], test) & tested
-            return A[some] @ unknowns - y[some]
+            return w[some] * (A[some] @ unknowns - y[some])
 
         self.blocks = self.scale**2 * held_out_errors(cut.folds, self.strengths.solution, error)
 

@@ -94,7 +94,7 @@ def path_of(
 ) -> "list[Tried]":
     """The choices of `fit_compositions`, one for each of its fits.
 
-    `weights` (samples,): of each row's error, for an output that is a curve of what was measured.
+    `weights` (samples,): of each row's error, by default the record's.
     `keeps_drift`: see `CompositionUnknowns`.
     """
     parts = parts.merged
@@ -194,7 +194,7 @@ class Problem:
 
     - `whole`: all unknowns there are. `memory`: at `rows`; other orientations and floors have the same.
     - `inside`: unknowns that were not zero when last solved for, where the next solution begins.
-    - `weights`: of every row's error; None where all count alike.
+    - `weights`: of every row's error, by default the record's.
     """
 
     def __init__(
@@ -205,7 +205,7 @@ class Problem:
         memory: Memory | None = None,
         weights: Samples | None = None,
     ) -> None:
-        self.weights = weights
+        self.weights = record.weights if weights is None else weights
         self.record, self.parts, self.rows = record, parts, fitted_rows(parts)
         if memory is None:
             memory = memory_of(whole.memory(), record, self.rows)
@@ -218,11 +218,7 @@ class Problem:
         self.A = whole.columns(memory)
         self.taut = self._taut(self.y)
         of_part = {p: (self.label == p) & self.taut for p in parts.all}
-        if weights is None:
-            self.normal = normal_equations_of(self.A, self.y, of_part)
-        else:
-            w = weights[self.rows]
-            self.normal = normal_equations_of(self.A * w[:, None], self.y * w, of_part)
+        self.normal = normal_equations_of(*self.weighed(self.A, self.y, self.rows), of_part)
         self.inside = np.ones(whole.count, bool)
         self.sums: dict[tuple[int, ...], NormalEquations] = {}
 
@@ -231,6 +227,11 @@ class Problem:
         rows = np.isin(self.label, which)
         end = np.median if self.several and not whole.keeps_drift else np.max
         return float(end(self.memory.path[rows])), float(end(self.memory.elapsed[rows]))
+
+    def weighed(self, A: np.ndarray, y: np.ndarray, rows: np.ndarray) -> Equations:
+        """The equations of these rows of the record, each times its weight."""
+        w = self.weights[rows]
+        return A * w[:, None], y * w
 
     def _taut(self, y: Float[np.ndarray, " rows"]) -> Bool[np.ndarray, " rows"]:
         """Rows above the floor: below, an output tells only a limit."""
@@ -294,7 +295,7 @@ class Problem:
         def error(solved: Solved, which: tuple[int, ...]) -> np.ndarray:
             test = np.isin(self.label, which)
             error = self.predicted(solved, some, test) - self.y[test]
-            return error if self.weights is None else error * self.weights[self.rows][test]
+            return error * self.weights[self.rows][test]
 
         blocks = held_out_errors(folds or self.parts.folds, solve, error)
         return Choice(self, strength, blocks, some)
@@ -336,9 +337,10 @@ class Problem:
             if not len(taut):
                 continue
             memory, y = (memory.at(taut), y[taut]) if len(taut) < len(here) else (memory, y)
-            w = None if self.weights is None else self.weights[here[taut]]
             parts = [
-                averaged(*_weighted(meaning.columns(some), y[place], w, place), together)
+                averaged(
+                    *self.weighed(meaning.columns(some), y[place], here[taut][place]), together
+                )
                 for place, some in memory.cut(at_once)
             ]
             # Of averages all of a block make one product, because H is larger than they are.
@@ -375,10 +377,6 @@ class Problem:
 Tried: TypeAlias = Choice[Problem]
 Solved: TypeAlias = tuple[tuple[int, ...], Float[np.ndarray, " unknowns"]]
 """The parts that were fitted, and the unknowns."""
-
-
-def _weighted(A: np.ndarray, y: np.ndarray, weights: Samples | None, place: slice) -> Equations:
-    return (A, y) if weights is None else (A * weights[place, None], y * weights[place])
 
 
 def _path(problem: Problem) -> list[Tried]:

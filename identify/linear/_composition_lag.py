@@ -117,6 +117,7 @@ def find_lag(record: Record, floor: float | None = None) -> Lag | None:
         problem = Problem(there, cut, whole.of(*some)._replace(leading=leading), memory)
         problem.inside = inside.get((some, leading), problem.inside)
         residuals = problem.A @ problem.solution(cut.all, some, LAG_PRIOR) - problem.y
+        residuals *= problem.weights[rows]
         inside[some, leading] = problem.inside
         return float(np.mean(residuals[problem.taut] ** 2))
 

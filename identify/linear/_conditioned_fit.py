@@ -170,7 +170,8 @@ class ConditionedProblem(Problem):
             knots, x = solved
             rows = np.isin(self.label, test)
             each = self.A[np.ix_(rows, columns)] @ x.reshape(len(knots), -1).T
-            return (each * shares_of(knots, self.axis, self.c[rows])).sum(1) - self.y[rows]
+            error = (each * shares_of(knots, self.axis, self.c[rows])).sum(1) - self.y[rows]
+            return error * self.weights[self.rows][rows]
 
         return Choice(
             self, strength, held_out_errors(folds or self.parts.folds, solve, error), some
@@ -184,8 +185,9 @@ class ConditionedProblem(Problem):
         knots = np.array(meaning.knots)
         A = self.A[:, self.whole.where(choice.parts)]
         A = (shares_of(knots, self.axis, self.c)[:, :, None] * A[:, None]).reshape(len(A), -1)
+        A, y = self.weighed(A, self.y, self.rows)
         prior = np.kron(np.eye(len(knots)), meaning.base.prior(choice.strength))
-        H, b = jittered(A.T @ A / len(A) + prior), A.T @ self.y / len(A)
+        H, b = jittered(A.T @ A / len(A) + prior), A.T @ y / len(A)
         return LinearFit(
             meaning.minimum(H, b), meaning, H, b, len(A), choice.strength, choice.blocks
         )

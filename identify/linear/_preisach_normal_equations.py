@@ -35,11 +35,15 @@ class NodeSums:
         block: DesignBlock,
         y: Float[np.ndarray, " rows"],
         taken: slice | Int[np.ndarray, " rows"] = slice(None),
+        weights: Float[np.ndarray, " rows"] | None = None,
     ) -> None:
-        """Add the rows `taken` of a block, with their outputs."""
+        """Add the rows `taken` of a block, with their outputs, each times its weight."""
         own, sums = block.own[taken], block.by_anchor(taken)
+        if weights is not None:
+            by = sparse.diags(weights)
+            own, sums, y = by @ own, sums @ by, weights * y
         crossed = (sums @ own).T @ block.path
-        path = block.path.multiply(np.asarray(sums.sum(1))).tocsr()
+        path = block.path.multiply(np.asarray(sums.multiply(sums).sum(1))).tocsr()
         self.gram = self.gram + own.T @ own + crossed + crossed.T + path.T @ block.path
         self.right += own.T @ y + block.path.T @ (sums @ y)
         self.yy += float(y @ y)
@@ -58,6 +62,7 @@ def normal_equations(
     y: Float[np.ndarray, " samples"],
     label: Int[np.ndarray, " samples"],
     P: Any,
+    weights: Float[np.ndarray, " samples"] | None = None,
 ) -> Iterator[tuple[int, NormalEquations]]:
     """P'S'(B'B)S P, P'S'B'y and y'y of the rows of every label that is not negative, one by one."""
     sums = {p: NodeSums(space) for p in np.unique(label[label >= 0]).tolist()}
@@ -65,7 +70,8 @@ def normal_equations(
         here = label[block.rows]
         for p in np.unique(here[here >= 0]).tolist():
             taken = np.flatnonzero(here == p)
-            sums[p].add(block, y[block.rows][taken], taken)
+            own = None if weights is None else weights[block.rows][taken]
+            sums[p].add(block, y[block.rows][taken], taken, own)
     for p in tuple(sums):
         yield p, sums.pop(p).equations(P)
 

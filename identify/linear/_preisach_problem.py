@@ -2,10 +2,10 @@
 
 With the unknowns x, z = P x the offset, reversible increments and weights, and s the output's range,
 
-    |A x - y|^2 / (2 N s^2) + lambda/2 ( (n/20)^4 |D_w z|^2 + (n/20)^3 |D_r z|^2 )
+    |W (A x - y)|^2 / (2 N s^2) + lambda/2 ( (n/20)^4 |D_w z|^2 + (n/20)^3 |D_r z|^2 )
 
-is minimised under x >= 0 but for the offset, and C x >= 0 for a leading model. D_w are the
-differences of the weights between neighbouring cells of n x n, D_r those of the increments; the powers
+is minimised under x >= 0 but for the offset, and C x >= 0 for a leading model. W weighs the rows. D_w are
+the differences of the weights between neighbouring cells of n x n, D_r those of the increments; the powers
 of n make lambda mean the same on every grid.
 """
 
@@ -97,13 +97,14 @@ class PreisachProblem(PreisachObjective):
     """One kind of unknowns on one record: its normal equations, and what it predicts of held-out parts."""
 
     def __init__(self, record: Record, parts: Parts, meaning: GridUnknowns):
-        self.parts, self.starts = parts, record.starts
+        self.parts, self.starts, self.weights = parts, record.starts, record.weights
         self.y = np.where(parts.label >= 0, relative(meaning, record.output), 0.0)
         self.template = meaning.rising(np.zeros(meaning.count))
         self.prepared = located(self.template, record)
         P, blocks = meaning.expansion, self.blocks()
         super().__init__(
-            meaning, dict(normal_equations(meaning.space, blocks, self.y, parts.label, P))
+            meaning,
+            dict(normal_equations(meaning.space, blocks, self.y, parts.label, P, self.weights)),
         )
 
     def blocks(self) -> Iterator[DesignBlock]:
@@ -144,10 +145,12 @@ class PreisachProblem(PreisachObjective):
         of_fold = [slice(k, None, len(folds)) for k in range(len(folds))]
         errors = [[np.zeros((0, len(tried)))] for _ in folds]
         for block in self.blocks():
-            label, y = self.parts.label[block.rows], self.y[block.rows]
+            label, y, w = (x[block.rows] for x in (self.parts.label, self.y, self.weights))
             for fold, at, found in zip(folds, of_fold, errors, strict=True):
                 if (rows := np.isin(label, fold.test)).any():
-                    found.append(block.product(nodes[:, at])[rows] - y[rows, None])
+                    found.append(
+                        w[rows, None] * (block.product(nodes[:, at])[rows] - y[rows, None])
+                    )
         each = [np.concatenate(found) for found in errors]
         return [
             np.concatenate([block_errors(error[:, k]) for error in each]) for k in range(len(tried))

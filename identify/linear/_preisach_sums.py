@@ -31,17 +31,18 @@ def known_sums(
 ) -> KnownSums:
     """What a fit of some parts knows of the sums C x of its unknowns.
 
-        covariance = K' (A' V A sigma^2 / N^2 + d d') K,      K = G C',      d = H (x_(lambda / 10) - x)
+        covariance = K' (A' W V W A sigma^2 / N^2 + d d') K,      K = G C',      d = H (x_(lambda / 10) - x)
 
-    G is the inverse of H among the unknowns that are not zero. The noise, AR(1) with the correlations V, is
-    that behind the residuals. The second term is the bias: how far the unknowns move under a prior of a
-    tenth of the strength. Strengths are chosen by held-out errors, and a strong one that predicts well
-    moves sums by up to two standard errors.
+    W weighs the rows, G is the inverse of H among the unknowns that are not zero. The noise, AR(1) with the
+    correlations V, is that behind the residuals. The second term is the bias: how far the unknowns move
+    under a prior of a tenth of the strength. Strengths are chosen by held-out errors, and a strong one that
+    predicts well moves sums by up to two standard errors.
 
     A sum is determined if c'G H_d G c >= c'G c / 2, with H_d the H without the prior.
     """
     meaning = problem.meaning
     chosen = np.isin(problem.parts.label, which)
+    w = problem.weights[chosen, None]
     rows = int(chosen.sum())
     H, b = problem.objective(which, strength)
     inside = np.flatnonzero((x != 0) | meaning.free)
@@ -58,17 +59,17 @@ def known_sums(
     def left(noise: np.ndarray) -> np.ndarray:
         """What the fit leaves of noise, the signs of its unknowns held."""
         values, turned = np.zeros((len(chosen), noise.shape[1])), 0.0
-        values[chosen] = noise
+        values[chosen] = w * noise
         for block in problem.blocks():
             turned = turned + block.transposed(values[block.rows])
         moved = gathered(meaning.space, turned, meaning.expansion)[inside] / rows
         followed = problem.outputs(over_all(scipy.linalg.cho_solve(factor, moved)))
-        return noise - followed[chosen]
+        return noise - w * followed[chosen]
 
     # One pass over the rows: the fit itself, and what each sum reads of them.
-    found = problem.outputs(np.hstack([x[:, None], over_all(K)]))[chosen]
+    found = w * problem.outputs(np.hstack([x[:, None], over_all(K)]))[chosen]
     sequences = runs(problem.starts, chosen)
-    noise = noise_behind(problem.y[chosen] - found[:, 0], left, sequences)
+    noise = noise_behind(w[:, 0] * problem.y[chosen] - found[:, 0], left, sequences)
     read = found[:, 1:]
     spread = noise.sigma**2 / rows**2 * (read.T @ spread_over_rows(read, noise.phi, sequences))
     H_weaker = H[at] - 0.9 * strength * problem.prior[at]

@@ -29,6 +29,7 @@ class Rows(NamedTuple):
     - `slope`: d output / d input along the path, for errors in the input.
     - `shapes` (rows, shapes): smooth functions of the input, alike on rising and falling branches or of
       opposite sign: noise looks like none of them.
+    - `weight`: what the deviation of a row is divided by, see `Record.weights`.
     """
 
     counted: Bool[Known, " rows"]
@@ -36,6 +37,7 @@ class Rows(NamedTuple):
     output: Float[Known, " rows"]
     slope: Float[Known, " rows"]
     shapes: Float[Known, "rows shapes"]
+    weight: Float[Known, " rows"]
 
 
 class Arithmetic(NamedTuple):
@@ -61,7 +63,7 @@ class Arithmetic(NamedTuple):
             squares = squares + (self.growth * rows.output) ** 2
         if self.input_sigma is not None:
             squares = squares + (self.input_sigma * rows.slope) ** 2
-        return xp.sqrt(squares)
+        return xp.sqrt(squares) / xp.where(rows.counted, rows.weight, 1.0)
 
     def whitened(self, r: Known, rows: Rows) -> Known:
         """One-step-ahead errors over their deviations: independent, of unit variance; linear in r.

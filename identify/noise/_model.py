@@ -15,7 +15,7 @@ from ._arithmetic import Arithmetic, Known, Rows
 class NoiseModel(eqx.Module):
     """Residuals r_i = s_i e_i of scale s_i, correlated from row to row, with tails as long as need be:
 
-        s_i^2 = sigma^2 + (growth y_i)^2 + (input_sigma dy/du_i)^2
+        s_i^2 = (sigma^2 + (growth y_i)^2 + (input_sigma dy/du_i)^2) / weight_i^2
         e_i = phi e_(i-1) + w_i + theta w_(i-1),      e_i of unit variance,
 
     w Gaussian or Student's t with 1 / tail degrees of freedom (then sigma is the scale, not the deviation).
@@ -144,7 +144,8 @@ def rows_of(
             )  # where the input rests there is no slope
             slope[rows] = np.where(moves, dy / np.where(moves, du, 1.0), 0.0)
     place = np.where(used, place, 0.0).astype(predicted.dtype)
-    return Rows(used, place, predicted, slope, shapes_of(record, used))
+    weight = record.weights.astype(predicted.dtype)
+    return Rows(used, place, predicted, slope, shapes_of(record, used), weight)
 
 
 def shapes_of(

@@ -119,9 +119,10 @@ def noise_fit(
     Biometrika 58 (1971).
     """
     counted = np.where(at.rows.counted, 1.0, 0.0)
-    size = float(np.sqrt(np.sum((counted * at.residuals) ** 2) / counted.sum())) or 1.0
+    weight = counted * np.asarray(at.rows.weight)
+    size = float(np.sqrt(np.sum((weight * at.residuals) ** 2) / counted.sum())) or 1.0
     J, residuals, pull = map(np.asarray, (at.jacobian, at.residuals, at.pull))
-    basis, seen = _basis(J * counted[:, None], size)
+    basis, seen = _basis(J * weight[:, None], size)
     sizes = np.append(size / _largest(at.rows), np.ones(3))
     seek = _Sought(
         residuals * counted, J @ basis, at.rows, pull @ basis,

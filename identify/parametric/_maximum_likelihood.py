@@ -225,12 +225,13 @@ def plainest(
 ) -> tuple[Likeliest, Left]:
     """Independent Gaussian noise at a least-squares fit, in closed form: sigma^2 = sum of squares / (rows -
     parameters). Its own uncertainty multiplies variances by cosh(2 sd of log sigma), see `widening`."""
-    counted = int(np.sum(rows.counted))
+    counted, weight = int(np.sum(rows.counted)), np.asarray(rows.weight)
+    residuals, jacobian = residuals * weight, jacobian * weight[:, None]
     sigma = float(np.sqrt(residuals @ residuals / max(counted - len(free), 1)))
     x, W = residuals / (sigma or 1.0), jacobian / (sigma or 1.0)
     scores = np.sum((x**2 - 1)[np.asarray(rows.counted)] ** 2)
     wider = np.full(len(free), np.sqrt(np.cosh(2 / np.sqrt(1 + scores))))
-    left = Left(x, W, np.asarray(rows.shapes), np.ones(()))
+    left = Left(x, W, np.asarray(rows.shapes) * weight[:, None], np.ones(()))
     kind, evidence = (("sigma",),), np.zeros(1)
     return Likeliest(free, W, wider, NoiseModel(sigma), kind, evidence, 1.0, counted), left
 
@@ -256,7 +257,8 @@ def linearised_at(
     z: Float[np.ndarray, " parameters"],
 ) -> Linearised:
     """The model linearised about z, by the program that fits it."""
-    at = refine(bounds, model, prepared, measured, np.asarray(rows.counted), z, steps=1)
+    weights = np.where(rows.counted, rows.weight, 0.0)
+    at = refine(bounds, model, prepared, measured, weights, z, steps=1)
     return linearised(bounds, at, measured, rows)
 
 

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float, Int
 
 from hysteresis import AbstractModel, Record
 from hysteresis.numerics._even_clock import even_step
@@ -53,19 +53,21 @@ def refine(
     model: AbstractModel,
     prepared: Any,
     y: Float[np.ndarray, " samples"],
-    mask: Bool[np.ndarray, " samples"],
+    weights: Float[np.ndarray, " samples"],
     free: Float[np.ndarray, " parameters"],
     steps: int = STEPS,
 ) -> Optimum:
-    """Levenberg-Marquardt from one start to full accuracy, on the masked rows; one step only evaluates."""
-    arguments = arguments_of(model, prepared, y, mask)
+    """Levenberg-Marquardt from one start to full accuracy; one step only evaluates. A row whose weight is 0
+    does not count."""
+    arguments = arguments_of(model, prepared, y, weights)
     found = _run(transform, arguments, jnp.asarray(free), np.asarray(steps))
-    size = float(arguments[-1]) * float(np.sqrt(np.count_nonzero(mask)))
+    size = float(arguments[-1]) * float(np.sqrt(np.count_nonzero(weights)))
+    each = size / np.where(weights > 0, weights, 1.0)
     residuals = np.asarray(found.residuals)
     objective = np.nan_to_num(float(arguments[-1]) ** 2 * float(residuals @ residuals), nan=np.inf)
     return Optimum(
         np.asarray(found.free), float(objective), bool(found.converged), int(found.steps),
-        np.asarray(found.beside), size * np.asarray(found.jacobian),
+        np.asarray(found.beside), each[:, None] * np.asarray(found.jacobian),
     )  # fmt: skip
 
 
@@ -74,18 +76,18 @@ def multi_start(
     model: AbstractModel,
     prepared: Any,
     y: Float[np.ndarray, " samples"],
-    mask: Bool[np.ndarray, " samples"],
+    weights: Float[np.ndarray, " samples"],
     starts: Float[np.ndarray, "starts parameters"],
 ) -> tuple[Starts, tuple[Optimum, ...]]:
     """A few steps of Levenberg-Marquardt from every start, and the best to their end; sorted, best first.
 
     Also the optima that are different, the best ones of them.
     """
-    ends = [refine(transform, model, prepared, y, mask, z, FEW) for z in starts]
+    ends = [refine(transform, model, prepared, y, weights, z, FEW) for z in starts]
     ends.sort(key=lambda end: end.objective)
     for k in range(min(BEST, len(ends))):
         if np.isfinite(ends[k].objective) and not ends[k].converged:
-            ends[k] = refine(transform, model, prepared, y, mask, ends[k].free)
+            ends[k] = refine(transform, model, prepared, y, weights, ends[k].free)
     ends.sort(key=lambda end: end.objective)
     objective, z = np.array([end.objective for end in ends]), np.stack([end.free for end in ends])
     optima: list[Optimum] = []
@@ -154,25 +156,27 @@ def _missing(rows: int) -> int:
     return -rows % step
 
 
-def arguments_of(model: AbstractModel, prepared: Any, y: np.ndarray, mask: np.ndarray) -> tuple:
+def arguments_of(model: AbstractModel, prepared: Any, y: np.ndarray, weights: np.ndarray) -> tuple:
     """What `scaled_residuals` needs beside the free vector."""
+    mask = weights > 0
     scale = np.ptp(y[mask]) or 1.0  # an array, so that another record does not compile again
-    return model, prepared, np.where(mask, y, 0.0), np.asarray(mask), np.asarray(float(scale))
+    return model, prepared, np.where(mask, y, 0.0), np.asarray(weights), np.asarray(float(scale))
 
 
 def scaled_residuals(transform: Transform, z: Array, arguments: Any) -> tuple[Array, Array]:
     """Residuals over the output's range and the root of the number of rows, and the output itself; see
     `arguments_of`."""
-    model, prepared, y, mask, scale = arguments
-    predicted = transform.model(model, z).evaluate(prepared)
-    return jnp.where(mask, predicted - y, 0.0) / (scale * jnp.sqrt(mask.sum())), predicted
+    model, prepared, y, weights, scale = arguments
+    predicted, mask = transform.model(model, z).evaluate(prepared), weights > 0
+    off = weights * jnp.where(mask, predicted - y, 0.0)
+    return off / (scale * jnp.sqrt(mask.sum())), predicted
 
 
 def levenberg_marquardt(transform: Transform, arguments: Any, z: Array, limit: Any) -> Found:
     """The solution from z, after at most so many steps."""
     return levenberg_marquardt_from(
         lambda z, arguments: scaled_residuals(transform, z, arguments),
-        z, arguments, arguments[3].sum(), limit,
+        z, arguments, (arguments[3] > 0).sum(), limit,
     )  # fmt: skip
 
 

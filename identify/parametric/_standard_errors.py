@@ -22,15 +22,23 @@ NEAR = 1e-3
 
 
 def covariance_of(
-    jacobian: Float[np.ndarray, "rows parameters"], variance: float
+    jacobian: Float[np.ndarray, "rows parameters"],
+    variance: float | Float[np.ndarray, " rows"],
 ) -> Float[np.ndarray, "parameters parameters"]:
-    """variance (J'J)^-1 of the free vector; directions the data do not see get infinite variance."""
-    _, size, V = np.linalg.svd(jacobian, full_matrices=False)
+    """(J'J)^-1 J' diag(variance) J (J'J)^-1 of the free vector; directions the data do not see get infinite
+    variance."""
+    U, size, V = np.linalg.svd(jacobian, full_matrices=False)
     seen = size > 1e-10 * size.max(initial=1e-300)
-    inverse = np.where(seen, 1 / np.where(seen, size, 1.0) ** 2, np.inf)
     with np.errstate(invalid="ignore"):
         blind = (V[~seen] ** 2).sum(0) > 1e-12
-        covariance = (V[seen].T * inverse[seen]) @ V[seen] * variance
+        root = V[seen].T / size[seen]
+        along = U[:, seen]
+        each = (
+            variance * np.eye(len(size[seen]))
+            if np.ndim(variance) == 0
+            else (along.T * variance) @ along
+        )
+        covariance = root @ each @ root.T
     covariance[blind, blind] = np.inf
     return covariance
 

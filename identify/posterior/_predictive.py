@@ -90,6 +90,10 @@ def predictive(
     models, one = _widened(models, record)
     prepared = prepare(one, record)
     of_rows = rows_of(record, record.mask, np.zeros(len(record)))
+    if (
+        record.sigma is not None and fit.train.sigma is not None
+    ):  # of the weights that the noise is of
+        of_rows = of_rows._replace(weight=fit.train.typical_sigma / record.sigma)
     y, scale = (np.asarray(a) for a in _evaluate(models, noise, prepared, of_rows, rows))
     tail = None if noise.tail is None else np.asarray(noise.tail)
     ends = [0.5, *((1 + sign * level) / 2 for sign in (-1, 1) for level in LEVELS)]

@@ -66,7 +66,8 @@ def _of_grid(meaning: GridUnknowns, record: Record, used: np.ndarray) -> Weights
     def blocks() -> Iterator[np.ndarray]:
         for block in problem.blocks():
             here = used[block.rows]
-            yield np.hstack([block.product(nodes)[here], problem.y[block.rows][here, None]])
+            both = np.hstack([block.product(nodes)[here], problem.y[block.rows][here, None]])
+            yield problem.weights[block.rows][here, None] * both
 
     sums = neighbour_sums(blocks(), runs(record.starts, used))
     return WeightsDesign(basis, sums, SUMS, meaning.totals)
@@ -78,6 +79,7 @@ def _of_composition(
     base = meaning.base if isinstance(meaning, ConditionedUnknowns) else meaning
     y = relative(base, record.output)
     used = _stretches(used & (y > base.least + SLACK))  # below it an output tells only a limit
+    y = y * record.weights
     rows = np.flatnonzero(used)
     H, knots = np.zeros((len(meaning.totals.T),) * 2), 1
     for _, A in _columns(meaning, record, rows):
@@ -100,10 +102,10 @@ def _columns(
     record: Record,
     rows: Int[np.ndarray, " rows"],
 ) -> Iterator[tuple[Int[np.ndarray, " some"], Float[np.ndarray, "some unknowns"]]]:
-    """The output of each unknown alone at some rows, in blocks."""
+    """The output of each unknown alone at some rows, times their weights, in blocks."""
     base = meaning.base if isinstance(meaning, ConditionedUnknowns) else meaning
     for here, memory in memory_blocks(base.memory(), record, rows):
-        A = base.columns(memory)
+        A = base.columns(memory) * record.weights[here, None]
         if isinstance(meaning, ConditionedUnknowns):
             c = record.columns[meaning.condition][here]
             shares = shares_of(np.array(meaning.knots), meaning.axis, c)

@@ -37,11 +37,12 @@ def evidence(
     """
     used = np.isin(parts.label, parts.without_conditioning(parts.fitted, dropped))
     residuals = np.where(record.mask, predicted - record.output, np.nan)
-    sequences = [residuals[rows][used[rows]] for _, rows in record.sequences() if used[rows].any()]
+    weighted = residuals * record.weights
+    sequences = [weighted[rows][used[rows]] for _, rows in record.sequences() if used[rows].any()]
     return Evidence(
         used,
         residuals,
-        {"train": metrics(record.output, predicted, used), "test": None},
+        {"train": metrics(record.output, predicted, used, record.weights), "test": None},
         estimate_noise(sequences, free),
         100 * float(np.sqrt(held_out)) / float(np.ptp(record.output[record.mask])),
     )

@@ -132,7 +132,8 @@ def _of_composition(
         A = meaning.columns(memory)
         for g in np.unique(group[here]):
             own = group[here] == g
-            a, v = A[own], y[here][own]
+            w = record.weights[here][own]
+            a, v = w[:, None] * A[own], w * y[here][own]
             found[g] += NormalEquations(a.T @ a, a.T @ v, float(v @ v), int(own.sum()))
     return {int(g): equations for g, equations in found.items()}
 
@@ -144,9 +145,10 @@ def _of_parameters(
     used = fit.used & np.isfinite(fit.residuals)
     if not free:
         return
-    J = np.column_stack([slope_of(fit, p.name) for p in free])
+    w = fit.train.weights
+    J = w[:, None] * np.column_stack([slope_of(fit, p.name) for p in free])
     size = np.maximum(np.sqrt((J[used] ** 2).sum(0)), np.finfo(float).tiny)
-    J, r = J / size, np.where(used, fit.residuals, 0.0)
+    J, r = J / size, np.where(used, w * fit.residuals, 0.0)
     lows = {name: info.bounds[0] for name, info, _ in parameters(fit.model)}
     for g in range(int(group.max()) + 1):
         own, rest = used & (group == g), used & (group != g)
@@ -155,12 +157,12 @@ def _of_parameters(
         step = _step(J[used].T @ J[used], J[rest].T @ J[rest], J[own].T @ r[own]) / size
         # The fit to the rest cannot miss it by more than the whole fit does: where the step leads to more,
         # it is longer than the model is linear.
-        least = float(np.sum(fit.residuals[rest] ** 2)) * (1 + ROUNDING)
+        least = float(np.sum(r[rest] ** 2)) * (1 + ROUNDING)
         for part in HALVES:
             model = fit.model
             for p, by in zip(free, part * step, strict=True):
                 model = _moved(model, p.name, float(by), lows)
-            missed = replace(fit, model=model).predict(fit.train) - fit.train.output
+            missed = w * (replace(fit, model=model).predict(fit.train) - fit.train.output)
             if float(np.sum(missed[rest] ** 2)) <= least:
                 break
         yield g, model

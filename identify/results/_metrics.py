@@ -26,8 +26,9 @@ def metrics(
     measured: Float[np.ndarray, " samples"],
     predicted: Float[np.ndarray, " samples"],
     mask: Bool[np.ndarray, " samples"] | None = None,
+    weights: Float[np.ndarray, " samples"] | None = None,
 ) -> Metrics:
-    """Errors of a prediction over the masked rows.
+    """Errors of a prediction over the masked rows, each times its weight over the weights' rms.
 
     **Example:**
 
@@ -35,11 +36,14 @@ def metrics(
         >>> round(identify.metrics(measured, measured + [0, 0, 0.3]).nrmse_percent, 2)
         8.66
     """
+    each = np.ones(len(measured)) if weights is None else weights
     if mask is not None:
-        measured, predicted = measured[mask], predicted[mask]
-    error = predicted - measured
+        measured, predicted, each = measured[mask], predicted[mask], each[mask]
+    each = each / np.sqrt(np.mean(each**2))
+    error = each * (predicted - measured)
     rmse = float(np.sqrt(np.mean(error**2)))
-    spread, span = float(np.sum((measured - measured.mean()) ** 2)), float(np.ptp(measured))
+    off = each * (measured - np.average(measured, weights=each**2))
+    spread, span = float(np.sum(off**2)), float(np.ptp(measured))
     relative = np.mean((error / measured) ** 2) if measured.all() else np.nan
     return Metrics(
         rmse,

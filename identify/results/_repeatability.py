@@ -80,7 +80,9 @@ def repeatability(fit: FitResult) -> Repeatability | None:
     if not (isinstance(fit.detail, Parametric) and names and count >= LEAST):
         return None
     used = fit.used & np.isfinite(fit.residuals)
-    r, J = fit.residuals[used], np.column_stack([slope_of(fit, name)[used] for name in names])
+    w = fit.train.weights[used]
+    J = w[:, None] * np.column_stack([slope_of(fit, name)[used] for name in names])
+    r = w * fit.residuals[used]
     scale = np.maximum(np.sqrt((J**2).sum(0)), np.finfo(float).tiny)
     steps = np.zeros((count, len(names)))
     belongs = group[used]

@@ -51,7 +51,8 @@ def responses_of(
             assert record.time is not None
             order = every[np.argsort(record.time[every], kind="stable")]
             y = record.output[order] / record.input[order]
-            found.append((Response(record.time[order], y, kind), temperature))
+            own = Response(record.time[order], y, kind)
+            found.append((weighed(own, record, np.abs(record.input[order]), order), temperature))
             continue
         frequency, place = np.unique(record.input[every], return_inverse=True)
         is_loss = np.concatenate([np.full(len(one), part == PARTS[1]) for part, one in at.items()])
@@ -61,10 +62,27 @@ def responses_of(
         ]
         modulus = np.empty(len(frequency), complex)
         modulus.real, modulus.imag = y
-        found.append(
-            (Response(frequency * angular(record.input_unit), modulus, "modulus"), temperature)
-        )
+        own = Response(frequency * angular(record.input_unit), modulus, "modulus")
+        weight = _means(place, record.weights[every], len(frequency))
+        found.append((weighed(own, record, weight), temperature))
     return found
+
+
+def weighed(
+    response: Response, record: Record, weight: Rows, rows: np.ndarray | None = None
+) -> Response:
+    """With errors weighed by the record's sigma, where it has one, instead of by 1 / |y|.
+
+    `weight` times that of the record in `rows`, if any, is that of the response.
+    """
+    if record.sigma is None:
+        return response
+    size, every = (
+        np.sqrt(np.mean(np.abs(np.nan_to_num(y)) ** 2))
+        for y in (response.y, record.output[record.mask])
+    )
+    weight = weight if rows is None else weight * record.weights[rows]
+    return response._replace(weight=weight * size / every, relative=False)
 
 
 def answers_on(

@@ -80,7 +80,7 @@ def test_a_monotone_curve_follows_the_output_up_or_down(sign):
     cut = parts(record(output))
     curve = MonotoneBaseline()
     seen = curve.prepared(record(output))
-    fitted = curve.fitted(seen, output, np.flatnonzero(cut.label >= 0))
+    fitted = curve.fitted(seen, output, np.flatnonzero(cut.label >= 0), np.ones(len(u)))
     y = curve.predicted(np.linspace(-1, 11, 200), fitted)
     assert (sign * np.diff(y) >= 0).all()
     assert y[:15] == pytest.approx(y[0])  # held beyond the trained inputs

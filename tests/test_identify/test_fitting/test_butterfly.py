@@ -55,7 +55,7 @@ def test_loops_without_valleys_are_no_butterflies(y: np.ndarray):
 
 def test_the_curve_is_that_of_the_model():
     state = np.linspace(-1, 1.2, 50)
-    curve = folding(state, state**2 - 0.2 * state)
+    curve = folding(state, state**2 - 0.2 * state, np.ones(50))
     far = np.linspace(-2, 2, 41)
     np.testing.assert_allclose(
         folded(curve, far), curve.simulate(None, far), rtol=1e-12, atol=1e-12

@@ -91,7 +91,7 @@ def test_the_optimum_is_that_of_another_solver_and_is_evaluated_there():
         model = bounds.model(start, z)
         return np.asarray(model.simulate(record.time, record.input)) - record.output
 
-    found = refine(bounds, start, prepared, record.output, record.mask, bounds.to_free(start))
+    found = refine(bounds, start, prepared, record.output, 1.0 * record.mask, bounds.to_free(start))
     other = scipy.optimize.least_squares(residuals, found.free + 0.1, xtol=1e-14, ftol=1e-14)
     assert found.converged
     assert found.steps < 40
@@ -100,7 +100,9 @@ def test_the_optimum_is_that_of_another_solver_and_is_evaluated_there():
     np.testing.assert_allclose(found.predicted - record.output, residuals(found.free), atol=1e-12)
     # SciPy's differences are right to the root of rounding.
     np.testing.assert_allclose(found.jacobian, other.jac, atol=1e-5)
-    stays = refine(bounds, start, prepared, record.output, record.mask, found.free + 0.1, steps=1)
+    stays = refine(
+        bounds, start, prepared, record.output, 1.0 * record.mask, found.free + 0.1, steps=1
+    )
     np.testing.assert_array_equal(stays.free, found.free + 0.1)
     assert (stays.steps, stays.converged) == (1, False)
 

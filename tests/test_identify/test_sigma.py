@@ -1,0 +1,283 @@
+"""Rows with a standard deviation each: fits, errors, noise and verdict weigh them by its inverse square."""
+
+from pathlib import Path
+
+import hypothesis.strategies as st
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from scipy.optimize import curve_fit
+
+import hysid
+import hysteresis
+import identify
+from hysteresis import Burgers, InputError, Note, Record
+from hysteresis.curves import PolynomialCurve
+from identify.linear._composition import CURVE
+from identify.linear._composition_fit import Problem, unknowns_for
+from identify.linear._preisach_problem import PreisachProblem
+from identify.linear._preisach_unknowns import GridUnknowns
+from identify.records._folds import parts
+
+U = np.tile(np.concatenate([np.linspace(0, 2, 30), np.linspace(2, 0, 30)]), 3)
+
+
+def made(seed: int = 0, y: np.ndarray | None = None, spread: float = 0.6) -> Record:
+    """Cycles of a cubic, or of `y`, with readings of very different scatter."""
+    random = np.random.default_rng(seed)
+    sigma = random.uniform(0.05, spread, U.size)
+    y = 1 + 2 * U - 0.7 * U**2 + 0.1 * U**3 if y is None else y
+    y = y + 0.1 * sigma * random.normal(size=U.size)
+    return Record.from_arrays(U, y, 0.1 * np.arange(U.size), sigma=sigma)
+
+
+def cubic(record: Record) -> identify.FitResult:
+    start = PolynomialCurve([0.0, 1.0, 0.0, 0.0], 0.0, 2.0)
+    return identify.fit(record, start, noise="gaussian", starts=1)
+
+
+def test_a_polynomial_is_that_of_curve_fit():
+    record = made()
+    found = cubic(record)
+    at, covariance = curve_fit(
+        lambda x, *c: np.polynomial.polynomial.polyval(x, c), record.input - 1, record.output,
+        p0=[0, 1, 0, 0], sigma=record.sigma,
+    )  # fmt: skip
+    values = np.array([p.value for p in found.parameters[:4]])
+    errors = np.array([p.stderr for p in found.parameters[:4]])
+    assert values == pytest.approx(at, rel=1e-6)
+    # Ours are wider by the uncertainty of the noise's size, alike for all.
+    assert errors / np.sqrt(np.diagonal(covariance)) == pytest.approx(1.0, abs=0.01)
+
+
+def test_a_burgers_model_is_that_of_curve_fit():
+    t = np.linspace(0, 20, 120)
+    u = np.where(t < 12, 2.0, 0.0)
+    random = np.random.default_rng(1)
+    sigma = random.uniform(0.01, 0.2, t.size)
+
+    def answer(_: np.ndarray, *numbers: float) -> np.ndarray:
+        return np.asarray(Burgers(*np.exp(numbers)).simulate(t, u))
+
+    true = np.log([1.5, 20.0, 3.0, 6.0])
+    y = answer(t, *true) + sigma * random.normal(size=t.size)
+    record = Record.from_arrays(u, y, t, sigma=sigma)
+    known = {"offset": {"fixed": 0}}
+    start = Burgers(1.0, 10.0, 1.0, 3.0)
+    found = identify.fit(record, start, noise="gaussian", starts=4, parameters=known)
+    at, _ = curve_fit(answer, t, y, p0=true, sigma=sigma, xtol=1e-12, ftol=1e-12, gtol=1e-12)
+    names = [found[name].value for name in ("E1", "eta1", "E2", "eta2")]
+    assert names == pytest.approx(np.exp(at), rel=1e-6)
+
+
+def test_a_prony_series_is_that_of_curve_fit():
+    t = np.geomspace(0.05, 100, 80)
+    random = np.random.default_rng(2)
+    sigma = random.uniform(0.002, 0.05, t.size)
+
+    def answer(t: np.ndarray, *x: float) -> np.ndarray:
+        return x[0] + x[1] * np.exp(-t / x[2]) + x[3] * np.exp(-t / x[4])
+
+    true = (1.0, 2.0, 0.5, 1.5, 20.0)
+    y = answer(t, *true) + 0.1 * sigma * random.normal(size=t.size)
+    record = Record.from_arrays(
+        np.full(t.size, 1.0), y, t, sigma=sigma, input_unit="1", output_unit="MPa"
+    )
+    found = identify.fit_step(record, terms=2)
+    at, _ = curve_fit(answer, t, y, p0=true, sigma=sigma, xtol=1e-13, ftol=1e-13, gtol=1e-13)
+    series = [found[name].value for name in ("E_inf", "E1", "tau1", "E2", "tau2")]
+    assert series == pytest.approx(at, rel=1e-6)
+
+
+def test_only_the_ratios_of_sigma_count():
+    record = made()
+    assert record.sigma is not None
+    larger = Record.from_arrays(record.input, record.output, record.time, sigma=1000 * record.sigma)
+    one, other = cubic(record), cubic(larger)
+    assert [p.value for p in other.parameters] == pytest.approx([p.value for p in one.parameters])
+    assert other.parameters[1].stderr == pytest.approx(one.parameters[1].stderr)
+
+
+@settings(max_examples=10, deadline=None)
+@given(
+    rows=st.lists(st.integers(1, U.size - 2), min_size=1, max_size=20, unique=True),
+    wrong=st.floats(-1e3, 1e3),
+)
+def test_rows_of_a_huge_sigma_have_no_influence(rows, wrong):
+    record = made()
+    assert record.sigma is not None
+    y, sigma = record.output.copy(), record.sigma.copy()
+    y[rows], sigma[rows] = wrong, 1e9
+    mask = np.ones(U.size, bool)
+    mask[rows] = False
+    spoilt = Record.from_arrays(U, y, record.time, sigma=sigma)
+    without = Record.from_arrays(U, record.output, record.time, sigma=record.sigma, mask=mask)
+    one, other = cubic(spoilt), cubic(without)
+    assert [p.value for p in one.parameters] == pytest.approx(
+        [p.value for p in other.parameters], rel=1e-9
+    )
+    assert one.metrics["train"] == pytest.approx(other.metrics["train"], nan_ok=True)
+
+
+@pytest.mark.parametrize("model", ["Composition", "Preisach"])
+def test_noisy_rows_spoil_no_model(model):
+    """Every third row scatters by a third of the range: with sigma the fit is as good as without them."""
+    u = np.tile(np.concatenate([np.linspace(0, 2, 60), np.linspace(2, 0, 60)]), 4)
+    true, place = u.copy(), 0.0
+    for k, x in enumerate(u):
+        true[k] += (place := min(max(place, x - 0.3), x + 0.3))
+    sigma = np.where(np.arange(u.size) % 3 == 1, 0.3 * np.ptp(true), 1e-3)
+    y = true + sigma * np.random.default_rng(3).normal(size=u.size)
+    errors = []
+    for known in (None, sigma):
+        record = Record.from_arrays(u, y, 0.1 * np.arange(u.size), sigma=known)
+        found = identify.fit(record, model)
+        errors.append(np.sqrt(np.mean((found.predict(record) - true)[120:] ** 2)))
+    assert errors[1] < 0.05 * errors[0]
+
+
+def test_the_normal_equations_of_a_grid_are_those_of_weighted_rows():
+    record = made()
+    cut = parts(record)
+    meaning = GridUnknowns(6, 0.0, 2.0, False, "negative", 2.0)
+    problem = PreisachProblem(record, cut, meaning)
+    columns = problem.outputs(np.eye(meaning.count))
+    rows = cut.label == 1
+    A = record.weights[rows, None] * columns[rows]
+    assert pytest.approx(A.T @ A, abs=1e-9) == problem.normal[1].H
+    assert problem.normal[1].b == pytest.approx(A.T @ (record.weights * problem.y)[rows], abs=1e-9)
+
+
+def test_a_composition_weighs_its_held_out_errors():
+    record = made()
+    cut = parts(record).merged
+    whole = unknowns_for(record, cut, "negative", (CURVE,))
+    tried = Problem(record, cut, whole).tried((CURVE,), 1e-3)
+    again = Problem(record, cut, whole, weights=np.ones(len(record))).tried((CURVE,), 1e-3)
+    assert tried.blocks.mean() < 0.8 * again.blocks.mean()
+
+
+@pytest.mark.parametrize("value", ["0", "-1", "", "inf"])
+def test_a_sigma_that_is_none_is_refused_with_its_line(tmp_path: Path, value):
+    path = tmp_path / "rig.csv"
+    cells = ["0.1"] * 30
+    cells[7] = value
+    path.write_text("force,x,s\n" + "".join(f"{k},{k},{s}\n" for k, s in enumerate(cells)))
+    with pytest.raises(InputError) as caught:
+        hysteresis.read_csv(path, "force", "x", sigma="s")
+    error = caught.value
+    assert error.code == ("not-finite" if value == "inf" else "bad-sigma")
+    assert "line 9" in str(error)
+    assert "'s'" in str(error)
+    assert error.fix
+
+
+def test_a_sigma_survives_whatever_is_done_to_a_record(tmp_path: Path):
+    y = np.concatenate([U, U])
+    groups = np.repeat(["a", "b"], U.size)
+    sigma = 1 + np.arange(y.size) / 100
+    record = Record.from_arrays(y, 2 * y, 0.1 * np.arange(y.size), groups, sigma=sigma)
+    assert record.take_rows(5, 50).sigma == pytest.approx(sigma[5:50])
+    assert record.take_sequences(["b"]).sigma == pytest.approx(sigma[U.size :])
+    train, test = record.split_cycles(1)
+    assert train.sigma == pytest.approx(sigma)
+    assert test.weights[train.mask].max(initial=0) == 0
+    assert np.mean(test.weights[test.mask] ** 2) == pytest.approx(1.0)
+    assert record.resample(0.2).sigma == pytest.approx(sigma[::2], abs=0.011)
+    assert record.select("both").sigma is not None
+    assert record.digest() != Record.from_arrays(y, 2 * y, record.time, groups).digest()
+    fit = identify.fit(train, "LinearSponge", starts=1, noise="gaussian", test=test)
+    identify.save(fit, tmp_path / "kept")
+    kept = identify.load(tmp_path / "kept")
+    assert kept.train.weights == pytest.approx(train.weights)
+    assert kept.test is not None
+    assert kept.test.sigma == pytest.approx(sigma)
+
+
+def test_the_verdict_tells_the_reduced_chi_square():
+    found = cubic(made())
+    (note,) = [one for one in map(Note.of, found.verdict.reasons) if one.code == "sigma"]
+    record = found.train
+    assert record.sigma is not None
+    chi2 = np.sum((found.residuals / record.sigma) ** 2) / (len(record) - 4)
+    assert note.values["chi2"] == pytest.approx(chi2, rel=1e-9)
+    assert note.values["chi2"] == pytest.approx(0.01, rel=0.2)
+    assert "reduced chi-square" in note.text
+
+
+def test_the_likelihood_is_that_of_noise_with_the_sigma_of_each_row():
+    found = cubic(made())
+    aim = identify.target(found)
+    record, noise = found.train, found.noise_model
+    assert noise is not None
+    assert record.sigma is not None
+    each = float(noise.sigma) * record.sigma / record.typical_sigma
+    residuals = np.asarray(aim.residuals(aim.start))[: len(record)]
+    own = -0.5 * np.sum((residuals / each) ** 2 + np.log(2 * np.pi * each**2))
+    assert float(aim.log_likelihood(aim.start)) == pytest.approx(own)
+
+
+def test_predicted_bands_are_as_wide_as_each_rows_sigma():
+    found = cubic(made())
+    bands = identify.predictive(found)
+    assert found.train.sigma is not None
+    wide = (bands.high - bands.low)[1]
+    assert np.corrcoef(wide, found.train.sigma[bands.rows])[0, 1] > 0.99
+    assert 0.8 < bands.coverage[1] < 0.97
+
+
+def test_noise_of_the_given_sizes_is_taken_for_gaussian():
+    """Without sigma such residuals have tails; with it nothing speaks against plain Gaussian noise."""
+    random = np.random.default_rng(5)
+    sigma = np.exp(random.normal(size=U.size))
+    y = 3 * U + 0.01 * sigma * random.normal(size=U.size)
+    line = PolynomialCurve([0.0, 1.0], 0.0, 2.0)
+    plain = identify.fit(Record.from_arrays(U, y), line, starts=1)
+    weighted = identify.fit(Record.from_arrays(U, y, sigma=sigma), line, starts=1)
+    assert plain.noise_model is None or plain.noise_model.tail is not None
+    assert weighted.noise_model is not None
+    assert weighted.noise_model.is_white
+
+
+def test_baselines_are_weighted_too():
+    """Rows that are off on one side, and said to be, do not move a straight line."""
+    off = np.where(np.arange(U.size) % 2, 1.0, 0.0)
+    record = Record.from_arrays(U, 3 * U + off, sigma=np.where(off > 0, 100.0, 0.1))
+    found = identify.fit(record, PolynomialCurve([0.0, 1.0], 0.0, 2.0), starts=1, noise="gaussian")
+    (line,) = [one for one in found.baselines if one.name == "straight line"]
+    figures = line.metrics["train"]
+    assert figures is not None
+    assert figures.rmse < 2e-3
+
+
+def test_an_oscillator_refuses_sigma():
+    with pytest.raises(InputError, match="sigma"):
+        identify.fit(made(), "Oscillator")
+
+
+def test_moduli_are_weighted_by_their_sigma(tmp_path: Path):
+    w = np.geomspace(0.01, 100, 40)
+    modulus = 1 + 2j * w / (1 + 1j * w)
+    wrong = np.arange(w.size) % 4 == 1
+    columns = (
+        w / (2 * np.pi),
+        modulus.real * (1 + 0.2 * wrong),
+        modulus.imag,
+        np.where(wrong, 5.0, 0.01),
+    )
+    path = tmp_path / "sweep.csv"
+    np.savetxt(
+        path,
+        np.column_stack(columns),
+        delimiter=",",
+        header="f (Hz),G1 (Pa),G2 (Pa),s",
+        comments="",
+    )
+    off = {}
+    for name in ("", "s"):
+        read = hysid.records(
+            path, frequency="f (Hz)", output="G1 (Pa)", loss="G2 (Pa)", sigma=name or None
+        )
+        found = identify.fit_step(read[""][0], terms=1)
+        off[name] = abs(found["tau1"].value - 1)
+    assert off["s"] < 0.01 * off[""]
