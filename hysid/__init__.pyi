@@ -57,6 +57,7 @@ from identify import change as change
 from identify import compare as compare
 from identify import everett_surface as everett_surface
 from identify import fit_many as fit_many
+from identify import fit_shared as fit_shared
 from identify import fit_step as fit_step
 from identify import forc_curves as forc_curves
 from identify import forc_diagram as forc_diagram

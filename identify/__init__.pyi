@@ -53,6 +53,7 @@ from .files._posterior import load_posterior as load_posterior
 from .files._posterior import save_posterior as save_posterior
 from .fitting._creep import fit_step as fit_step
 from .fitting._fit import fit as fit
+from .fitting._shared import fit_shared as fit_shared
 from .forc._curves import Forc as Forc
 from .forc._curves import forc_curves as forc_curves
 from .forc._diagram import ForcDiagram as ForcDiagram

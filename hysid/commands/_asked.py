@@ -121,10 +121,13 @@ class Fit(FitOptions, Command):
 
     FILE alone is enough where its columns are plain: hysid chooses them, says why, and keeps its choice in
     FILE's .toml, whose options it takes from then on. Models are ranked by their errors on rows that were
-    held out from the fit.
+    held out from the fit. Several files are specimens that share parameters (--share).
     """
 
     file: Path = _file()
+    others: list[Path] | None = option(
+        "Files of further specimens.", None, argument=True, metavar="[FILE...]"
+    )
     selection: dict[str, Any] = selecting()
     out: Path | None = option("Folder for the results (default: FILE without its suffix).", None)
     config: Path | None = _config()
@@ -139,7 +142,7 @@ class Fit(FitOptions, Command):
             name: value
             for name, one in FIT_FIELDS.items()
             if name != "parameter"
-            and (is_given(one, value := getattr(self, name)) or name not in OF_SPECTRA)
+            and (is_given(one, value := getattr(self, name)) or name not in (*OF_SPECTRA, "share"))
         }
         found["parameters"] = parameters_said(self.config, self.parameter)
         if self.like:

@@ -10,10 +10,10 @@ import identify
 from hysteresis import InputError, Record
 
 from .._compensator import fitted_to_compensate, with_compensator
-from ..intake._creep_fits import motion_options, step_options
+from ..intake._creep_fits import motion_options, shared_options, step_options
 from ..intake._folders import check_writable, folder_names
 from ..intake._own_config import check_there, folder_of
-from ..intake._selection import Selection, all_of
+from ..intake._selection import Pair, Selection, all_of
 from ._asked import Fit
 from ._console import Done, candidate_lines, compensator_lines, log, verdict_lines
 from ._several_fits import together
@@ -39,6 +39,8 @@ def _written(asked: Fit, out: Path) -> dict[str, Any]:
     check_there(asked.file)
     selection.check_columns()
     records, faults = selection.records(selection.read(asked.file))
+    if asked.others:
+        records = _of_files(asked, selection)
     folders = folder_names(records)
     for name in (".", *folders.values()):
         identify.internal.check_free(out / name, asked.overwrite)
@@ -49,7 +51,12 @@ def _written(asked: Fit, out: Path) -> dict[str, Any]:
         "selection": _as_read(selection, [train for train, _ in records.values()]).as_json(),
         "options": {k: v for k, v in options.items() if isinstance(v, str | int)},
     }
-    if not selection.is_step:
+    if asked.share and not selection.is_step:
+        pairs = records.values()
+        known = shared_options(options) | {"tests": [test for _, test in pairs], "progress": log}
+        shared = iter(identify.fit_shared([train for train, _ in pairs], **known))
+        run = lambda *_, **__: next(shared)  # noqa: E731
+    elif not selection.is_step:
         run = partial(fitted_to_compensate, **motion_options(options))
     else:
         if asked.purpose == "compensate":
@@ -62,7 +69,7 @@ def _written(asked: Fit, out: Path) -> dict[str, Any]:
     at_the_end = "" not in records and asked.overwrite and (out / "fit.json").exists()
     for value, (train, test) in records.items():
         if value:
-            log(f"{selection.each} = {value}")
+            log(f"{selection.each} = {value}" if selection.each else value)
         try:
             result = with_compensator(run(train, test=test, progress=log))
         except InputError as error:
@@ -90,6 +97,22 @@ def _written(asked: Fit, out: Path) -> dict[str, Any]:
     document = identify.internal.sealed(document)
     identify.internal.write_json(out / "fit.json", document)
     return document
+
+
+def _of_files(asked: Fit, selection: Selection) -> dict[str, Pair]:
+    """The records of several specimens' files, by the names of these."""
+    files = [asked.file, *(asked.others or [])]
+    names = [file.stem for file in files]
+    if selection.each or not asked.share or len(set(names)) < len(names):
+        raise InputError(
+            "conflicting-options",
+            f"{len(files)} files are specimens that share parameters (--share), each of its own name.",
+            fix="Give --share NAME and no --each, or fit one file at a time.",
+        )
+    return {
+        name: selection.records(selection.read(file))[0][""]
+        for name, file in zip(names, files, strict=True)
+    }
 
 
 def _as_read(selection: Selection, records: list[Record]) -> Selection:

@@ -81,6 +81,7 @@ def known_records(selection: Selection, table: Table, folders: Collection[str]) 
         return known
     raise InputError(
         "no-match",
-        f"The file has no value of {selection.each} that was fitted: {', '.join(folders)}.",
+        f"The file has no value of {selection.each or 'a specimen'} that was fitted: {', '.join(folders)}.",
         place=str(table.path),
+        fix="" if selection.each else "Name the folder of one specimen, DIR/NAME.",
     )

@@ -12,23 +12,31 @@ from ._fit_options import FIT_FIELDS, OF_SPECTRA
 BEYOND = "beyond the trained times"
 RANGE = ("since the step", "low", "high")
 """Columns that a step's prediction has besides."""
-_NOT_OF_STEP: dict[str, Any] = {
-    name: one.default for name, one in FIT_FIELDS.items() if not one.metadata.get("of_step")
-}
 
 
 def step_options(options: dict[str, Any]) -> dict[str, Any]:
     """Those options of `fit` that `fit_step` takes. Raises `InputError` where others were set."""
-    for name, usual in _NOT_OF_STEP.items():
+    why = "Creep, relaxation and moduli are fitted by a spectrum of time constants."
+    taken = _only(options, "of_step", "--step, --hold or --frequency", why)
+    return taken | _of_parameters(taken.pop("parameters", {}))
+
+
+def shared_options(options: dict[str, Any]) -> dict[str, Any]:
+    """Those that `fit_shared` takes. Raises `InputError` where others were set."""
+    return _only(options, "of_shared", "--share", "Specimens are fitted together by least squares.")
+
+
+def _only(options: dict[str, Any], kind: str, chosen: str, why: str) -> dict[str, Any]:
+    others = {k: one.default for k, one in FIT_FIELDS.items() if not one.metadata.get(kind)}
+    for name, usual in others.items():
         if options.get(name, usual) != usual:
             raise InputError(
                 "bad-option",
-                f"--{name} cannot be used with --step, --hold or --frequency.",
-                cause="Creep, relaxation and moduli are fitted by a spectrum of time constants.",
+                f"--{name} cannot be used with {chosen}.",
+                cause=why,
                 fix="Leave it out.",
             )
-    taken = {name: value for name, value in options.items() if name not in _NOT_OF_STEP}
-    return taken | _of_parameters(taken.pop("parameters", {}))
+    return {name: value for name, value in options.items() if name not in others}
 
 
 def _of_parameters(said: dict[str, dict[str, Any]]) -> dict[str, Any]:

@@ -18,12 +18,14 @@ MODELS = (
 
 @dataclass(frozen=True, kw_only=True)
 class FitOptions:
-    """How a model is fitted. `of_step`: creep and relaxation have it too."""
+    """How a model is fitted. `of_step`: creep and relaxation have it too; `of_shared`: specimens
+    that share parameters do."""
 
     model: str = option(
         f"auto, or NAME[,NAME], in any case: {', '.join(MODELS)}, or a model of an installed"
         " distribution (entry-point group hysid.models).",
         "auto",
+        of_shared=True,
     )
     initial: str = option(
         "Memory before the first sample: auto, negative, positive, demagnetised, or fit.",
@@ -77,14 +79,22 @@ class FitOptions:
         (),
         joined=True,
     )
-    starts: int = option("Random starts for non-linear parameters.", 32, least=1)
-    seed: int = option("Seed of every random number.", 0, least=0, of_step=True)
+    share: tuple[str, ...] = option(
+        "Parameters that are the same in all specimens: those of several FILEs, or of --each.",
+        (),
+        joined=True,
+        metavar="NAME[,NAME]",
+        of_shared=True,
+    )
+    starts: int = option("Random starts for non-linear parameters.", 32, least=1, of_shared=True)
+    seed: int = option("Seed of every random number.", 0, least=0, of_step=True, of_shared=True)
     purpose: str = option(
         "What the verdict is for: predict; compensate, which tries the compensator too; or constants, which"
         " needs a standard error for every parameter.",
         "predict",
         choices=("predict", "compensate", "constants"),
         of_step=True,
+        of_shared=True,
     )
     period: int | None = option(
         "Oscillator: rows in a period of the force, in steady state; 0: it does not repeat (default: looked"

@@ -71,7 +71,7 @@ class AbstractRecord:
         if (bad := self.mask & ~((sigma > 0) & (sigma < np.inf))).any():
             said = f"{bad.sum()} blank, 0, negative or infinite in sigma {self.sigma_name!r}"
             mend = "give a standard deviation above 0 in every row that counts, a large one where in doubt."
-            raise self._fault("bad-sigma", said, bad, fix=mend)
+            raise self._fault("bad-deviation", said, bad, fix=mend)
 
     def _check_finite(self):
         wanted: list[tuple[str, str, np.ndarray, Any]]

@@ -53,7 +53,7 @@ class Record(AbstractRecord):
     Every method returns a new record.
 
     **Raises:** `InputError` `length-mismatch`, `nan-input`, `nan-output`,
-    `not-finite`, `nan-time`, `time-repeated`, `time-backwards`, `bad-sigma`.
+    `not-finite`, `nan-time`, `time-repeated`, `time-backwards`, `bad-deviation`.
 
     **Example:**
 

@@ -20,7 +20,7 @@ def line_row(record: Record, threshold: float) -> dict[str, Any] | None:
     """The row of the `LinearSponge` that has the least squares, its noise Gaussian; None where `fit` itself
     has to tell whether the record identifies one."""
     u, y = record.input[record.mask], record.output[record.mask]
-    if len(u) < ROWS or record.channels:
+    if len(u) < ROWS or record.channels or record.sigma is not None:
         return None
     with np.errstate(divide="ignore", invalid="ignore"):
         correlation = np.mean((u - u.mean()) * (y - y.mean())) / (u.std() * y.std())
@@ -30,8 +30,8 @@ def line_row(record: Record, threshold: float) -> dict[str, Any] | None:
     J = np.column_stack([np.where(touched, u, 0.0), touched])
     values = np.linalg.lstsq(J, y, rcond=None)[0]
     residuals = J @ values - y
-    none = np.zeros(len(u))
-    found, _ = plainest(values, residuals, J, Rows(none == 0, none, none, none, none[:, None]))
+    none, one = np.zeros(len(u)), np.ones(len(u))
+    found, _ = plainest(values, residuals, J, Rows(one > 0, none, none, none, none[:, None], one))
     errors = found.wider * np.sqrt(np.diagonal(covariance_of(found.root, 1.0)))
     rmse = float(np.sqrt(np.mean(residuals**2)))
     nrmse = 100 * rmse / float(np.ptp(y))

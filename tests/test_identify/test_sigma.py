@@ -166,7 +166,7 @@ def test_a_sigma_that_is_none_is_refused_with_its_line(tmp_path: Path, value):
     with pytest.raises(InputError) as caught:
         hysteresis.read_csv(path, "force", "x", sigma="s")
     error = caught.value
-    assert error.code == ("not-finite" if value == "inf" else "bad-sigma")
+    assert error.code == ("not-finite" if value == "inf" else "bad-deviation")
     assert "line 9" in str(error)
     assert "'s'" in str(error)
     assert error.fix

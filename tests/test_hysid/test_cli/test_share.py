@@ -1,0 +1,59 @@
+"""`hysid fit A.csv B.csv --share NAME`, and `hysid fit FILE --sigma COL`."""
+
+import numpy as np
+import pytest
+
+import identify
+from tests.test_hysid.command import run
+
+COLUMNS = ("--input", "u (N)", "--output", "y (mm)", "--time", "t (s)")
+
+
+def written(path, slope: float, sigma: float = 0.05) -> None:
+    """Two cycles of a line, as the first specimen or another one would answer."""
+    u = np.tile(np.concatenate([np.linspace(0, 2, 20), np.linspace(2, 0, 20)]), 2)
+    each = np.where(np.arange(u.size) % 2, sigma, 20 * sigma)
+    y = 0.5 + slope * u + each * np.random.default_rng(int(10 * slope)).normal(size=u.size)
+    table = np.column_stack([np.arange(u.size) / 10, u, y, each])
+    np.savetxt(path, table, delimiter=",", header="t (s),u (N),y (mm),s", comments="")
+
+
+def test_specimens_of_several_files_share_a_parameter(tmp_path):
+    files = [tmp_path / "a.csv", tmp_path / "b.csv"]
+    for file, slope in zip(files, (1.0, 1.1), strict=True):
+        written(file, slope)
+    how = (*COLUMNS, "--model", "LinearSponge", "--starts", "2", "--out", tmp_path / "both")
+    document = run("fit", *files, *how, "--share", "K", "--json").json()
+    assert sorted(document["each"]) == ["a", "b"]
+    fits = [identify.load(tmp_path / "both" / name) for name in ("a", "b")]
+    assert fits[0]["K"].value == fits[1]["K"].value
+    assert fits[0]["b"].value != fits[1]["b"].value
+    predicted = run("predict", tmp_path / "both", files[0])
+    assert "DIR/NAME" in predicted.err
+    again = (*how, "--overwrite", "--json")
+    assert "conflicting-options" in run("fit", *files, *again).err
+    assert "bad-option" in run("fit", *files, *again, "--share", "E1").err
+    assert "bad-option" in run("fit", *files, *again, "--share", "K", "--noise", "ar1").err
+
+
+def test_sigma_names_a_column(tmp_path):
+    file = tmp_path / "rig.csv"
+    written(file, 1.0)
+    how = (*COLUMNS, "--model", "LinearSponge", "--noise", "gaussian", "--starts", "2", "--json")
+    errors = {}
+    for name, more in (("with", ("--sigma", "s")), ("without", ())):
+        document = run("fit", file, *how, *more, "--out", tmp_path / name).json()
+        errors[name] = document["parameters"][0]["stderr"]
+    assert errors["with"] < 0.2 * errors["without"]
+    codes = [
+        one["code"]
+        for one in run("fit", file, *how, "--sigma", "s", "--overwrite").json()["verdict"][
+            "reasons"
+        ]
+    ]
+    assert "sigma" in codes
+    kept = identify.load(tmp_path / "with")
+    assert kept.train.sigma_name == "s"
+    assert kept.train.sigma == pytest.approx(np.where(np.arange(80) % 2, 0.05, 1.0))
+    predicted = run("predict", tmp_path / "with", file, "--json")
+    assert predicted.json()["rows"] == 80
