@@ -102,6 +102,7 @@ from .results._motion_detail import Motion as Motion
 from .results._repeatability import Repeatability as Repeatability
 from .results._repeatability import repeatability as repeatability
 from .results._trained_condition import TrainedCondition as TrainedCondition
+from .spectra._fractional import Fractional as Fractional
 from .spectra._response import Response as Response
 from .spectra._spectrum import Spectrum as Spectrum
 from .spectra._spectrum import spectrum as spectrum

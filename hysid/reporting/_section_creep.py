@@ -88,6 +88,8 @@ def spectrum(case: Case) -> Section:
             " an element there acts as a spring or a dashpot, and its time constant is unknown."
         )
         section.draw(figure, "Strengths over time constants", caption)
+    section.text.append("In a few numbers, with the ranges that the rows leave:")
+    section.text += [f"A {one}." for one in found.fractional()]
     least = min(row.evidence for row in found.table)
     held_out = {
         c["model"]: "none"

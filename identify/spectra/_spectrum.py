@@ -12,6 +12,7 @@ from hysteresis import GeneralizedKelvinVoigt, GeneralizedMaxwell, InputError
 from ..noise._residual_statistics import Noise, estimate_noise
 from ._dense_spectrum import SEARCHED, dense_spectrum, short_series
 from ._extrapolation import Allowed, allowed
+from ._fractional import Fractional, fractional_of
 from ._prony_series import Fitted, Input, Kind, Problem, Way
 from ._response import Response, problem_of, resolved, side_of
 
@@ -130,6 +131,23 @@ class Spectrum(NamedTuple):
         )
         outputs = self.allowed.outputs(at)
         return Band(outputs[0], outputs.min(0), outputs.max(0))
+
+    def fractional(self) -> tuple[Fractional, Fractional]:
+        """The springpot and the fractional Zener element that sum the spectrum up in two and four numbers:
+
+            V (i w)^alpha,      E_inf + (E_0 - E_inf) (i w tau)^alpha / (1 + (i w tau)^alpha)
+
+        Each is nearest to the complex modulus over the frequencies of the rows. Predictions stay those of
+        the spectrum.
+
+        **Example:**
+
+            >>> w = np.geomspace(0.01, 10, 40)
+            >>> found = identify.spectrum(identify.Response(w, 2 * (1j * w) ** 0.3, "modulus"))
+            >>> found.fractional()[0].value.round(2).tolist()
+            [2.0, 0.3]
+        """
+        return fractional_of(self.kind, self.allowed, self.step, self.span)
 
 
 def spectrum(
