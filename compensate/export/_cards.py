@@ -13,13 +13,10 @@ from collections.abc import Callable
 from textwrap import wrap
 from typing import NamedTuple
 
-import numpy as np
-from jaxtyping import Float
-
 from hysteresis import AbstractModel, InputError
-from hysteresis.models._viscoelastic import AbstractViscoelastic
 
-Terms = Float[np.ndarray, " terms"]
+from ._opensees import uniaxial_materials
+from ._prony_terms import Terms, prony_of
 
 
 class Prony(NamedTuple):
@@ -86,8 +83,10 @@ def material_card(
 
     **Arguments:**
 
-    - `program`: "abaqus", "apdl" or "mpl" (Ansys), "comsol", "ls-dyna", "openradioss", "calculix", "febio".
+    - `program`: "abaqus", "apdl" or "mpl" (Ansys), "comsol", "ls-dyna", "openradioss", "calculix", "febio",
+      "opensees".
     - `model`: viscoelastic: a generalised Maxwell or Kelvin-Voigt chain, a standard linear solid, Burgers.
+      For OpenSees also Bouc-Wen, Prandtl-Ishlinskii that leads its input, a monotone curve, or a sum.
     - `poisson`: Poisson's ratio, between -1 and 0.5, the same at all times.
     - `shear`: whether the model's modulus is a shear modulus, and not one in tension.
     - `unit`, `time_unit`, `name`: of the moduli, of the times, of the material. `scale`: by what the
@@ -104,8 +103,13 @@ def material_card(
         >>> print(compensate.material_card("abaqus", relaxing, poisson=0.4).text.splitlines()[-1])
         0.75, 0.75, 10
     """
-    if program not in PROGRAMS:
-        raise InputError("bad-option", f"No cards for {program!r}.", fix=f"{', '.join(PROGRAMS)}.")
+    if program not in CARDS:
+        raise InputError("bad-option", f"No cards for {program!r}.", fix=f"{', '.join(CARDS)}.")
+    name = re.sub(r"[^\w.]+", "_", name) or "hysid"  # what every program takes in a name
+    written = f"Material {name}, written by hysid: moduli in {unit}, times in {time_unit}."
+    if program == OPENSEES:
+        lines, said = uniaxial_materials(model)
+        return _card([written.replace("moduli", "forces per deformation"), *said], lines, "# {}")
     if not -1 < poisson < 0.5:
         raise InputError(
             "bad-option",
@@ -126,7 +130,6 @@ def material_card(
             "The model does not relax: it has no terms.",
             fix="Fit a relaxing one.",
         )
-    name = re.sub(r"[^\w.]+", "_", name) or "hysid"  # what every program takes in a name
     scale *= 2 * (1 + poisson) if shear else 1.0
     terms = Prony(scale * long_term, scale * E, tau, poisson, unit, time_unit, name, wlf)
     lines, notes = write(terms)
@@ -137,33 +140,13 @@ def material_card(
         said.append(
             "The card does not hold the shift factors: it is for the reference temperature."
         )
-    told = [f"Material {name}, written by hysid: moduli in {unit}, times in {time_unit}.", *said]
+    return _card([written, *said], lines, comment)
+
+
+def _card(told: list[str], lines: list[str], comment: str) -> Card:
+    """A card, its head in comments; all told but the first sentence are notes."""
     head = [comment.format(line) for one in told for line in wrap(one, 76)] if comment else []
-    return Card("\n".join([*head, *lines, ""]), tuple(said))
-
-
-def prony_of(model: AbstractModel) -> tuple[float, Terms, Terms]:
-    """Long-term modulus, terms and times of a relaxation modulus. Raises `InputError` `not-exportable`."""
-    if not isinstance(model, AbstractViscoelastic):
-        raise InputError(
-            "not-exportable",
-            f"{type(model).__name__} has no relaxation modulus.",
-            fix="Fit --step, --hold, --frequency, or --model GeneralizedMaxwell.",
-        )
-    if model.creeps and not float(model.chain().direct) > 0:
-        raise InputError(
-            "not-exportable",
-            "The model has no spring, so its stiffness at once is infinite.",
-            fix="Fit with a spring, or relaxation instead of creep.",
-        )
-    chain = model.driven_by_force(False)
-    direct, rates, drives = (
-        np.asarray(x) for x in (chain.direct, chain.all_rates, chain.all_drives)
-    )
-    there = (rates > 0) & (drives != 0)
-    E, tau = -drives[there] / rates[there], 1 / rates[there]
-    order = np.argsort(tau)
-    return max(float(direct - E.sum()), 0.0), E[order], tau[order]
+    return Card("\n".join([*head, *lines, ""]), tuple(told[1:]))
 
 
 Written = tuple[list[str], list[str]]
@@ -327,3 +310,7 @@ PROGRAMS: dict[str, tuple[Callable[[Prony], Written], int, str]] = {
     "febio": (_febio, 6, "<!-- {} -->"),
 }
 """What writes each card, the most terms that it holds (one of LS-DYNA's 18 stays), and its comments."""
+
+OPENSEES = "opensees"
+CARDS = (*PROGRAMS, OPENSEES)
+"""Programs that have cards; that of OpenSees has other models too."""

@@ -232,7 +232,7 @@ class Export(Command):
     to: tuple[str, Path] | None = option(
         "Write OUT for a target: c, runtime, arduino, ros2, mujoco, sklearn, onnx, fmu, fmu3; or the"
         " material card of a relaxing model: abaqus, apdl, mpl, comsol, ls-dyna, openradioss, calculix,"
-        " febio.",
+        " febio, opensees.",
         None,
         metavar="TARGET OUT",
     )

@@ -17,12 +17,14 @@ from compensate import (
     invert,
     material_card,
 )
-from compensate.export._cards import PROGRAMS
+from compensate.export._cards import CARDS, OPENSEES
 from compensate.export._export import Program, wider
 from compensate.export.targets._export_to import check, write_to
 from compensate.uncertainty._guaranteed import GAIN
 from hysteresis import InputError, conversion, with_condition
 from hysteresis._atomic_file import write_whole
+from hysteresis.models._viscoelastic import AbstractViscoelastic
+from hysteresis.records._loads import kind_of_units
 
 from .._compensator import judged_compensator
 from .._invert import error_of, guard_of, longest_sequence
@@ -40,7 +42,7 @@ def run(asked: Export) -> Done:
     Estimates are guarded by the trained inputs. A robot is switched on at any time, so the first state is
     unknown unless `start` says otherwise.
     """
-    if asked.to is not None and asked.to[0] in PROGRAMS:
+    if asked.to is not None and asked.to[0] in CARDS:
         return _card(asked, *asked.to)
     real = "fixed" if asked.fixed else "float" if asked.single else None
     folder, targets, start = asked.folder, asked.targets, asked.start
@@ -116,7 +118,19 @@ def _card(asked: Export, program: str, path: Path) -> Done:
     fitted = identify.load(asked.folder)
     stress, strain, time = _units(fitted)
     scale = 1.0 if strain == "1" else conversion("1", strain)
-    if scale is None or (stress != "1" and conversion(stress, "Pa") is None):
+    if program == OPENSEES:
+        relaxes = isinstance(fitted.model, AbstractViscoelastic)  # and creeps as well
+        if not relaxes:
+            stress, strain = fitted.train.output_unit, fitted.train.input_unit
+        scale, stress = 1.0, f"{stress} / {strain}"
+        if not relaxes and kind_of_units(fitted.train) == "creep":
+            raise InputError(
+                "not-exportable",
+                "A load was fitted as the input, and a uniaxialMaterial takes the deformation.",
+                place=str(asked.folder),
+                fix="Fit with --input and --output exchanged.",
+            )
+    elif scale is None or (stress != "1" and conversion(stress, "Pa") is None):
         raise InputError(
             "wrong-unit",
             f"The stiffness is in {stress} / {strain}, and a card needs a modulus.",
