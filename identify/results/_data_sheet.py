@@ -15,8 +15,9 @@ from hysteresis.records._loop_figures import Loops, Pair
 
 from ._characteristics import HELD_ROWS, holds_of
 
-LEAST = 0.1
-"""Of the range: ISO 376 relates to the reading from here on; below, a small zero error would be large."""
+LEAST, RESOLUTIONS = 0.1, 500
+"""Errors of the reading are told from the first of ten even steps of the range on, and from so many
+resolutions on: the lower limit of ISO 376 for class 2, its widest. Below, they would be those of noise."""
 
 BAND = 0.01
 """Of the full scale: so close to the end of a hold an output has settled."""
@@ -41,11 +42,12 @@ DEFINITIONS = {
     "hysteresis":
         "Largest difference between the mean downscale and the mean upscale reading at one input.",
     "reversibility error":
-        "Downscale less upscale reading, of the upscale reading, from 10 % of the range on (ISO 376).",
+        "Downscale less upscale reading, of the upscale reading, from 10 % of the range and 500 resolutions"
+        " on (ISO 376, class 2).",
     "repeatability":
         "Largest spread of the readings at one input, approached from one side, within a run.",
     "repeatability error":
-        "Spread of the upscale readings at one input, of the reading, from 10 % on (ISO 376).",
+        "Spread of the upscale readings at one input, of the reading, from that limit on (ISO 376).",
     "reproducibility": "Largest spread at one input, from one side, between the means of the runs.",
     "zero return": "Reading at the lower end after a loop less that before it, the mean of all loops.",
     "zero error": "The largest of these, without regard to sign (ISO 376).",
@@ -54,7 +56,9 @@ DEFINITIONS = {
     "creep": "Change of the output while the input is held in the upper half of its range; the largest.",
     "creep recovery": "The same while the input is held at the lower end after a load.",
     "resolution": "The larger of the converter's step and two standard deviations of the noise.",
-    "settling": "Time from the stop of the input until the output stays within 1 % of the full scale.",
+    "settling":
+        "Time from the stop of the input until the output stays within 1 % of the full scale, or within"
+        " three times the noise where that is more.",
 }  # fmt: skip
 """What each line means."""
 
@@ -213,12 +217,19 @@ class _Sheet(NamedTuple):
         (low, *_), (high, *_) = self.loops.common
         return low + (high - low) * self.loops.place
 
+    @property
+    def resolution(self) -> float:
+        """The larger of the converter's step and two standard deviations of the noise."""
+        record, noise = self.record, float(np.median(self.loops.cut.noise[1]))
+        steps = [step_of(record.output[s][record.mask[s]]) for _, s in record.sequences()]
+        return max(2 * noise, float(np.median(steps)))
+
     def row(
         self, name: str, value: Any, error: Any, basis: str = "", unit: str = "", of: Any = None
     ) -> SheetRow:
         """A line; without a unit in per cent of the full scale, or of another number."""
         by = 1.0 if unit else 100 / abs(self.scale if of is None else of)
-        basis = basis or f"{self.loops.size} loop{'s' * (self.loops.size != 1)}"
+        basis = basis or _many(self.loops.size, "loop")
         wrong = None if error is None else float(by * error)
         return SheetRow(name, float(by * value), wrong, unit or "percent", DEFINITIONS[name], basis)
 
@@ -253,19 +264,22 @@ class _Sheet(NamedTuple):
         rising, falling = each.mean(0)
         error = np.linalg.norm(loops.branch_errors, axis=(0, 1)) / loops.size
         at = int(np.abs(falling - rising).argmax())
-        where = (
-            f"{loops.size} loops, at {quantity(float(self.inputs[at]), self.record.input_unit, 3)}"
-        )
+        unit = self.record.input_unit
+        where = f"{_many(loops.size, 'loop')}, at {quantity(float(self.inputs[at]), unit, 3)}"
         yield self.row("hysteresis", abs(falling - rising)[at], error[at], where)
         reading = rising - self.bottom[0].mean()
-        far = np.flatnonzero(self.inputs >= self.low + LEAST * (self.high - self.low))
-        of_reading = f"{loops.size} loops, of the reading"
+        judged = self.inputs >= self.low + LEAST * (self.high - self.low)
+        far = np.flatnonzero(judged & (np.abs(reading) >= RESOLUTIONS * self.resolution))
 
-        def relative(name: str, apart: np.ndarray, wrong: np.ndarray) -> SheetRow:
+        def relative(name: str, apart: np.ndarray, wrong: np.ndarray, count: int) -> SheetRow:
+            if not len(far):
+                return self.none(name, "no reading is above the lower limit of ISO 376")
             at = far[np.abs(apart / reading)[far].argmax()]
-            return self.row(name, abs(apart[at]), wrong[at], of_reading, of=reading[at])
+            limit = quantity(float(self.inputs[far[0]]), unit, 3)
+            basis = f"{_many(count, 'loop')}, of the reading, from {limit} on"
+            return self.row(name, abs(apart[at]), wrong[at], basis, of=reading[at])
 
-        yield relative("reversibility error", falling - rising, error)
+        yield relative("reversibility error", falling - rising, error, loops.size)
         # Within each run: between runs the sensor was mounted anew, or has another temperature.
         runs = [each[run == k] for k in np.unique(run)]
         noise = np.sqrt(2) * loops.branch_errors.mean(0)
@@ -278,8 +292,9 @@ class _Sheet(NamedTuple):
         else:
             spread = np.max([np.ptp(one, axis=0) for one in runs], axis=0)
             side = np.unravel_index(int(spread.argmax()), spread.shape)
-            yield self.row("repeatability", spread[side], noise[side])
-            yield relative("repeatability error", spread[0], noise[0])
+            count = sum(len(one) for one in runs if len(one) > 1)
+            yield self.row("repeatability", spread[side], noise[side], _many(count, "loop"))
+            yield relative("repeatability error", spread[0], noise[0], count)
         if len(runs) > 1:
             spread = np.ptp([one.mean(0) for one in runs], axis=0)
             side = np.unravel_index(int(spread.argmax()), spread.shape)
@@ -302,8 +317,9 @@ class _Sheet(NamedTuple):
         else:
             back, error = (after - before)[up], np.hypot(error0, error1)[up]
             at = int(np.abs(back).argmax())
-            yield self.row("zero return", back.mean(), np.linalg.norm(error) / len(back))
-            yield self.row("zero error", abs(back[at]), error[at])
+            told = _many(len(back), "loop")
+            yield self.row("zero return", back.mean(), np.linalg.norm(error) / len(back), told)
+            yield self.row("zero error", abs(back[at]), error[at], told)
         rate = "percent / h" if unit in HOURS else f"percent / {unit}"
         if loops.t is None:
             yield self.none("drift of the zero", "the record has no clock", rate)
@@ -316,7 +332,8 @@ class _Sheet(NamedTuple):
             yield self.none("drift of the zero", "fewer than three later loops in a run", rate)
             return
         by = 100 / abs(self.scale) * HOURS.get(unit, 1.0)
-        yield self.row("drift of the zero", by * found[0], by * found[1], unit=rate)
+        told = _many(int(later.sum()), "later loop")
+        yield self.row("drift of the zero", by * found[0], by * found[1], told, rate)
 
     def slow(self) -> Iterator[SheetRow]:
         """What holds and noise tell."""
@@ -333,20 +350,19 @@ class _Sheet(NamedTuple):
             changes = [_end(y) - y[0] for _, _, y in own]
             at = int(np.abs(changes).argmax())
             length = quantity(float(np.ptp(own[at][1])), record.time_unit, 3)
-            basis = f"{len(own)} hold{'s' * (len(own) != 1)}, over {length}"
-            yield self.row(name, changes[at], noise, basis)
-        steps = [step_of(record.output[s][record.mask[s]]) for _, s in record.sequences()]
-        least = max(2 * noise, float(np.median(steps)))
-        of_input = quantity(least * span / abs(self.scale), record.input_unit, 3)
-        yield self.row("resolution", least, None, f"{of_input} of the input")
+            yield self.row(name, changes[at], noise, f"{_many(len(own), 'hold')}, over {length}")
+        of_input = quantity(self.resolution * span / abs(self.scale), record.input_unit, 3)
+        yield self.row("resolution", self.resolution, None, f"{of_input} of the input")
         if not self.held:
             yield self.none("settling", why, record.time_unit)
             return
-        times = []
+        times, band = [], max(BAND * abs(self.scale), 3 * noise)
         for _, t, y in self.held:
-            away = np.flatnonzero(np.abs(y - _end(y)) > max(BAND * abs(self.scale), 3 * noise))
+            away = np.flatnonzero(np.abs(y - _end(y)) > band)
             times.append(t[min(away[-1] + 1, len(t) - 1)] - t[0] if len(away) else 0.0)
-        step, basis = np.median(np.diff(self.held[0][1])), f"{len(times)} holds"
+        decides = "3 times the noise" if band == 3 * noise else f"{100 * BAND:g} %"
+        basis = f"{_many(len(times), 'hold')}, within {quantity(band, record.output_unit, 3)} ({decides})"
+        step = np.median(np.diff(self.held[0][1]))
         yield self.row("settling", max(times), step, basis, record.time_unit)
 
     def coefficients(self) -> Iterator[SheetRow]:
@@ -377,8 +393,14 @@ class _Sheet(NamedTuple):
                 row = SheetRow(f"{what} over {plain_name}", None, None, rate, said, reason=why)
                 if found is not None:
                     value, error = (100 / abs(self.scale) * one for one in found)
-                    row = row._replace(value=value, error=error, basis=f"{size} loops", reason="")
+                    row = row._replace(
+                        value=value, error=error, basis=_many(size, "loop"), reason=""
+                    )
                 yield row
+
+
+def _many(count: int, what: str) -> str:
+    return f"{count} {what}{'s' * (count != 1)}"
 
 
 def _slope(x: np.ndarray, y: np.ndarray, group: np.ndarray) -> tuple[float, float] | None:
