@@ -9,14 +9,18 @@ Sources: the manuals of the programs, see docs/from-a-rheometer-to-abaqus.md.
 """
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from textwrap import wrap
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from hysteresis import AbstractModel, InputError
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
 
-from ._opensees import uniaxial_materials
-from ._prony_terms import Terms, prony_of
+from hysteresis import AbstractModel, BoucWen, InputError, MonotoneCurve, PrandtlIshlinskii, Sum
+from hysteresis.models._viscoelastic import AbstractViscoelastic
+
+Terms = Float[np.ndarray, " terms"]
 
 
 class Prony(NamedTuple):
@@ -108,7 +112,7 @@ def material_card(
     name = re.sub(r"[^\w.]+", "_", name) or "hysid"  # what every program takes in a name
     written = f"Material {name}, written by hysid: moduli in {unit}, times in {time_unit}."
     if program == OPENSEES:
-        lines, said = uniaxial_materials(model)
+        lines, said = _opensees(model)
         return _card([written.replace("moduli", "forces per deformation"), *said], lines, "# {}")
     if not -1 < poisson < 0.5:
         raise InputError(
@@ -147,6 +151,30 @@ def _card(told: list[str], lines: list[str], comment: str) -> Card:
     """A card, its head in comments; all told but the first sentence are notes."""
     head = [comment.format(line) for one in told for line in wrap(one, 76)] if comment else []
     return Card("\n".join([*head, *lines, ""]), tuple(told[1:]))
+
+
+def prony_of(model: AbstractModel) -> tuple[float, Terms, Terms]:
+    """Long-term modulus, terms and times of a relaxation modulus. Raises `InputError` `not-exportable`."""
+    if not isinstance(model, AbstractViscoelastic):
+        raise InputError(
+            "not-exportable",
+            f"{type(model).__name__} has no relaxation modulus.",
+            fix="Fit --step, --hold, --frequency, or --model GeneralizedMaxwell.",
+        )
+    if model.creeps and not float(model.chain().direct) > 0:
+        raise InputError(
+            "not-exportable",
+            "The model has no spring, so its stiffness at once is infinite.",
+            fix="Fit with a spring, or relaxation instead of creep.",
+        )
+    chain = model.driven_by_force(False)
+    direct, rates, drives = (
+        np.asarray(x) for x in (chain.direct, chain.all_rates, chain.all_drives)
+    )
+    there = (rates > 0) & (drives != 0)
+    E, tau = -drives[there] / rates[there], 1 / rates[there]
+    order = np.argsort(tau)
+    return max(float(direct - E.sum()), 0.0), E[order], tau[order]
 
 
 Written = tuple[list[str], list[str]]
@@ -293,6 +321,65 @@ def _febio(p: Prony) -> Written:
         " strains may be large.",
         DENSITY,
     ]
+
+
+def _opensees(model: AbstractModel) -> Written:
+    """`uniaxialMaterial` lines of OpenSees: material 1 has the force of a deformation, the sum of the others
+    where one is not enough."""
+    made = [*_materials(model)]
+    first = 1 if len(made) == 1 else 2
+    lines = [
+        f"uniaxialMaterial {name} {tag} {values}" for tag, (name, values) in enumerate(made, first)
+    ]
+    if first > 1:
+        tags = " ".join(map(str, range(2, 2 + len(made))))
+        lines.append(f"uniaxialMaterial Parallel 1 {tags}")
+    force = float(np.asarray(model.simulate(np.arange(2.0), np.zeros(2)))[0])
+    notes = ["Material 1 takes the deformation that the fit had as its input."]
+    if any(name == "Maxwell" for name, _ in made):
+        notes.append("Maxwell materials need a transient analysis, whose time is that of the fit.")
+    if abs(force) > 1e-12:
+        notes.append(f"The force at no deformation, {force:.6g}, is left out.")
+    return lines, notes
+
+
+def _materials(model: AbstractModel) -> Iterator[tuple[str, str]]:
+    """Names of materials, and what comes after their tags."""
+    if isinstance(model, Sum):
+        for part in model.parts:
+            yield from _materials(part)
+    elif isinstance(model, AbstractViscoelastic):
+        at_end, E, tau = prony_of(model)
+        if at_end > 0:
+            yield "Elastic", _words(at_end)
+        for stiffness, time in zip(E, tau, strict=True):
+            yield "Maxwell", _words(stiffness, stiffness * time, 1.0, 1.0)
+    elif isinstance(model, BoucWen):
+        beta, gamma = model.coefficients()
+        yield "BoucWen", _words(model.alpha, model.k, model.n, gamma, beta, 1, 0, 0, 0)
+    elif isinstance(model, MonotoneCurve):
+        u = jnp.asarray(model.nodes)
+        force = model.curve(u) - model.curve(jnp.zeros(1))
+        yield "ElasticMultiLinear", f"-strain {_words(*u)} -stress {_words(*force)}"
+    elif isinstance(model, PrandtlIshlinskii) and _is_stops(model):
+        yield "Elastic", _words(model.slope)
+        for weight, radius in zip(model.weights, model.thresholds, strict=True):
+            if weight > 0:
+                yield "ElasticPP", _words(weight, radius)
+    else:
+        raise InputError(
+            "not-exportable",
+            f"No material of OpenSees is a {type(model).__name__} as it was fitted.",
+            fix="Fit --model BoucWen, PrandtlIshlinskii (force over deformation), or a relaxing one.",
+        )
+
+
+def _is_stops(model: PrandtlIshlinskii) -> bool:
+    return model.leading and model.rates is None and model.bends is None
+
+
+def _words(*values: Any) -> str:
+    return " ".join(f"{float(x):.12g}" for x in values)
 
 
 ANY = 10_000

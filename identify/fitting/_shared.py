@@ -114,17 +114,14 @@ def fit_shared(
 def _weights_of(records: Sequence[Record]) -> list[float]:
     """By what the errors of each record are multiplied beside its own weights: sigma is one for all."""
     units = {(one.input_unit, one.output_unit, one.time_unit) for one in records}
-    known = [one.sigma is not None for one in records]
-    if len(records) < 2 or len(units) > 1:
-        said = "Specimens have other units." if len(records) > 1 else "There is one specimen."
-        raise _refused(said, "Give two records or more, in the same units.")
-    if len(set(known)) > 1:
-        raise _refused(
-            "Some records have a sigma, others not.", "Give it for all of them, or for none."
-        )
-    if not known[0]:
-        return [1.0] * len(records)
-    sizes = [one.typical_sigma for one in records]
+    sizes = [1.0 if one.sigma is None else one.typical_sigma for one in records]
+    for wrong, said, fix in (
+        (len(records) < 2, "There is one specimen.", "Give two records or more."),
+        (len(units) > 1, "Specimens have other units.", "Give them in the same units."),
+        (len({one.sigma is None for one in records}) > 1, "Some have a sigma.", "Give it to all."),
+    ):  # fmt: skip
+        if wrong:
+            raise _refused(said, fix)
     return [min(sizes) / size for size in sizes]
 
 
@@ -144,14 +141,14 @@ class _Joint:
     ) -> None:
         self.bounds, self.weights = alone[0].bounds, weights
         names = self.bounds.names
-        if any(one.bounds.names != names for one in alone):
-            raise _refused("The specimens' models differ.", "Give a model to start from.")
-        if odd := [name for name in share if name not in names] or [""] * (not share):
-            raise _refused(
-                f"{odd[0]!r} is not a free parameter.", f"Share some of {', '.join(names)}."
-            )
-        if self.bounds.asked:
-            raise _refused("A parameter has a prior.", "Leave priors out, or fit one by one.")
+        odd = [name for name in share if name not in names] or [""] * (not share)
+        for wrong, said, fix in (
+            (len({one.bounds.names for one in alone}) > 1, "The models differ.", "Give one to start from."),
+            (odd, f"{', '.join(odd)!r} is not free.", f"Share some of {', '.join(names)}."),
+            (self.bounds.asked, "A parameter has a prior.", "Leave it out."),
+        ):  # fmt: skip
+            if wrong:
+                raise _refused(said, fix)
         common = np.isin(names, share)
         # Unbounded parameters are in units of the record: here of the first one.
         each = [self.bounds.from_values(one.bounds.to_values(one.optimum.free)) for one in alone]
@@ -165,19 +162,19 @@ class _Joint:
         self.start = np.concatenate([np.mean(each, 0)[common], *(z[~common] for z in each)])
         self.arguments = [self._arguments(k, one.data.parts.all) for k, one in enumerate(alone)]
         rows = sum(np.count_nonzero(a[3]) for a in self.arguments)
-        self.size = max(float(a[4]) for a in self.arguments) * float(np.sqrt(rows))
+        self.size = np.asarray(max(float(a[4]) for a in self.arguments) * np.sqrt(rows))
 
     def _arguments(self, k: int, which: tuple[int, ...]) -> tuple[Any, ...]:
         one = self.alone[k]
         record = one.data.record
-        used = np.where(np.isin(one.data.parts.label, which), record.weights, 0.0)
+        used = np.isin(one.data.parts.label, which) * self.weights[k] * record.weights
         return arguments_of(one.template, one.prepared, one.measured, longer(used))
 
     def found(self, z: np.ndarray, steps: int, but: Mapping[int, Any] | None = None) -> Found:
         """The joint optimum from z; `but`: other arguments of some specimens."""
         arguments = [(but or {}).get(k, own) for k, own in enumerate(self.arguments)]
-        factors = np.array(self.weights) / self.size
-        return _run(self.bounds, self.places, factors, arguments, jnp.asarray(z), np.asarray(steps))
+        start, limit = jnp.asarray(z), np.asarray(steps)
+        return _run(self.bounds, self.places, self.size, arguments, start, limit)
 
     def search(self, k: int, z: np.ndarray, converged: bool) -> LeastSquares:
         """The search of one specimen at the joint optimum, with the errors of its held-out parts."""
@@ -199,14 +196,12 @@ class _Joint:
 
 
 @eqx.filter_jit
-def _run(
-    bounds: Transform, places: Any, factors: Any, arguments: Any, z: Array, limit: Any
-) -> Found:
+def _run(bounds: Transform, places: Any, size: Any, arguments: Any, z: Array, limit: Any) -> Found:
     def residuals(z: Array, arguments: Any) -> tuple[Array, Any]:
         each = [scaled_residuals(bounds, z[at], a) for at, a in zip(places, arguments, strict=True)]
-        # Of one unit and one number of rows for all.
-        sizes = [a[4] * jnp.sqrt((a[3] > 0).sum()) for a in arguments]
-        whole = [f * s * r for f, s, (r, _) in zip(factors, sizes, each, strict=True)]
+        # Over one size for all, not the range of each and the root of its rows.
+        sizes = [a[4] * jnp.sqrt((a[3] > 0).sum()) / size for a in arguments]
+        whole = [s * r for s, (r, _) in zip(sizes, each, strict=True)]
         return jnp.concatenate(whole), tuple(predicted for _, predicted in each)
 
     rows = sum((a[3] > 0).sum() for a in arguments)

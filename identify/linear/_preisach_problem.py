@@ -102,10 +102,9 @@ class PreisachProblem(PreisachObjective):
         self.template = meaning.rising(np.zeros(meaning.count))
         self.prepared = located(self.template, record)
         P, blocks = meaning.expansion, self.blocks()
-        super().__init__(
-            meaning,
-            dict(normal_equations(meaning.space, blocks, self.y, parts.label, P, self.weights)),
-        )
+        w = None if record.sigma is None else self.weights
+        normal = normal_equations(meaning.space, blocks, self.y, parts.label, P, w)
+        super().__init__(meaning, dict(normal))
 
     def blocks(self) -> Iterator[DesignBlock]:
         """The design, block by block: it is made anew each time, which takes less than to keep it."""
