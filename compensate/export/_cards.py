@@ -324,8 +324,8 @@ def _febio(p: Prony) -> Written:
 
 
 def _opensees(model: AbstractModel) -> Written:
-    """`uniaxialMaterial` lines of OpenSees: material 1 has the force of a deformation, the sum of the others
-    where one is not enough."""
+    """`uniaxialMaterial` lines of OpenSees: material 1 has the force of a deformation, the sum of the
+    others where one is not enough."""
     made = [*_materials(model)]
     first = 1 if len(made) == 1 else 2
     lines = [

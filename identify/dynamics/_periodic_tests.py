@@ -214,27 +214,23 @@ def distortion(tests: Sequence[PeriodicTest], bands: int = 4) -> list[Distortion
             ends = (int(at[part[0]]), int(at[part[-1]])) if bands > 1 else (1, data.lines.count - 1)
             inside = np.arange(ends[0], ends[1] + 1)
             quiet = np.setdiff1d(inside, at)
-            parity = [quiet[quiet % 2 == odd] for odd in (0, 1)]
-            lines = [inside, at[part], *parity]
-            total, _, even, odd = (_size(Y[:, x], data.lines) for x in lines)
-            all_noise, *noises = (np.nan_to_num(_size(e[:, x], data.lines)) for x in lines)
+            chosen = [at[part], *(quiet[quiet % 2 == odd] for odd in (0, 1))]
+            total = _size(Y[:, inside], data.lines)
             rest = _size(left[:, part], data.lines) / np.sqrt(free) if free > 0 else np.nan * total
-            own_parts = [
-                np.sqrt(np.maximum(x**2 - n**2, 0.0))
-                for x, n in zip((rest, even, odd), noises, strict=True)
-            ]
-            for k in range(Y.shape[2]):
-                stochastic, of_even, of_odd = (float(x[k]) for x in own_parts)
-                found.append(
-                    Distortion(
-                        rms, k, (ends[0] / data.lines.period, ends[1] / data.lines.period),
-                        float(total[k]), float(_size(linear[:, part], data.lines)[k]),
-                        float(_size(changed[:, part], data.lines)[k]),
-                        *(x if len(p) else np.nan for x, p in zip((of_even, of_odd), parity, strict=True)),
-                        stochastic,
-                        float(all_noise[k]) if len(tests[0].y) > 1 else np.nan,
-                    )
-                )  # fmt: skip
+            found_in = rest, *(_size(Y[:, x], data.lines) for x in chosen[1:])
+            # Without the noise of the same lines.
+            stochastic, even, odd = (
+                np.sqrt(np.maximum(x**2 - np.nan_to_num(_size(e[:, at_], data.lines)) ** 2, 0.0))
+                if len(at_) else np.nan * total
+                for x, at_ in zip(found_in, chosen, strict=True)
+            )  # fmt: skip
+            columns = [
+                total, _size(linear[:, part], data.lines), _size(changed[:, part], data.lines), even,
+                odd, stochastic, _size(e[:, inside], data.lines),
+            ]  # fmt: skip
+            band = ends[0] / data.lines.period, ends[1] / data.lines.period
+            for k, figures in enumerate(np.stack(columns, 1).tolist()):
+                found.append(Distortion(rms, k, band, *figures))
     return found
 
 
