@@ -187,7 +187,7 @@ class AbstractRecord:
         Times an error it is in the output's unit still: every fit, error figure and noise is of this.
         """
         if self.sigma is None or not self.mask.any():
-            return np.ones(len(self))
+            return np.broadcast_to(1.0, len(self))
         return np.where(self.mask, self.typical_sigma / np.where(self.mask, self.sigma, 1.0), 0.0)
 
     @cached_property

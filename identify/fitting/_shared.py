@@ -118,7 +118,7 @@ def _weights_of(records: Sequence[Record]) -> list[float]:
     for wrong, said, fix in (
         (len(records) < 2, "There is one specimen.", "Give two records or more."),
         (len(units) > 1, "Specimens have other units.", "Give them in the same units."),
-        (len({one.sigma is None for one in records}) > 1, "Some have a sigma.", "Give it to all."),
+        (len({one.sigma is None for one in records}) > 1, "Not all have a sigma.", "Give it to all."),
     ):  # fmt: skip
         if wrong:
             raise _refused(said, fix)

@@ -217,6 +217,16 @@ def test_the_likelihood_is_that_of_noise_with_the_sigma_of_each_row():
     assert float(aim.log_likelihood(aim.start)) == pytest.approx(own)
 
 
+@pytest.mark.parametrize("model", ["Preisach", "Composition"])
+def test_the_posterior_of_weights_has_the_noise_of_weighted_rows(model):
+    record = made()
+    found = identify.fit(record, model)
+    posterior = identify.sample(found, steps=400, ensembles=2)
+    sigma = posterior.draws[..., posterior.names.index("sigma")]
+    assert sigma.mean() == pytest.approx(found.noise.sigma, rel=0.2)
+    assert found.noise.sigma == pytest.approx(0.1 * record.typical_sigma, rel=0.2)
+
+
 def test_predicted_bands_are_as_wide_as_each_rows_sigma():
     found = cubic(made())
     bands = identify.predictive(found)

@@ -57,3 +57,5 @@ def test_sigma_names_a_column(tmp_path):
     assert kept.train.sigma == pytest.approx(np.where(np.arange(80) % 2, 0.05, 1.0))
     predicted = run("predict", tmp_path / "with", file, "--json")
     assert predicted.json()["rows"] == 80
+    assert run("init", file, *COLUMNS, "--sigma", "s").code == 0
+    assert 'sigma = "s"' in file.with_suffix(".toml").read_text()
