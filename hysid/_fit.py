@@ -15,7 +15,7 @@ from ._compile_cache import keep_compiled_by_python
 
 _OF_RECORDS = (
     "dt", "groups", "mask", "nan", "segments", "input_unit", "output_unit", "time_unit", "input_name",
-    "output_name",
+    "output_name", "sigma",
 )  # fmt: skip
 
 
@@ -46,7 +46,7 @@ def fit(
     - `turn`: columns of a data frame whose sign is turned.
     - `time`: the times (n,) of arrays, or the name of a column. Without it the fit is rate-independent.
     - `model`: "auto", names, or a model to start from, as in `identify.fit`.
-    - `options`: those of `Record.from_arrays` (`dt`, `nan`, `input_unit`, ...) and of `identify.fit`
+    - `options`: those of `Record.from_arrays` (`dt`, `nan`, `sigma`, ...) and of `identify.fit`
       (`test_cycles`, `noise`, `parameters`, `purpose`, ...). With `purpose="compensate"` the compensator is
       tried too, and the verdict is FAIL where a straight line is better, CAUTION where only a cubic for
       either way of the output is.

@@ -291,3 +291,16 @@ def test_moduli_are_weighted_by_their_sigma(tmp_path: Path):
         found = identify.fit_step(read[""][0], terms=1)
         off[name] = abs(found["tau1"].value - 1)
     assert off["s"] < 0.01 * off[""]
+
+
+def test_arrays_and_frames_take_a_sigma():
+    record = made()
+    line = PolynomialCurve([0.0, 1.0], 0.0, 2.0)
+    options = {"starts": 1, "noise": "gaussian"}
+    wanted = hysid.fit(Record.from_arrays(U, record.output, sigma=record.sigma), line, **options)
+    arrays = hysid.fit(U, record.output, line, sigma=record.sigma, **options)
+    table = {"u": U, "y": record.output, "s": record.sigma}
+    frame = hysid.fit(table, line, input="u", output="y", sigma="s", **options)
+    for found in (arrays, frame):
+        assert found.parameters[1].value == pytest.approx(wanted.parameters[1].value, rel=1e-12)
+    assert frame.train.sigma_name == "s"
