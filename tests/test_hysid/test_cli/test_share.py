@@ -28,6 +28,13 @@ def test_specimens_of_several_files_share_a_parameter(tmp_path):
     fits = [identify.load(tmp_path / "both" / name) for name in ("a", "b")]
     assert fits[0]["K"].value == fits[1]["K"].value
     assert fits[0]["b"].value != fits[1]["b"].value
+    lines = [file.read_text().splitlines() for file in files]
+    whole = [f"{line},{k}" for k, rows in enumerate(lines) for line in rows[1:]]
+    one = tmp_path / "one.csv"
+    one.write_text("\n".join([f"{lines[0][0]},n", *whole]))
+    each = run("fit", one, *how[:-2], "--share", "K", "--each", "n", "--json").json()
+    found = [fit["parameters"][0]["value"] for fit in each["each"].values()]
+    assert found == pytest.approx([fits[0]["K"].value] * 2, rel=1e-6)
     predicted = run("predict", tmp_path / "both", files[0])
     assert "DIR/NAME" in predicted.err
     again = (*how, "--overwrite", "--json")
