@@ -45,6 +45,7 @@ from hysteresis import Scaled as Scaled
 from hysteresis import Series as Series
 from hysteresis import Softening as Softening
 from hysteresis import StandardLinearSolid as StandardLinearSolid
+from hysteresis import StopsAndPowers as StopsAndPowers
 from hysteresis import Sum as Sum
 from hysteresis import TimeDrift as TimeDrift
 from hysteresis import VelocityFriction as VelocityFriction

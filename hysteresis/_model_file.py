@@ -31,12 +31,23 @@ def save_model(model: Any, file: str | Path) -> Path:
 def load_model(file: str | Path) -> Any:
     """The model that `save_model` wrote. Nothing in the file is executed.
 
-    Raises `InputError` `damaged-file` for another file, and for a class that is not registered.
+    Raises `InputError` `damaged-file` for another file, and as `save_model` for a class that is not
+    registered here: import what registers it before.
+
+    **Example:**
+
+        >>> place = hysteresis.save_model(hysteresis.LinearSponge(K=2.0, b=1.5), folder / "sponge.json")
+        >>> hysteresis.load_model(place).b.item()
+        1.5
     """
     try:
         document = json.loads(Path(file).read_text("utf-8"))
         arrays = {name: _read(x) for name, x in document["arrays"].items()}
+        if "class" not in document["structure"]:
+            raise KeyError("class")
         return rebuilt(document["structure"], arrays)
+    except InputError:
+        raise
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise InputError(
             "damaged-file",

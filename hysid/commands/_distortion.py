@@ -5,8 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from hysteresis import InputError, Table, read_table
+from hysteresis import InputError, Table, conversion, read_table
 from hysteresis._show import aligned
+from hysteresis.records._table import column_of
+from hysteresis.records._units import named_unit
 from identify import Distortion, PeriodicTest, distortion, periodic_test
 from identify.dynamics._measured_motion import even_clock
 
@@ -52,7 +54,11 @@ def _tests(table: Table, asked: Asked) -> list[PeriodicTest]:
     """A test for each value of the grouping columns."""
     selection = asked.selection
     inputs = selection["input"] if isinstance(selection["input"], tuple) else (selection["input"],)
+    if not asked.output:
+        raise InputError("no-column", "no output column.", fix="name it (--output COL).")
     groups = selection.get("group") or ()
+    for name in groups:
+        column_of(table, name)  # which says what there is
     keys = np.array(["\t".join(row) for row in zip(*(table.text[g] for g in groups), strict=True)])
     keys = keys if len(groups) else np.zeros(len(table.line), str)
     found = []
@@ -62,13 +68,34 @@ def _tests(table: Table, asked: Asked) -> list[PeriodicTest]:
             np.stack([_whole(table, name, rows) for name in names], 1)
             for names in (inputs, asked.output)
         )
-        dt = selection.get("dt")
-        if dt is None:
-            time = selection.get("time")
-            t = None if time is None else _whole(table, time, rows)
-            dt = even_clock(t, table.line[rows], "s")
-        found.append(periodic_test(u, y, dt, asked.period, asked.settling))
+        found.append(periodic_test(u, y, _step(table, asked, rows), asked.period, asked.settling))
     return found
+
+
+def _step(table: Table, asked: Asked, rows: np.ndarray) -> float:
+    """Seconds between rows."""
+    dt, time = asked.selection.get("dt"), asked.selection.get("time")
+    if dt is not None and not dt > 0:
+        raise InputError("bad-option", f"--dt {dt:g}; a time between samples is above 0.")
+    if dt is not None:
+        return float(dt)
+    if len(rows) < 2:
+        raise InputError(
+            "too-few-rows",
+            "one row is no period.",
+            place=f"{table.path}, line {int(table.line[rows[0]])}",
+            fix="name what tells one test from the next (--group COL), or leave this one out.",
+        )
+    t = None if time is None else _whole(table, time, rows)
+    unit = "s" if time is None else named_unit(time, None, table.units.get(time)) or "s"
+    seconds = conversion(unit, "s")
+    if seconds is None:
+        raise InputError(
+            "wrong-unit",
+            f"{time!r} is in {unit}, which is no unit of time.",
+            fix="name a column of times (--time COL), or give the step (--dt SECONDS).",
+        )
+    return even_clock(t, table.line[rows], unit) * seconds
 
 
 def _whole(table: Table, name: str, rows: np.ndarray) -> np.ndarray:

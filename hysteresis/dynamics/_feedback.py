@@ -25,8 +25,9 @@ from ._feedback_in_time import in_time
 
 Matrix = Any
 
-CLOSE, STEPS, MIXED = 1e-5, 25, 6
-"""Of the steady state: part of the drives that a step leaves, most steps, and how many are mixed."""
+CLOSE, STEPS, MIXED, FAILED = 1e-5, 25, 6, 6
+"""Of the steady state: part of the drives that the last step leaves, most steps, how many are mixed, and
+how many may go astray."""
 
 CLIMB = (0.4, 0.6, 0.75, 0.87, 0.95, 1.0)
 """Parts of the amplitude by which it is climbed where the steady state is not found at once."""
@@ -95,9 +96,10 @@ class Feedback(eqx.Module):
     - `poles`: (M,) complex, real parts negative. `entries`: (M, n_u + n). `shapes`: (n_y + n, M).
     - `direct`: (n_y + n, n_u + n), real; none from reactions to drives, which would be a loop without time.
     - `delay`: of the outputs. `channels`: n models of one input. `levels`: (n,).
-    - `memory`: time constant of s; infinite, s is the root mean square over the period.
+    - `memory`: time constant of s for motion in time; in steady state s is the root mean square.
 
-    Raises `InputError` where shapes differ, a pole does not decay, or a reaction enters a drive at once.
+    Raises `InputError` where shapes differ, a pole does not decay, a reaction enters a drive at once, the
+    delay is negative or the memory not positive.
 
     Source: modal superposition, Gawronski 2004; nonlinear feedback of a linear system, Schoukens and Tiels
     2017.
@@ -125,21 +127,34 @@ class Feedback(eqx.Module):
     memory: float = np.inf
 
     def __check_init__(self) -> None:
-        modes, n = len(self.poles), len(self.channels)
-        outputs, inputs = self.direct.shape[0] - n, self.direct.shape[1] - n
-        shapes = self.entries.shape, self.shapes.shape, self.levels.shape
-        if shapes != ((modes, inputs + n), (outputs + n, modes), (n,)) or min(inputs, outputs) < 1:
+        n = len(self.channels)
+        arrays = self.poles, self.entries, self.shapes, self.direct, self.levels
+        sizes = [x.shape for x in arrays]
+        modes, (rows, columns) = self.poles.size, sizes[3] if len(sizes[3]) == 2 else (0, 0)
+        wanted = [(modes,), (modes, columns), (rows, modes), (rows, columns), (n,)]
+        if rows <= n or columns <= n or sizes != wanted:
             raise InputError(
                 "length-mismatch",
-                f"{modes} poles, {n} channels, and entries, shapes and levels of the shapes"
-                f" {', '.join(map(str, shapes))} beside direct of shape {self.direct.shape}.",
-                fix="give (modes, inputs + channels), (outputs + channels, modes) and (channels,).",
+                f"poles, entries, shapes, direct and levels of the shapes {', '.join(map(str, sizes))} for"
+                f" {n} channels.",
+                fix="give (modes,), (modes, inputs + channels), (outputs + channels, modes), (outputs +"
+                " channels, inputs + channels) and (channels,).",
             )
-        if not (self.poles.real < 0).all() or self.direct[outputs:, inputs:].any():
+        if not all(isinstance(channel, AbstractModel) for channel in self.channels):
+            raise InputError("bad-parts", "a channel is no model.", fix="give models of one input.")
+        loop = self.direct[rows - n :, columns - n :]
+        known = all(np.isfinite(x).all() for x in arrays)
+        if not known or (self.poles.real >= 0).any() or loop.any():
             raise InputError(
                 "parameter-out-of-bounds",
-                "a pole does not decay, or a reaction enters a drive at once.",
+                "a number is not finite, a pole does not decay, or a reaction enters a drive at once.",
                 fix="give poles of negative real part, and zeros from reactions to drives.",
+            )
+        if not (self.delay >= 0 and self.memory > 0):
+            raise InputError(
+                "parameter-out-of-bounds",
+                f"delay={self.delay:g}, memory={self.memory:g}.",
+                fix="give a delay of 0 or more and a memory above 0.",
             )
 
     @property
@@ -170,10 +185,15 @@ class Feedback(eqx.Module):
         - `u`: (samples, inputs), one period on an even clock, which is taken as limited to its band.
         - `finer`: steps of the laws to a sample.
 
-        Raises `InputError` `diverged` where none is found.
+        Laws run two periods from rest, of which the second counts: their memory has to be forgotten within
+        a period. s is the root mean square of a drive over the period, whatever the `memory`.
+
+        Raises `InputError` `diverged` where a step still changes the drives by a thousandth of their size,
+        and as `simulate` for other inputs.
         """
-        lines = Lines(len(np.asarray(u)), dt, finer)
-        found = steady_state(self, lines, lines.of(np.asarray(u, float)))
+        u = self._checked(u, dt, finer)
+        lines = Lines(len(u), dt, finer)
+        found = steady_state(self, lines, lines.of(u))
         if not found.left < 100 * CLOSE:
             raise InputError(
                 "diverged",
@@ -189,23 +209,45 @@ class Feedback(eqx.Module):
         """The outputs from rest, at the samples of `u` (samples, inputs) on an even clock.
 
         Between samples the input is limited to its band, and straight between `finer` fine steps of each.
-        That loses (pi f dt / finer)^2 / 3 of a component of frequency f. The last 32 samples rely on how a
-        linear prediction continues the input.
+        That loses (pi f dt / finer)^2 / 3 of a component of frequency f. The first and the last 32 samples
+        rely on how a linear prediction continues the input.
 
-        Raises `InputError` `length-mismatch` for other inputs, `bad-option` where there are levels and no
-        `memory`, and `diverged` where the channels' loop has no solution.
+        Raises `InputError` `length-mismatch` or `not-finite` for other inputs, `bad-option` for a step that
+        is none, and where there are levels and no `memory`, and `diverged` where the channels' loop has no
+        solution.
         """
-        return in_time(self, u, dt, finer)
+        if self.levels.any() and not np.isfinite(self.memory):
+            raise InputError(
+                "bad-option",
+                "memory is infinite, and from rest the mean amplitude of a drive has to begin.",
+                fix="give the model's time constant: dataclasses.replace(model, memory=SECONDS).",
+            )
+        return in_time(self, self._checked(u, dt, finer), dt, finer)
+
+    def _checked(self, u: ArrayLike, dt: float, finer: int) -> Float[np.ndarray, "samples inputs"]:
+        """Inputs that can be simulated."""
+        u = np.asarray(u, float)
+        if u.ndim != 2 or not len(u) or u.shape[1] != self.inputs:
+            raise InputError(
+                "length-mismatch",
+                f"inputs of the shape {u.shape} for a model of {self.inputs}.",
+                fix="give (samples, inputs).",
+            )
+        if not np.isfinite(u).all():
+            raise InputError("not-finite", "an input is not a number.", fix="give finite inputs.")
+        if not (dt > 0 and finer >= 1):
+            raise InputError("bad-option", f"dt={dt}, finer={finer}; above 0, and at least 1.")
+        return u
 
 
-def reactions(model: Feedback, laws: tuple[Numbers, ...], lines: Lines, Z: Any) -> tuple[Any, Any]:
-    """W (channels, lines) and the drives in fine steps."""
+def reactions(model: Feedback, laws: tuple[Numbers, ...], lines: Lines, Z: Any) -> Any:
+    """W (channels, lines) to drives Z (channels, lines)."""
     z = lines.fine(Z)
     w = np.empty_like(z)
     for i, numbers in enumerate(laws):
         w[i] = run(numbers, np.tile(z[i], 2), clock_of(lines)).value[z.shape[1] :]
         w[i] += model.levels[i] * z[i] * np.log(level_of(z[i]))
-    return lines.coarse(w), z
+    return lines.coarse(w)
 
 
 def level_of(z: np.ndarray) -> float:
@@ -251,12 +293,13 @@ def _fixed_point(
     ways: list[tuple[Any, Any]] = []
     share, failed = 1.0, 0
     for _ in range(STEPS):
-        W, _z = reactions(model, laws, lines, Z)
+        with np.errstate(over="ignore", invalid="ignore"):  # a step too far is taken back
+            W = reactions(model, laws, lines, Z)
         rest = own + (loop @ W.T[:, :, None])[:, :, 0].T - Z
-        left = float(np.linalg.norm(rest) / np.linalg.norm(Z))
+        left = float(np.linalg.norm(rest) / max(np.linalg.norm(Z), 1e-300))
         if not left < 3 * best:  # astray: back to the best one, in shorter steps, without memory
             failed, share, kept, ways = failed + 1, share / 2, None, []
-            if failed > MIXED or here[1] is None:
+            if failed > FAILED or here[1] is None:
                 break
             Z, W = here
             rest = own + (loop @ W.T[:, :, None])[:, :, 0].T - Z

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float
-from numpy.typing import ArrayLike
 from scipy.signal import lfilter
 
 from .._errors import InputError
@@ -21,36 +20,28 @@ from ..running import run
 from ._recorder import interpolated
 
 CLOSE, TURNS = 1e-9, 24
-"""Part of the largest reaction so far by which one turn changes it at last, and most turns of a window."""
+"""Part of the largest reaction so far by which the last turn changes it, and the turn at which a window is
+given up."""
+
+SMALL = 1e-4
+"""Of x: there (e^x - 1 - x) / x^2 is its series, whose next term is x^3 / 120."""
 
 FIRST, LONGEST = 32, 1024
 """Fine steps of a window."""
 
 
 def in_time(
-    model: Any, u: ArrayLike, dt: float, finer: int = 16
+    model: Any, u: Float[np.ndarray, "samples inputs"], dt: float, finer: int
 ) -> Float[np.ndarray, "samples outputs"]:
     """The outputs of a `Feedback` model from rest, as its `simulate` says."""
-    u = np.asarray(u, float)
-    if u.ndim != 2 or u.shape[1] != model.inputs:
-        raise InputError(
-            "length-mismatch",
-            f"inputs of the shape {u.shape} for a model of {model.inputs}.",
-            fix="give (samples, inputs).",
-        )
-    if model.levels.any() and not np.isfinite(model.memory):
-        raise InputError(
-            "bad-option",
-            "memory is infinite, and from rest the mean amplitude of a drive has to begin.",
-            fix="give the model's time constant: dataclasses.replace(model, memory=SECONDS).",
-        )
     h = dt / finer
     fine = np.stack([interpolated(x, finer) for x in u.T], 1)
     motion = _Run(model, fine, h)
     begin, window = 0, FIRST
     while begin < len(fine) - 1:
         end = min(begin + window, len(fine) - 1)
-        turns = motion.window(begin, end)
+        with np.errstate(over="ignore", invalid="ignore"):  # a window too long is halved
+            turns = motion.window(begin, end)
         if turns:
             begin, window = end, min(window * 2, LONGEST) if turns < TURNS // 3 else window
         elif window > 1:
@@ -122,20 +113,25 @@ class _Run:
 
 def _steps(poles: Any, h: float) -> tuple[Any, Any, Any]:
     """e^(p h); the response at h of x' = p x + 1, and of x' = p x + t / h."""
-    grow = np.exp(poles * h)
-    return grow, (grow - 1) / poles, (grow - 1 - poles * h) / (poles**2 * h)
+    x = poles * h
+    held = h * np.where(np.abs(x) < SMALL, 1 + x / 2, np.expm1(x) / x)
+    # (e^x - 1 - x) / x^2, by its series where that cancels.
+    series = 0.5 + x / 6 + x**2 / 24
+    rise = h * np.where(np.abs(x) < SMALL, series, (np.expm1(x) - x) / x**2)
+    return np.exp(x), held, rise
 
 
 def _read(model: Any, x: Any, v: Any, h: float, finer: int) -> np.ndarray:
-    """The outputs `delay` after the samples: the modes exactly there, between two fine steps."""
-    ny, whole = model.outputs, int(np.floor(model.delay / h))
-    part = (whole + 1) * h - model.delay  # after the step before
-    x, v = np.pad(x, ((whole + 1, 0), (0, 0))), np.pad(v, ((whole + 1, 0), (0, 0)))
-    rows = slice(0, len(x) - whole - 1)
-    x, now, next_ = x[rows], v[rows], v[1:][rows]
-    v = now + (next_ - now) * part / h
-    grow, held, rise = _steps(model.poles, part)
-    each = now @ model.entries.T, v @ model.entries.T
-    x = grow * x + held * each[0] + rise * (each[1] - each[0])
-    y = 2 * (x @ model.shapes[:ny].T).real + v @ model.direct[:ny].T
+    """The outputs `delay` after the samples: the modes exactly there, between two fine steps; 0 before the
+    first one."""
+    ny, late = model.outputs, int(np.ceil(model.delay / h))
+    part, last = late * h - model.delay, len(x) - late
+    x, now = x[: max(last, 0)], v[: max(last, 0)]
+    y = np.zeros((len(v), ny))
+    if part > 0.0:
+        then = now + (v[1:][: len(now)] - now) * part / h
+        grow, held, rise = _steps(model.poles, part)
+        each = now @ model.entries.T, then @ model.entries.T
+        x, now = grow * x + held * each[0] + rise * (each[1] - each[0]), then
+    y[late:] = 2 * (x @ model.shapes[:ny].T).real + now @ model.direct[:ny].T
     return y[::finer]

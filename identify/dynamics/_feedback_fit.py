@@ -23,7 +23,14 @@ from hysteresis import Feedback, InputError, StopsAndPowers
 
 from ._feedback_search import Spectra, gauss_newton, simulated
 from ._feedback_unknowns import Unknowns
-from ._periodic_tests import PeriodicTest, excited_lines, linear_response, spectra_of, steady_ones
+from ._periodic_tests import (
+    PeriodicTest,
+    excited_lines,
+    input_sizes,
+    linear_response,
+    spectra_of,
+    steady_ones,
+)
 from ._screening import GROUPS, Screened, drives_of, screening, to_unit
 from ._vector_fitting import vector_fitted
 
@@ -46,9 +53,9 @@ class FeedbackFit(NamedTuple):
     """A fitted model, and how it was found.
 
     - `model`: in the tests' units. `linear`: its start without channels, of the middle level.
-    - `levels`: root mean square of the inputs at each level. `errors`, `linear_errors`: on tests that were
-      not in the fit then, rms of the error over that of the output, mean over tests and outputs, of each
-      level.
+    - `levels`: root mean square of the inputs at each level. `errors`, `linear_errors`: of each level, on
+      the test that was held out of the fit then, but has chosen modes and groups: rms of the error of the
+      mean period over that of the output, mean over outputs; NaN of a level with one test.
     - `held_out`: which tests those were. `left_out`: tests whose periods differ three times as much as
       those of others.
     - `screening`: candidate laws and drives. `groups`: those of the model's channels, in order.
@@ -99,13 +106,27 @@ def fit_feedback(
     """A linear system with hysteretic channels, from periodic tests of several realisations and levels.
 
     - `groups`: most groups of channels; 0 fits modes alone. `seconds`: of processor time, after which no
-      step begins.
+      channels are added and no further step is taken.
     - `say`: takes a line on each stage.
 
-    The last test of each level of two or more is held out; at the end it joins the fit, after the errors
-    were taken.
+    The last test of each level of two or more is held out. It chooses number of modes, delay and groups; at
+    the end it joins the fit, after the errors were taken.
 
-    Raises `InputError` `too-few-runs` where no level has two steady tests, and as `spectra_of`.
+    Raises `InputError` `too-few-runs` where no level has two steady tests, `nothing-fits` where no mode is
+    found, `length-mismatch`, `not-finite`, `constant-input` or `constant-output` for tests that are none.
+
+    **Example:**
+
+        >>> truth = hysteresis.Feedback([-0.05 + 1.5j], [[-0.3j]], [[1.0]], [[0.0]])
+        >>> rng, tests = np.random.default_rng(0), []
+        >>> for _ in range(2):
+        ...     lines = np.arange(1, 60)
+        ...     phases = 2 * np.pi * rng.random((len(lines), 1))
+        ...     u = np.cos(2 * np.pi * np.outer(np.arange(256) / 256, lines) + phases.T).sum(1)[:, None]
+        ...     tests.append(identify.PeriodicTest(u, truth.steady(u, 0.2)[None], dt=0.2))
+        >>> fit = identify.fit_feedback(tests, groups=0)
+        >>> fit.model.poles.round(3).tolist()
+        [(-0.05+1.5j)]
     """
     begin = time.process_time()
     raw, noise = spectra_of(tests)
@@ -138,18 +159,19 @@ def fit_feedback(
     if names:
         model = search.polished(model)
     errors, before = search.errors(model), search.errors(linear)
+    fine = data.finer(search.fine)
     if names:
-        search.train = data
-        model = gauss_newton(
-            model, data.finer(search.fine), Unknowns(), steps=3, damping=5e-3, thin=4
-        ).model
-    found = simulated(model, data.finer(search.fine))
-    N = raw.lines.samples
-    rms = np.sqrt(2 * (np.abs(raw.U[steady][:, 1:]) ** 2).sum((1, 2)) / raw.U.shape[2]) / N
+        found = gauss_newton(
+            model, fine, Unknowns(), steps=3, damping=5e-3, thin=4, until=search.late
+        )
+    else:
+        found = simulated(model, fine)
+    squares, levels = input_sizes(raw.U[steady], raw.lines) ** 2, np.unique(data.level).tolist()
     return FeedbackFit(
-        scales.model(model), scales.model(linear),
-        tuple(float(rms[data.level == k].mean()) for k in np.unique(data.level)),
-        tuple(errors.values()), tuple(before.values()), tuple(kept[out].tolist()),
+        scales.model(found.model), scales.model(linear),
+        tuple(float(np.sqrt(squares[data.level == k].mean())) for k in levels),
+        tuple(errors.get(k, np.nan) for k in levels), tuple(before.get(k, np.nan) for k in levels),
+        tuple(kept[out].tolist()),
         tuple(np.flatnonzero(~steady).tolist()), shares, tuple(names),
         max(s.left for s in found.states), time.process_time() - begin,
     )  # fmt: skip
@@ -157,9 +179,8 @@ def fit_feedback(
 
 def _scaled(data: Spectra) -> tuple[Scales, Spectra]:
     middle = data.level == np.unique(data.level)[len(np.unique(data.level)) // 2]
-    N, at = data.lines.samples, excited_lines(data.U)
-    power = (np.abs(data.U[middle]) ** 2).sum(1).mean()
-    u = float(np.sqrt(2 * power) / N)
+    at = excited_lines(data.U)
+    u = float(np.sqrt((input_sizes(data.U[middle], data.lines) ** 2).mean()))
     gain = data.size[middle][0] / np.sqrt((np.abs(data.U[middle][:, 1:]) ** 2).mean())
     scales = Scales(u, gain * u, 3.0 / float(abs(data.lines.s[at[-1]])))
     return scales, scales.data(data)
@@ -182,7 +203,8 @@ class _Search:
     def __init__(self, train: Spectra, test: Spectra, begin: float, seconds: float, say: Any):
         self.train, self.test, self.begin, self.seconds, self.say = train, test, begin, seconds, say
         levels = np.unique(train.level)
-        self.middle = levels[len(levels) // 2]
+        judged = np.unique(test.level)
+        self.middle = judged[len(judged) // 2]
         first = np.zeros(len(train.level), bool)
         for k in levels:
             first[np.flatnonzero(train.level == k)[:2]] = True
@@ -203,8 +225,7 @@ class _Search:
     def modes(self) -> Feedback:
         """Modes of the middle level, their number and the delay by the held-out test there."""
         own = self.train.part(self.train.level == self.middle)
-        rest = self.test if self.middle in self.test.level else own
-        rest = rest.part(rest.level == self.middle)
+        rest = self.test.part(self.test.level == self.middle)
         at = excited_lines(own.U)
         G, _, _ = linear_response(own.U, own.Y, at, 0)
         s = own.lines.s[at]
@@ -289,8 +310,7 @@ def modal(s: Any, G: Any, count: int, delay: float, thin: int = 1) -> Feedback:
 def with_channels(model: Feedback, shapes: Any, direct: Any) -> Feedback:
     """One more channel for each drive, entering where an input does."""
     n, nu, ny = len(shapes), model.inputs, model.outputs
-    zeros = [0.0] * len(THRESHOLDS)
-    law = StopsAndPowers(THRESHOLDS, np.array(zeros) + SMALL, [1e-4, 0.0, 0.0])
+    law = StopsAndPowers(THRESHOLDS, np.full(len(THRESHOLDS), SMALL), [1e-4, 0.0, 0.0])
     wide = np.zeros(np.array(model.direct.shape) + n)
     o, i = model.direct.shape
     wide[:o, :i] = model.direct

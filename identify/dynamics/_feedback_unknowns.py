@@ -104,7 +104,7 @@ class Unknowns(NamedTuple):
         b[entries] = take_complex(b[entries].size).reshape(b[entries].shape)
         c[shapes] = take_complex(c[shapes].size).reshape(c[shapes].shape)
         d[out] = take(d[out].size).reshape(d[out].shape)
-        delay, levels = float(take(1)[0]), take(len(model.levels))
+        delay, levels = max(float(take(1)[0]), 0.0), take(len(model.levels))
         own = [Reaction(x) for x in model.channels]
         channels = tuple(x.moved(take(len(x.vector()))) for x in own)
         if self.driven:

@@ -114,7 +114,7 @@ def measured_motion(record: Record, period: int | None = None) -> MeasuredMotion
     rows = period_of(u) if period is None else period
     notes: list[Note] = []
     if rows:
-        _check_period(u, rows)
+        check_period(u, rows)
     if not rows:
         sigma = max(noise_level(y, u), LEAST_NOISE * float(np.std(y)))
         return MeasuredMotion(dt, u, y, sigma, 0, (0, len(u)), None)
@@ -229,7 +229,7 @@ def period_of(u: Float[np.ndarray, " samples"]) -> int:
     return found if len(u) >= 2 * found else 0
 
 
-def _check_period(u: np.ndarray, rows: int) -> None:
+def check_period(u: np.ndarray, rows: int) -> None:
     if rows < LEAST_PERIOD or rows > len(u):
         raise InputError(
             "bad-option",

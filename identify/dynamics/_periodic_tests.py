@@ -11,6 +11,7 @@ Source: Pintelon and Schoukens, System Identification (2012).
 """
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,7 +22,7 @@ from hysteresis import InputError
 from hysteresis.dynamics._feedback import Lines
 
 from ._feedback_search import Spectra
-from ._measured_motion import period_of
+from ._measured_motion import check_period, period_of
 
 EXCITED = 1e-3
 """Part of the largest line of an input from which a line is excited."""
@@ -30,7 +31,8 @@ SAME_LEVEL = 1.05
 """Inputs whose sizes differ by less have one level."""
 
 UNSTEADY = 3.0
-"""A record whose periods differ so many times as much as the median record's is left out of a fit."""
+"""A test whose periods differ so many times as much as the median test's of its level is left out of a
+fit."""
 
 
 class PeriodicTest(NamedTuple):
@@ -62,22 +64,30 @@ def periodic_test(
         (2, 32, 1)
     """
     u, y = (np.asarray(x, float).reshape(len(np.asarray(x)), -1) for x in (u, y))
-    if len(u) != len(y):
+    if len(u) != len(y) or not len(u):
         raise InputError(
             "length-mismatch",
             f"{len(u)} rows of inputs, {len(y)} of outputs.",
             fix="give one row of each a sample.",
         )
-    period = period_of(u[:, 0]) if period is None else period
-    count = len(u) // period - settling if period else 0
-    if count < 1:
+    moving = u[:, int(np.argmax(np.ptp(u, axis=0) > 0))]
+    period = period_of(moving) if period is None else int(period)
+    count = len(u) // period if period else 0
+    if not count:
         raise InputError(
             "not-periodic",
             f"{len(u)} rows hold no whole period of the input.",
-            fix="measure two periods in steady state, or give the rows of a period (--period N).",
+            fix="measure two periods in steady state, or give the rows of a period (--period N), and what"
+            " tells one test from the next (--group COL).",
         )
-    rows = slice(settling * period, (settling + count) * period)
-    cut = [x[rows].reshape(count, period, -1) for x in (u, y)]
+    if not 0 <= settling < count:
+        raise InputError(
+            "bad-option",
+            f"settling={settling} of {count} periods leaves none.",
+            fix=f"leave out at most {count - 1} (--settling N).",
+        )
+    check_period(moving, period)
+    cut = [x[: count * period].reshape(count, period, -1)[settling:] for x in (u, y)]
     return PeriodicTest(cut[0].mean(0), cut[1], dt)
 
 
@@ -87,7 +97,8 @@ def spectra_of(tests: Sequence[PeriodicTest], finer: int = 2) -> tuple[Spectra, 
 
     Raises `InputError` `length-mismatch` where tests differ in clock, period, inputs or outputs.
     """
-    kinds = {(*t.u.shape, t.y.shape[1], t.y.shape[2], round(float(t.dt), 15)) for t in tests}
+    tests = [_checked(test, k) for k, test in enumerate(tests)]
+    kinds = {(*t.u.shape, t.y.shape[2], round(float(t.dt), 15)) for t in tests}
     if len(kinds) != 1:
         raise InputError(
             "length-mismatch",
@@ -102,9 +113,43 @@ def spectra_of(tests: Sequence[PeriodicTest], finer: int = 2) -> tuple[Spectra, 
         if len(t.y) > 1:
             each = np.stack([lines.of(y) for y in t.y])
             noise[k] = np.sqrt(each.var(0, ddof=1) / len(t.y))
-    level = _levels(np.sqrt((np.abs(U[:, 1:]) ** 2).sum((1, 2))))
+    # Inputs of other units count alike, and one that rests is no level of its own.
+    each = input_sizes(U, lines)
+    level = _levels((each / np.maximum(each.max(0), 1e-300)).max(1))
     size = np.stack([np.sqrt((np.abs(Y[level == k][:, 1:]) ** 2).mean((0, 1))) for k in level])
     return Spectra(lines, U, Y, level, np.maximum(size, 1e-300)), noise
+
+
+def _checked(test: PeriodicTest, k: int) -> PeriodicTest:
+    """A test of finite numbers that fit each other."""
+    u, y = np.asarray(test.u, float), np.asarray(test.y, float)
+    if u.ndim != 2 or y.ndim != 3 or y.shape[1] != len(u) or not (u.size and y.size):
+        raise InputError(
+            "length-mismatch",
+            f"u of the shape {u.shape}, y of {y.shape}.",
+            place=f"test {k}",
+            fix="give u (samples, inputs) and y (periods, samples, outputs), as periodic_test does.",
+        )
+    if not (np.isfinite(u).all() and np.isfinite(y).all() and test.dt > 0):
+        raise InputError(
+            "not-finite",
+            "a number is missing or infinite, or the time between samples is not positive.",
+            place=f"test {k}",
+            fix="leave this test out, or measure it again.",
+        )
+    if not np.ptp(u) > 0 or not (np.ptp(y, axis=1) > 0).all():
+        raise InputError(
+            "constant-input" if not np.ptp(u) > 0 else "constant-output",
+            "no input moves, or an output does not.",
+            place=f"test {k}",
+            fix="leave out what does not move.",
+        )
+    return PeriodicTest(u, y, float(test.dt))
+
+
+def input_sizes(U: Any, lines: Lines) -> Float[np.ndarray, "tests inputs"]:
+    """The root mean square of each input over a period, without its mean."""
+    return np.sqrt(2 * (np.abs(U[:, 1:]) ** 2).sum(1)) / lines.samples
 
 
 def _levels(size: np.ndarray) -> np.ndarray:
@@ -117,18 +162,19 @@ def _levels(size: np.ndarray) -> np.ndarray:
 
 
 def steady_ones(data: Spectra, noise: np.ndarray) -> np.ndarray:
-    """Which tests repeat themselves as well as the others."""
-    share = np.sqrt((noise[:, 1:] ** 2).sum((1, 2)) / (np.abs(data.Y[:, 1:]) ** 2).sum((1, 2)))
-    if np.isnan(share).any():
-        return np.ones(len(share), bool)
-    return share <= UNSTEADY * np.median(share)
+    """Which tests repeat themselves as well as the others of their level."""
+    left = np.sqrt((noise[:, 1:] ** 2).sum(1) / data.size**2).mean(1)
+    if np.isnan(left).any():
+        return np.ones(len(left), bool)
+    typical = np.array([np.median(left[data.level == k]) for k in data.level])
+    return left <= UNSTEADY * typical
 
 
 def excited_lines(U: Any) -> np.ndarray:
     """Numbers of the lines that some input excites, the constant one left out."""
-    size = np.abs(U).max((0, 2))
+    size = np.abs(U).max(0)
     size[0] = 0.0
-    return np.flatnonzero(size > EXCITED * size.max())
+    return np.flatnonzero((size > EXCITED * size.max(0)).any(1))
 
 
 def linear_response(U: Any, Y: Any, at: np.ndarray, spare: int) -> tuple[Any, Any, float]:
@@ -142,13 +188,13 @@ def linear_response(U: Any, Y: Any, at: np.ndarray, spare: int) -> tuple[Any, An
     half, orders = 0, 1
     if count < nu + spare:
         half, orders = -(-3 * (nu + 1) // (2 * count)) + 1, 3
-    rows = 2 * half + 1
+    rows = min(2 * half + 1, len(at))
     G, left = (
         np.empty((len(at), Y.shape[2], nu), complex),
         np.empty((count, len(at), Y.shape[2]), complex),
     )
     for k in range(len(at)):
-        first = min(max(k - half, 0), max(len(at) - rows, 0))
+        first = min(max(k - half, 0), len(at) - rows)
         near = at[first : first + rows]
         x = (near - at[k]) / max(half, 1)
         powers = np.stack([x**p for p in range(orders)], 1)
@@ -157,7 +203,7 @@ def linear_response(U: Any, Y: Any, at: np.ndarray, spare: int) -> tuple[Any, An
         found = np.linalg.lstsq(wide, right, rcond=None)[0]
         G[k] = found[:nu].T
         left[:, k] = Y[:, at[k]] - U[:, at[k]] @ found[:nu]
-    return G, left, 1 - min(orders * nu / (count * rows), 1)
+    return G, left, max(1 - orders * nu / (count * rows), 0.0)
 
 
 class Distortion(NamedTuple):
@@ -167,8 +213,9 @@ class Distortion(NamedTuple):
     - `total`, `linear`: of all, and of what the best linear approximation of this level gives.
     - `changed`: by how much that differs from the approximation of the smallest level; 0 there.
     - `even`, `odd`: in even and odd lines that no input excites; NaN where there are none.
-    - `stochastic`: what is not linear in excited lines, without noise. `noise`: of the mean period; NaN of
-      a single period, where it is in the others.
+    - `stochastic`: what is not linear in excited lines, without noise: it differs from one realisation to
+      the next, so the same one twice shows none. NaN of fewer lines than a window takes. `noise`: of the
+      mean period; NaN of a single period, where it is in the others.
     """
 
     level: float
@@ -186,52 +233,74 @@ class Distortion(NamedTuple):
 def distortion(tests: Sequence[PeriodicTest], bands: int = 4) -> list[Distortion]:
     """How much of each output is linear, distortion and noise, by level and band.
 
-    The bands hold equally many excited lines. Even and odd are told only where some lines are not excited.
+    The bands hold equally many excited lines and touch. Even and odd are told only where some such lines
+    are not excited.
 
-    Raises `InputError` as `spectra_of`.
+    Raises `InputError` `bad-option` for more bands than lines, and as `fit_feedback` for its tests.
 
     **Example:**
 
         >>> t = np.arange(256) / 256
         >>> rng = np.random.default_rng(0)
         >>> u = sum(np.cos(2 * np.pi * (k * t + rng.random())) for k in range(1, 40, 2))
-        >>> test = identify.PeriodicTest(u[:, None], np.tile((u + 0.1 * u**2)[None, :, None], (2, 1, 1)),
-        0.01)
+        >>> y = (u + 0.1 * u**2)[None, :, None]
+        >>> test = identify.PeriodicTest(u[:, None], np.tile(y, (2, 1, 1)), 0.01)
         >>> row = identify.distortion([test], bands=1)[0]
         >>> row.even > 10 * row.odd
         True
     """
     data, noise = spectra_of(tests)
-    at, lowest, found = excited_lines(data.U), None, []
+    lines, at, found = data.lines, excited_lines(data.U), []
+    if not 1 <= bands <= len(at):
+        raise InputError(
+            "bad-option",
+            f"bands={bands} of {len(at)} excited lines.",
+            fix=f"give a number from 1 to {len(at)} (--bands N).",
+        )
+    # Bands touch, and the last one has what lies above.
+    ends = [int(part[0]) for part in np.array_split(at, bands)][1:]
+    ends = [1, *ends, lines.count]
+    lowest: Any = None
     for level in np.unique(data.level):
         own = data.level == level
         U, Y, e = data.U[own], data.Y[own], noise[own]
         G, left, free = linear_response(U, Y, at, U.shape[2])
-        lowest = G if lowest is None else lowest
-        linear, changed = ((U[:, at, None, :] * response).sum(3) for response in (G, G - lowest))
-        rms = float(_size(U[:, 1:], data.lines).mean())
-        for part in np.array_split(np.arange(len(at)), bands):
-            ends = (int(at[part[0]]), int(at[part[-1]])) if bands > 1 else (1, data.lines.count - 1)
-            inside = np.arange(ends[0], ends[1] + 1)
+        scatter = left * np.sqrt((1 - free) / free) if free > 0 else 0 * left
+        # An approximation follows a part of the scatter, which counts as neither linear nor changed.
+        lowest = (G, scatter, U) if lowest is None else lowest
+        there = np.sqrt((np.abs(U[:, at]) ** 2).mean() / (np.abs(lowest[2][:, at]) ** 2).mean())
+        linear = (U[:, at, None, :] * G).sum(3)
+        changed = (U[:, at, None, :] * (G - lowest[0])).sum(3)
+        rms = float(np.sqrt((input_sizes(U, lines) ** 2).mean()))
+        for first, end in pairwise(ends):
+            inside = np.arange(first, end)
+            part = (at >= first) & (at < end)
             quiet = np.setdiff1d(inside, at)
-            chosen = [at[part], *(quiet[quiet % 2 == odd] for odd in (0, 1))]
-            total = _size(Y[:, inside], data.lines)
-            rest = _size(left[:, part], data.lines) / np.sqrt(free) if free > 0 else np.nan * total
-            found_in = rest, *(_size(Y[:, x], data.lines) for x in chosen[1:])
-            # Without the noise of the same lines.
-            stochastic, even, odd = (
-                np.sqrt(np.maximum(x**2 - np.nan_to_num(_size(e[:, at_], data.lines)) ** 2, 0.0))
-                if len(at_) else np.nan * total
-                for x, at_ in zip(found_in, chosen, strict=True)
-            )  # fmt: skip
+            parity = [quiet[quiet % 2 == odd] for odd in (0, 1)]
+            total, own_scatter = _size(Y[:, inside], lines), _size(scatter[:, part], lines)
+            rest = _size(left[:, part], lines) / np.sqrt(free) if free > 0 else np.nan * total
+            low = there * _size(lowest[1][:, part], lines)
             columns = [
-                total, _size(linear[:, part], data.lines), _size(changed[:, part], data.lines), even,
-                odd, stochastic, _size(e[:, inside], data.lines),
+                total,
+                _without(_size(linear[:, part], lines), own_scatter),
+                _without(_size(changed[:, part], lines), np.hypot(own_scatter, low)),
+                *(
+                    _without(_size(Y[:, x], lines), _size(e[:, x], lines))
+                    if len(x) else np.nan * total
+                    for x in parity
+                ),
+                _without(rest, _size(e[:, at[part]], lines)),
+                _size(e[:, inside], lines),
             ]  # fmt: skip
-            band = ends[0] / data.lines.period, ends[1] / data.lines.period
+            band = first / lines.period, (end - 1) / lines.period
             for k, figures in enumerate(np.stack(columns, 1).tolist()):
                 found.append(Distortion(rms, k, band, *figures))
     return found
+
+
+def _without(size: np.ndarray, noise: np.ndarray) -> np.ndarray:
+    """The root of a difference of squares; noise that is not known counts as none."""
+    return np.sqrt(np.maximum(size**2 - np.nan_to_num(noise) ** 2, 0.0))
 
 
 def _size(x: Any, lines: Lines) -> np.ndarray:

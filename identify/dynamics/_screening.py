@@ -61,7 +61,7 @@ def _probe(model: Feedback, shapes: Any, direct: Any, data: Spectra) -> list[Any
 
 def to_unit(model: Feedback, shapes: Any, direct: Any, data: Spectra) -> tuple[Any, Any]:
     """Drives of root mean square 1."""
-    each = [np.mean(data.lines.fine(z.T) ** 2, 1) for z in _probe(model, shapes, direct, data)]
+    each = [np.var(data.lines.fine(z.T), axis=1) for z in _probe(model, shapes, direct, data)]
     rms = np.sqrt(np.mean(each, 0))[:, None]
     return shapes / rms, direct / rms
 
@@ -86,12 +86,9 @@ def _signals(z: np.ndarray, law: str) -> np.ndarray:
 
 def screening(model: Feedback, data: Spectra) -> tuple[tuple[Screened, ...], dict[str, float]]:
     """The share of what a model leaves that each law of each drive explains, the largest first, and for
-    each group of drives what all their laws explain together.
-
-    A reaction W enters every mode m by a free b_m, and the outputs by a free d:  y = sum 2 Re(c_m b_m W /
-    (s - p_m)) + d W.
-    """
-    ny, at = model.outputs, excited_lines(data.U)[:: max(1, len(excited_lines(data.U)) // 400)]
+    each group of drives what all their laws explain together."""
+    ny, at = model.outputs, excited_lines(data.U)
+    at = at[:: max(1, len(at) // 400)]
     s = data.lines.s[at]
     rest = data.left(simulated(model, data).output)[:, at]
     e = _real(rest)
@@ -102,10 +99,11 @@ def screening(model: Feedback, data: Spectra) -> tuple[tuple[Screened, ...], dic
 
     def share(columns: list[np.ndarray]) -> float:
         wide = np.concatenate(columns, 1)
-        size = np.linalg.norm(wide, axis=0) + 1e-300
+        size = np.linalg.norm(wide, axis=0)
+        size = np.maximum(size, max(1e-9 * size.max(), 1e-100))  # of one level, log s is 0
         normal = wide.T @ wide / np.outer(size, size) + 1e-9 * np.eye(len(size))
         right = wide.T @ e / size
-        return float(right @ np.linalg.solve(normal, right) / (e @ e))
+        return float(right @ np.linalg.solve(normal, right) / max(e @ e, 1e-300))
 
     shares, by_group = [], {}
     for group in GROUPS:

@@ -40,11 +40,12 @@ SEARCHES: dict[str, type[Candidate]] = {
 }
 """Names that are no models: ways to find one."""
 
-PART, CURVE, WHOLE, INSIDE, MASSES, TRAINED = (
+PART, CURVE, WHOLE, INSIDE, CHANNEL, MASSES, TRAINED = (
     "it is a part of a sum, and its thresholds, time constants or places are chosen with the other parts.",
     "it is a curve without memory, whose knots or degree nothing names.",
     "it is made of other models, and the name does not say which.",
     "it acts on a moving mass, and is fitted with it.",
+    "it is what a channel between modes has beside a line, and is fitted by identify.fit_feedback.",
     "several masses need as many measured motions.",
     "it is trained on records of a soft sensor (hysid microchannel train).",
 )
@@ -65,6 +66,7 @@ INSTEAD = {
     "BoucWenForce": (INSIDE, "Oscillator(BoucWen)", ""),
     "DuhemForce": (INSIDE, "Oscillator(Duhem)", ""),
     "GeneralizedPlays": (INSIDE, "Oscillator(GeneralizedPlays)", ""),
+    "StopsAndPowers": (CHANNEL, COMPOSITION, ""),
     **dict.fromkeys(("EverettNetwork", "StaircaseNetwork", "BackwardsModel"), (TRAINED, COMPOSITION, "")),
     "CoupledOscillators": (MASSES, OSCILLATOR, " to the motion of one mode"),
 }  # fmt: skip
