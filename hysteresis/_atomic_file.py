@@ -15,9 +15,7 @@ _FORGOTTEN = 3600.0
 
 
 @contextmanager
-def atomic_file(
-    file: Path, *, durable: bool = False, previous: Path | None = None
-) -> Iterator[Path]:
+def atomic_file(file: Path, *, durable: bool = False) -> Iterator[Path]:
     """The path of a temporary file beside `file`, which replaces it when the block ends.
 
         with atomic_file(folder / "fit.json") as new:
@@ -30,7 +28,6 @@ def atomic_file(
 
     - `durable`: wait until the disk holds the file, so that it survives a power cut too. That takes
       milliseconds, so it is for checkpoints and not for every file.
-    - `previous`: where the old file is kept.
     """
     _forget(file)
     mine = f"{os.getpid()}-{threading.get_native_id()}"
@@ -39,8 +36,6 @@ def atomic_file(
         yield new
         if durable:
             _synchronise(new)
-        if previous is not None and file.exists():
-            os.replace(file, previous)
         os.replace(new, file)
     except BaseException as error:
         new.unlink(missing_ok=True)

@@ -32,7 +32,7 @@ from identify.posterior._emcee import (
 from identify.posterior._log_posterior import Target, target
 from identify.posterior._mode import top_of
 from identify.posterior._sample import log_probability
-from identify.storage._checkpoint import Checkpoint, Identity
+from identify.storage._checkpoint import Checkpoint
 
 from .._measure import Row, interleaved, judged
 
@@ -227,7 +227,7 @@ def _begun(aim: Target) -> tuple[np.ndarray, np.ndarray, Callable[[int], Chains]
     """The top, first walkers (ensembles, walkers, parameters), and a call that draws so many steps."""
     (place, _, root), density = map(np.asarray, top_of(aim)), log_probability(aim)
     first = first_walkers(density, place, root, ENSEMBLES, WALKERS, 0)
-    nothing = Checkpoint(None, Identity(*["none"] * len(Identity._fields)))
+    nothing = Checkpoint(None)
 
     def run(steps: int) -> Chains:
         return sample_ensembles(

@@ -45,7 +45,7 @@ def _sampled(asked: Sample, chosen: dict[str, Any], progress: Progress) -> dict[
             progress(done, total, f"{value}, {text}" if value else text)
 
         posterior = identify.sample(
-            identify.load(place), checkpoint=place / "chains.h5", progress=named,
+            identify.load(place), checkpoint=place / "chains.npz", progress=named,
             resume=asked.resume, **chosen,
         )  # fmt: skip
         identify.save_posterior(posterior, place)

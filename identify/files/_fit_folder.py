@@ -41,7 +41,7 @@ ATTEMPTS, MAY_PASS = 3, ("", "wrong-checksum", "file-not-found")
 MOST_RESIDUALS = 4_000_000
 """Residuals of candidates that are saved, so that their loops can be drawn: 16 MB."""
 OF_EARLIER = (
-    "posterior.json", "posterior.nc", "posterior_models.npz", "chains.h5", "chains.previous.h5",
+    "posterior.json", "posterior.nc", "posterior_models.npz", "chains.npz",
     "report.html",
 )  # fmt: skip
 """What belongs to an earlier fit in the same folder."""

@@ -5,9 +5,9 @@ import time
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
-from ..storage._checkpoint import Checkpoint, History
+from ..storage._checkpoint import Checkpoint
 from ._chains import Chains, Progress
 from ._convergence import autocovariance, rhat
 from ._emcee_moves import LogProbability, SideBySide
@@ -33,6 +33,39 @@ class Interrupted(KeyboardInterrupt):
     def __init__(self, chains: Chains | None) -> None:
         super().__init__()
         self.chains: Chains | None = chains
+
+
+class History(NamedTuple):
+    """All that a run needs to resume.
+
+    - `points`, `log_probability`: (ensembles, steps + 1, walkers, parameters) and the same without the
+      parameters, the first walkers included.
+    - `accepted`: proposals taken by each walker so far.
+    - `random`: the state of NumPy's Mersenne twister, as `RandomState.get_state` gives it.
+    - `place`, `root`: the affine map of the proposals, see `SideBySide`.
+    """
+
+    points: Float[np.ndarray, "ensembles rows walkers parameters"]
+    log_probability: Float[np.ndarray, "ensembles rows walkers"]
+    accepted: Int[np.ndarray, "ensembles walkers"]
+    random: tuple[Any, ...]
+    place: Float[np.ndarray, " parameters"]
+    root: Float[np.ndarray, "parameters parameters"]
+
+    @property
+    def arrays(self) -> dict[str, np.ndarray]:
+        """As a checkpoint keeps it."""
+        _, keys, *rest = self.random
+        return {**self._asdict(), "random": np.array(keys), "rest": np.array(rest, float)}
+
+
+def _read(arrays: dict[str, Any] | None) -> History | None:
+    """The inverse of `History.arrays`."""
+    if arrays is None:
+        return None
+    place, has_gauss, gauss = arrays.pop("rest")
+    random = ("MT19937", arrays.pop("random"), int(place), int(has_gauss), float(gauss))
+    return History(**arrays, random=random)
 
 
 class Judgement(NamedTuple):
@@ -104,7 +137,7 @@ def sample_ensembles(
 
     Raises `Interrupted` after Ctrl-C, `InputError` where the checkpoint cannot be used or written.
     """
-    history = checkpoint.read() or _begun(first, log_probability, seed, place, root)
+    history = _read(checkpoint.read()) or _begun(first, log_probability, seed, place, root)
     run = _Run(log_probability, history)
     checkpoint.check_length(steps, run.done)
     last, pace, begin, begun = None, 1.0, time.perf_counter(), run.done
@@ -127,17 +160,17 @@ def sample_ensembles(
             total = steps or _expected(last, run.done, most)
             to_go = (time.perf_counter() - begin) / (run.done - begun) * (total - run.done)
             if checkpoint.is_due(time.monotonic() - saved):
-                checkpoint.write(run.history)
+                checkpoint.write(run.history.arrays, run.done)
                 saved = time.monotonic()
             tell(run.done, total, _words(run, last, to_go))
     except KeyboardInterrupt as stop:
-        checkpoint.write(run.history)
+        checkpoint.write(run.history.arrays, run.done)
         if run.done < LEAST:
             raise Interrupted(None) from stop
         said = f"interrupted after {run.done:,} steps; with --resume (resume=True) it goes on."
         found = _finished(run.history, checkpoint, wants_rule=False)
         raise Interrupted(found._replace(notes=(*found.notes, said))) from stop
-    checkpoint.write(run.history)
+    checkpoint.write(run.history.arrays, run.done)
     return _finished(run.history, checkpoint, wants_rule=steps is None)
 
 

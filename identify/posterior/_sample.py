@@ -26,8 +26,7 @@ from ..results._detail import (
     ReversalCurves,
 )
 from ..results._fit_result import FitResult
-from ..storage._checkpoint import Checkpoint, Identity
-from ..storage._checkpoint_file import digest
+from ..storage._checkpoint import Checkpoint, digest
 from ..storage._provenance import versions
 from ._chains import Chains, Progress
 from ._emcee import LEAST, drawn_so_far, first_walkers, sample_ensembles
@@ -88,9 +87,8 @@ def sample(
 
     - `walkers`: of each ensemble, even, at least twice the parameters; by default four times them, and no
       less than 16.
-    - `checkpoint`: an HDF5 file that keeps the chains, written every so many seconds (`every`)
-      and when interrupted; the one before is kept beside it. `resume` goes on from it, bit for bit as if
-      nothing had been interrupted.
+    - `checkpoint`: a .npz file that keeps the chains, written every so many seconds (`every`) and when
+      interrupted. `resume` goes on from it, bit for bit as if nothing had been interrupted.
     - `progress(done, total, text)` is called now and then.
 
     After Ctrl-C the draws so far are the result, and the notes say so; before 20 steps there is none.
@@ -248,38 +246,38 @@ def walkers_for(walkers: int | None, parameters: int) -> int:
 
 def _identity(
     fit: FitResult, aim: Target | MotionTarget, seed: int, ensembles: int, walkers: int
-) -> Identity:
+) -> dict[str, str]:
     def of(module: Any) -> str:
         structure, arrays = described(module, for_file=False)
         return digest(structure, *arrays.values())
 
-    return Identity(
-        model=of(aim.template),
-        data=digest(*_columns(fit), np.asarray(aim.start)),
-        noise=digest(of(aim.noise_template), aim.weight),
-        priors=digest(
+    return {
+        "model": of(aim.template),
+        "data": digest(*_columns(fit), np.asarray(aim.start)),
+        "noise": digest(of(aim.noise_template), aim.weight),
+        "priors": digest(
             aim.bounds[:3], aim.bounds[4:], np.asarray(aim.bounds.scale), aim.noise_bounds.priors
         ),
-        seed=str(seed),
-        ensembles=str(ensembles),
-        walkers=str(walkers),
-        versions=_versions("emcee", "jax", "numpy"),
-    )
+        "seed": str(seed),
+        "ensembles": str(ensembles),
+        "walkers": str(walkers),
+        "versions": _versions("emcee", "jax", "numpy"),
+    }
 
 
 def _weights_identity(
     fit: FitResult, detail: GridWeights | Composition, length: Length
-) -> Identity:
-    return Identity(
-        model=digest(detail.words(), detail.linear.unknowns),
-        data=digest(*_columns(fit), *fit.train.columns.values()),
-        noise="AR(1)",
-        priors="of the strength",
-        seed=str(length.seed),
-        ensembles=str(length.ensembles),
-        walkers=str(length.walkers),
-        versions=_versions("emcee", "numpy", "scipy"),
-    )
+) -> dict[str, str]:
+    return {
+        "model": digest(detail.words(), detail.linear.unknowns),
+        "data": digest(*_columns(fit), *fit.train.columns.values()),
+        "noise": "AR(1)",
+        "priors": "of the strength",
+        "seed": str(length.seed),
+        "ensembles": str(length.ensembles),
+        "walkers": str(length.walkers),
+        "versions": _versions("emcee", "numpy", "scipy"),
+    }
 
 
 def _columns(fit: FitResult) -> tuple[Any, ...]:

@@ -1,184 +1,154 @@
-"""Checkpoints of Markov chains: a run that is killed at any moment loses a few seconds of work."""
+"""Work in progress in a file, so that a run that is killed at any moment loses a few seconds of work."""
 
+import hashlib
+import io
+import json
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from time import perf_counter
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
 
 from hysteresis import InputError
-from hysteresis._limits import DAMAGE
-from hysteresis.records.importers._hdf5 import opened_hdf5
+from hysteresis._atomic_file import atomic_file
+from hysteresis._limits import damage_told, load_arrays, parse_json
 
-from ._checkpoint_file import CheckpointFile, check_identity, digest
+FORMAT = 2
+WRITING_SHARE = 0.1
+"""The largest part of the time that is spent on writing; a large checkpoint is written less often."""
 
-FORMAT = 1
-ARRAYS = ("points", "log_probability", "accepted", "random_keys", "random_rest", "place", "root")
 
+class Work(NamedTuple):
+    """What messages say of work that is kept.
 
-class History(NamedTuple):
-    """All that a run needs to resume.
-
-    - `points`, `log_probability`: (ensembles, steps + 1, walkers, parameters) and the same without the
-      parameters, the first walkers included.
-    - `accepted`: proposals taken by each walker so far.
-    - `random`: the state of NumPy's Mersenne twister, as `RandomState.get_state` gives it.
-    - `place`, `root`: the affine map of the proposals, see `SideBySide`.
+    - `what`: a noun in the plural. `done`: what was done, as in "the chains were drawn". `unit`: what is
+      counted. `again`: how to go on after the disk was full; `anew`: how to begin from the start.
     """
 
-    points: Float[np.ndarray, "ensembles rows walkers parameters"]
-    log_probability: Float[np.ndarray, "ensembles rows walkers"]
-    accepted: Int[np.ndarray, "ensembles walkers"]
-    random: tuple[Any, ...]
-    place: Float[np.ndarray, " parameters"]
-    root: Float[np.ndarray, "parameters parameters"]
+    what: str
+    done: str
+    unit: str
+    again: str
+    anew: str
 
 
-class Identity(NamedTuple):
-    """What must be the same for chains to resume bit for bit: a digest or a few words each."""
-
-    model: str = ""
-    data: str = ""
-    noise: str = ""
-    priors: str = ""
-    seed: str = ""
-    ensembles: str = ""
-    walkers: str = ""
-    versions: str = ""
+CHAINS = Work(
+    "chains", "the chains were drawn", "steps",
+    "make room, then resume: hysid sample DIR --resume (in Python resume=True).",
+    "sample from the beginning, without --resume.",
+)  # fmt: skip
 
 
 @dataclass
 class Checkpoint:
-    """An HDF5 file of the chains, and the one before it: `chains.h5` and `chains.previous.h5`.
-
-    A kill at any moment leaves at least one complete file, see `CheckpointFile`.
+    """An .npz without pickles, replaced as a whole: a kill at any moment leaves one complete file.
 
     - `file`: its name; None keeps nothing.
-    - `identity`: which run the chains belong to. `resume`: continue it. `every`: seconds between writes.
+    - `identity`: what must be the same for a run to resume bit for bit: a digest or a few words each.
+    - `resume`: continue what the file holds. `every`: seconds between two writes, or more if a write takes
+      long.
     - `said`: notes for the user about what was read.
     """
 
     file: Path | None
-    identity: Identity = field(default_factory=Identity)
+    identity: Mapping[str, str] = field(default_factory=dict)
     resume: bool = False
     every: float = 10.0
     said: list[str] = field(default_factory=list)
-    _safe_steps: int = 0
-    _kept: CheckpointFile = field(init=False)
-
-    def __post_init__(self) -> None:
-        self._kept = CheckpointFile(self.file, self.every, keeps_previous=True)
+    work: Work = CHAINS
+    _safe: int = 0
+    _write_seconds: float = 0.0
 
     def is_due(self, since: float) -> bool:
         """Whether to write again, `since` seconds after the last write."""
-        return self._kept.is_due(since)
+        return since >= max(self.every, self._write_seconds / WRITING_SHARE)
 
-    def write(self, history: History) -> None:
-        """Keep the chains. Raises `InputError` if they cannot be written; the old file stays."""
+    def write(self, arrays: Mapping[str, np.ndarray], done: int) -> None:
+        """Keep what `done` steps made. Raises `InputError` if it cannot be written; the old file stays."""
         if self.file is None:
             return
-        self._kept.write(
-            _to_bytes(history, self.identity),
-            "the chains",
-            safe=f"{self._safe_steps:,} steps of every ensemble are safe, of {_steps(history):,}.",
-            fix="make room, then resume: hysid sample DIR --resume (in Python resume=True).",
-        )
-        self._safe_steps = _steps(history)
+        words = {**self.identity, "format": FORMAT, "done": done}
+        words["checksum"] = digest(*arrays.values())
+        packed, begin = io.BytesIO(), perf_counter()
+        np.savez(packed, words=np.array(json.dumps(words)), **arrays)  # type: ignore[arg-type]
+        try:
+            # Durable: a file cut off in mid-write cannot be read, and a power cut is one way to be killed.
+            with atomic_file(self.file, durable=True) as new:
+                new.write_bytes(packed.getvalue())
+        except OSError as error:
+            raise InputError(
+                "cannot-write",
+                f"the {self.work.what} cannot be written: {error.strerror or error}."
+                f" {self._safe:,} {self.work.unit} are safe, of {done:,}.",
+                place=str(self.file),
+                cause="the disk or a quota is full, or the folder may not be written to.",
+                fix=self.work.again,
+            ) from error
+        self._write_seconds, self._safe = perf_counter() - begin, done
 
-    def read(self) -> History | None:
-        """The chains to resume; None without `resume`, or if nothing was kept yet.
+    def read(self) -> dict[str, np.ndarray] | None:
+        """The arrays to resume with; None without `resume`, or if nothing was kept yet.
 
-        Raises `InputError` if they belong to another run, or if neither file can be read.
+        Raises `InputError` if they belong to another run, or cannot be read.
         """
         if self.file is None or not self.resume:
             return None
-        there = [file for file in (self.file, self._kept.previous) if file.exists()]
-        faults = []
-        for file in there:
-            try:
-                history, identity = _from_bytes(file.read_bytes())
-            except DAMAGE as error:
-                faults.append(f"{file.name}: {error}")
-                continue
-            check_identity(
-                file, self.identity._asdict(), identity, verb="the chains were drawn",
-                shown=("seed", "ensembles", "walkers", "versions"),
-                fix="give the options of then, or another file, or sample without --resume.",
-            )  # fmt: skip
-            self._safe_steps = _steps(history)
-            if faults:
-                self.said.append(
-                    f"{self.file.name} is damaged, so the run resumed from {file.name}, at step"
-                    f" {self._safe_steps:,}: {faults[0]}."
-                )
-            return history
-        if there:
-            raise InputError(
-                "damaged-file",
-                f"no checkpoint can be read. {'; '.join(faults)}.",
-                place=str(self.file),
-                cause="the files were cut off or changed, or another version wrote them.",
-                fix="sample from the beginning, without --resume.",
+        if not self.file.exists():
+            self.said.append(
+                f"no {self.work.what} were kept in {self.file.name}, so the run began from the start."
             )
-        self.said.append(
-            f"no chains were kept in {self.file.name}, so sampling began from the start."
-        )
-        return None
+            return None
+        with damage_told("the checkpoint", self.file, self.work.anew):
+            arrays = load_arrays(self.file)
+            words = parse_json(str(arrays.pop("words")))
+            if words.get("format") != FORMAT or words["checksum"] != digest(*arrays.values()):
+                raise ValueError("its format or its checksum does not agree")
+            self._safe = int(words["done"])
+        self._check_identity(words)
+        return arrays
 
-    def check_length(self, steps: int | None, done: int) -> None:
+    def check_length(self, asked: int | None, done: int) -> None:
         """Raise `InputError` if more steps were kept than are asked for, because none are thrown away."""
-        if steps is not None and done > steps:
+        if asked is not None and done > asked:
             raise InputError(
                 "more-steps-kept",
-                f"{done:,} steps were kept already, and {steps:,} are asked for.",
+                f"{done:,} {self.work.unit} were kept already, and {asked:,} are asked for.",
                 place=str(self.file),
-                cause="steps count from the beginning, those of before included.",
-                fix=f"ask for at least {done:,}, or sample without --resume.",
+                cause=f"{self.work.unit} count from the beginning, those of before included.",
+                fix=f"ask for at least {done:,}, or {self.work.anew}",
+            )
+
+    def _check_identity(self, kept: Mapping[str, Any]) -> None:
+        """Few words are shown, digests are not."""
+        if other := [name for name, own in self.identity.items() if kept.get(name) != own]:
+            told = [
+                f"{name} ({kept.get(name)}, now {own})"
+                if _is_plain(own := self.identity[name])
+                else name
+                for name in other
+            ]
+            raise InputError(
+                "other-checkpoint",
+                f"{self.work.done} with another {', another '.join(told)}.",
+                place=str(self.file),
+                cause="the fit was made again, or data or settings have changed since.",
+                fix=f"give the options of then, or another file, or {self.work.anew}",
             )
 
 
-def _steps(history: History) -> int:
-    return history.points.shape[1] - 1
+def digest(*parts: Any) -> str:
+    """A short digest of arrays, and of the `repr` of everything else."""
+    made = hashlib.sha256()
+    for part in parts:
+        if isinstance(part, np.ndarray):
+            made.update(f"{part.dtype.str}{part.shape}".encode())
+            made.update(np.ascontiguousarray(part).tobytes())
+        else:
+            made.update(repr(part).encode())
+    return made.hexdigest()[:16]
 
 
-def _arrays(history: History) -> dict[str, np.ndarray]:
-    kind, keys, *rest = history.random
-    assert kind == "MT19937"
-    return {
-        "points": history.points,
-        "log_probability": history.log_probability,
-        "accepted": history.accepted,
-        "random_keys": keys,
-        "random_rest": np.array(rest, float),
-        "place": history.place,
-        "root": history.root,
-    }
-
-
-def _to_bytes(history: History, identity: Identity) -> bytes:
-    import h5py
-
-    arrays = _arrays(history)
-    with h5py.File("chains", "w", driver="core", backing_store=False) as file:
-        file.attrs.update(
-            identity._asdict() | {"format": FORMAT, "checksum": digest(*arrays.values())}
-        )
-        for name, array in arrays.items():
-            file.create_dataset(name, data=array)
-        file.flush()
-        return file.id.get_file_image()
-
-
-def _from_bytes(image: bytes) -> tuple[History, dict[str, str]]:
-    """Raises one of `DAMAGE` if it is damaged."""
-    with opened_hdf5(image) as own:
-        words: dict[str, Any] = dict(own.file.attrs)
-        if words.get("format") != FORMAT:
-            raise ValueError(f"format {words.get('format')}, not {FORMAT}")
-        arrays = {name: own.array(name) for name in ARRAYS}
-    if digest(*arrays.values()) != words["checksum"]:
-        raise ValueError("its checksum does not agree")
-    keys, (place, has_gauss, gauss) = arrays.pop("random_keys"), arrays.pop("random_rest")
-    random = ("MT19937", keys, int(place), int(has_gauss), float(gauss))
-    return History(**arrays, random=random), words
+def _is_plain(words: str) -> bool:
+    return len(words) != 16 or " " in words

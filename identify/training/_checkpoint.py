@@ -1,20 +1,19 @@
-"""Checkpoints of a training run: an .npz without pickles, refused if it belongs to another run."""
+"""What a checkpoint of a training run holds, and which run it belongs to."""
 
-import io
-import json
 from importlib.metadata import version
-from pathlib import Path
 from typing import Any
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 
-from hysteresis._limits import damage_told, load_arrays, parse_json
+from ..storage._checkpoint import Work, digest
 
-from ..storage._checkpoint_file import CheckpointFile, check_identity, digest
-
-FORMAT = 1
+TRAINING = Work(
+    "epochs", "the network was trained", "epochs", "make room, then train again with resume=True.",
+    "train from the beginning, without resume.",
+)  # fmt: skip
 
 
 def training_identity(
@@ -38,57 +37,14 @@ def training_identity(
     }
 
 
-class TrainingFile:
-    """The checkpoint of a training run, see `CheckpointFile`.
+def kept_arrays(run: Any) -> dict[str, np.ndarray]:
+    """The leaves of a run's state as a checkpoint keeps them."""
+    return {f"leaf{k}": np.asarray(leaf) for k, leaf in enumerate(jax.tree.leaves(run))}
 
-    - `file`: its name; None keeps nothing. `identity`: which run it belongs to.
-    - `said`: notes for the user about what was read.
-    """
 
-    def __init__(self, file: Path | None, identity: dict[str, str]):
-        self.file, self.identity = file, identity
-        self.said: list[str] = []
-        self._kept = CheckpointFile(file)
-
-    def is_due(self, since: float) -> bool:
-        """Whether to write again, `since` seconds after the last write."""
-        return self._kept.is_due(since)
-
-    def write(self, run: Any) -> None:
-        """Keep the run. Raises `InputError` if it cannot be written; the old file stays."""
-        if self.file is None:
-            return
-        leaves = [np.asarray(leaf) for leaf in jax.tree.leaves(run)]
-        words = {**self.identity, "format": FORMAT, "checksum": digest(*leaves)}
-        arrays = {f"leaf{k}": leaf for k, leaf in enumerate(leaves)}
-        packed = io.BytesIO()
-        np.savez(packed, words=np.array(json.dumps(words)), **arrays)  # type: ignore[arg-type]
-        self._kept.write(
-            packed.getvalue(), "the training", fix="make room, then train again with resume=True."
-        )
-
-    def read(self, like: Any) -> Any:
-        """The run that was kept, in the structure of `like`; `like` itself if nothing was kept yet.
-
-        Raises `InputError` if the file belongs to another run, or cannot be read.
-        """
-        assert self.file is not None
-        if not self.file.exists():
-            self.said.append(
-                f"nothing was kept in {self.file.name}, so training began from the start."
-            )
-            return like
-        leaves, structure = jax.tree.flatten(like)
-        with damage_told("the checkpoint", self.file, "train from the beginning, without resume."):
-            found = load_arrays(self.file)
-            words = parse_json(str(found["words"]))
-            kept = [found[f"leaf{k}"] for k in range(len(found) - 1)]
-            if words.get("format") != FORMAT or words.get("checksum") != digest(*kept):
-                raise ValueError("its checksum does not agree")
-        check_identity(
-            self.file, {**self.identity, "number of arrays": str(len(leaves))},
-            {**words, "number of arrays": str(len(kept))}, verb="the network was trained",
-            fix="give the data and settings of then, or another file, or train without resume.",
-        )  # fmt: skip
-        self.said.append(f"resumed from {self.file.name}.")
-        return jax.tree.unflatten(structure, kept)
+def kept_run(arrays: dict[str, np.ndarray] | None, like: Any) -> Any:
+    """The inverse, in the structure of `like`; `like` itself where nothing was kept."""
+    if arrays is None:
+        return like
+    leaves = [jnp.asarray(arrays[f"leaf{k}"]) for k in range(len(arrays))]
+    return jax.tree.unflatten(jax.tree.structure(like), leaves)

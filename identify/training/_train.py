@@ -17,7 +17,8 @@ from jaxtyping import Array, Float, Int, PRNGKeyArray
 from hysteresis import InputError, is_concrete
 
 from ..parameters._precision import require_double
-from ._checkpoint import TrainingFile, training_identity
+from ..storage._checkpoint import Checkpoint
+from ._checkpoint import TRAINING, kept_arrays, kept_run, training_identity
 from ._shuffle import shuffled
 
 Loss = Callable[[Any, Any, PRNGKeyArray], Float[Array, ""]]
@@ -159,9 +160,13 @@ def train(
         module, data, held_out, loss, batch=batch, seed=seed, optimizer=run.optimizer,
         learning_rate=learning_rate,
     )  # fmt: skip
-    file = TrainingFile(checkpoint, identity)
+    file = Checkpoint(checkpoint, identity, resume, work=TRAINING)
     if resume:
-        run = _with_room(jax.tree.map(jnp.asarray, file.read(run)), epochs)
+        if (kept := file.read()) is not None:
+            file.said.append(f"resumed from {checkpoint.name}.")
+        run = kept_run(kept, run)
+        file.check_length(epochs, int(run.epoch))
+        run = _with_room(run, epochs)
     problem = (template, rest, data, held_out, jax.random.key(seed))
     settings = (loss, optimizer, batch, epochs if patience is None else patience)
 
@@ -177,14 +182,15 @@ def train(
             # The first chunk includes compilation, so its time is no guide: the second is one epoch again.
             chunk = chunk if before == 0 else max(1, int(chunk * min(10, CHUNK_S / spent)))
             if file.is_due(time.monotonic() - saved):
-                file.write(run)
+                file.write(kept_arrays(run), int(run.epoch))
                 saved = time.monotonic()
             tell(int(run.epoch), epochs, _words(run))
     except KeyboardInterrupt:
         # Wait: a process that exits while a chunk is computed crashes.
-        file.write(jax.block_until_ready(pending))
+        run = jax.block_until_ready(pending)
+        file.write(kept_arrays(run), int(run.epoch))
         raise
-    file.write(run)
+    file.write(kept_arrays(run), int(run.epoch))
     return _finished(run, template, rest, weights, epochs, file, since)
 
 
@@ -251,7 +257,7 @@ def _finished(
     rest: Any,
     weights: Any,
     epochs: int,
-    file: TrainingFile,
+    file: Checkpoint,
     since: float,
 ) -> Trained:
     done = int(run.epoch)
@@ -281,12 +287,6 @@ def _words(run: _Run) -> str:
 def _with_room(run: _Run, epochs: int) -> _Run:
     """The run with room for `epochs` in its curves: a run may be resumed for more epochs than before."""
     done = int(run.epoch)
-    if done > epochs:
-        raise InputError(
-            "more-steps-kept",
-            f"{done:,} epochs were kept already, and {epochs:,} are asked for.",
-            fix=f"ask for at least {done:,}, or train without resume.",
-        )
     room = jnp.full((2, epochs), jnp.nan, run.curves.dtype)
     return run._replace(curves=room.at[:, :done].set(run.curves[:, :done]))
 

@@ -34,14 +34,6 @@ def test_what_raises_leaves_the_old_file_alone(file):
     assert os.listdir(file.parent) == ["fit.json"]
 
 
-def test_the_old_file_is_kept_as_the_previous_one(file):
-    for text in ("new", "newer"):
-        with atomic_file(file, previous=file.with_name("fit.previous.json")) as new:
-            new.write_text(text)
-    assert file.read_text() == "newer"
-    assert file.with_name("fit.previous.json").read_text() == "new"
-
-
 def test_a_file_that_was_not_written_is_an_error(file):
     with pytest.raises(FileNotFoundError), atomic_file(file):
         pass

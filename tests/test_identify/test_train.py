@@ -100,7 +100,7 @@ def test_a_checkpoint_of_another_run_is_refused(tmp_path):
 def test_nothing_kept_begins_anew(tmp_path):
     file = tmp_path / "none.npz"
     found = train(line(), squares, DATA, **FAST, checkpoint=file, resume=True)
-    assert found.said == ("nothing was kept in none.npz, so training began from the start.",)
+    assert found.said == ("no epochs were kept in none.npz, so the run began from the start.",)
 
 
 @pytest.mark.parametrize(

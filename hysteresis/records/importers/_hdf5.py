@@ -1,4 +1,4 @@
-"""Arrays of HDF5 files of strangers: MATLAB 7.3, netCDF, chains.
+"""Arrays of HDF5 files of strangers: MATLAB 7.3, netCDF.
 
 A data set may say that its values lie in other files (external storage, virtual data sets, links), which
 would make any file of the user a column; and a few bytes may declare an array of gigabytes. So a file is

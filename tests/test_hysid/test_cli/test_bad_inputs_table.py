@@ -210,17 +210,15 @@ def test_a_sequence_of_one_row_is_said():
 
 @pytest.fixture(scope="module")
 def fitted(tmp_path_factory) -> Path:
-    """A line, its chains and those before, and the same of other readings."""
+    """A line and its chains, and the same of other readings."""
     place = tmp_path_factory.mktemp("fitted")
     options = ("--model", "LinearSponge", "--noise", "gaussian", "--starts", 2)
     for name, noise in (("good", 0.02), ("other", 0.3)):
         (place / f"{name}.csv").write_text(text(sponge(noise=noise)))
         keep = ("--conditioning", "keep", "--out", place / name)
         assert run("fit", place / f"{name}.csv", *COLUMNS, *options, *keep).code == 0
-    for steps, more in ((20, ()), (40, ("--resume",))):
-        chains = ("--steps", steps, "--ensembles", 2, *more)
-        assert run("sample", place / "good", *chains).code == 0
-    shutil.copy(place / "good" / "chains.h5", place / "other")
+    assert run("sample", place / "good", "--steps", 40, "--ensembles", 2).code == 0
+    shutil.copy(place / "good" / "chains.npz", place / "other")
     return place
 
 
@@ -298,11 +296,6 @@ class Spoilt(NamedTuple):
 SAMPLE = ("sample", "out", "--ensembles", 2, "--resume")
 
 
-def both_cut(folder: Path) -> None:
-    for name in ("chains.h5", "chains.previous.h5"):
-        cut(name)(folder)
-
-
 FOLDERS = {
     "32: newer": Spoilt(edited(schema=99), "newer-schema", ("out: ", "schema 99", "update hysid")),
     "32: better figures": Spoilt(
@@ -356,16 +349,15 @@ FOLDERS = {
     ),
     "24: another seed": Spoilt(
         lambda folder: None, "other-checkpoint",
-        ("chains.h5", "another seed (0, now 1)", "without --resume"),
+        ("chains.npz", "another seed (0, now 1)", "without --resume"),
         (*SAMPLE, "--steps", 60, "--seed", 1),
     ),
     "24: fewer steps": Spoilt(
         lambda folder: None, "more-steps-kept", ("40 steps were kept", "at least 40"),
         (*SAMPLE, "--steps", 30),
     ),
-    "33: both cut": Spoilt(
-        both_cut, "damaged-file",
-        ("chains.h5: ", "chains.previous.h5: ", "cut off", "without --resume"),
+    "33: chains cut": Spoilt(
+        cut("chains.npz", 900), "damaged-file", ("chains.npz: ", "cut off", "without --resume"),
         (*SAMPLE, "--steps", 60),
     ),
 }  # fmt: skip
@@ -382,23 +374,11 @@ def test_a_bad_folder_is_refused_and_nothing_in_it_runs(spoilt, folder):
 
 def test_chains_of_other_readings_are_refused(fitted):
     shutil.copytree(fitted / "other", "other")
-    words = ("chains.h5", "another model, another data", "without --resume", "[other-checkpoint]")
+    words = ("chains.npz", "another model, another data", "without --resume", "[other-checkpoint]")
     said = run("sample", "other", *SAMPLE[2:], "--steps", 60)
     assert (said.code, said.out) == (2, "")
     for word in words:
         assert word in said.err.splitlines()[-1]
-
-
-def test_a_checkpoint_cut_off_is_gone_on_from_the_one_before(folder, fitted):
-    cut("chains.h5", 9000)(folder)
-    line = (*SAMPLE, "--steps", 40, "--json")
-    found = run(*line).json()
-    whole = run("sample", fitted / "good", *line[2:]).json()
-    assert found["parameters"] == whole["parameters"]
-    assert found["draws"] == whole["draws"]
-    said = " ".join(found["notes"])
-    for word in ("chains.h5 is damaged", "resumed from chains.previous.h5", "at step 20"):
-        assert word in said
 
 
 def test_readings_beyond_the_fit_are_flagged_and_none_raises(folder):

@@ -109,9 +109,9 @@ def test_a_posterior_agrees_with_the_standard_errors_and_resumes(tmp_path):
         error = one.sd if error is None else error
         assert one.sd == pytest.approx(error, rel=0.35), one.name
         assert abs(one.mean - value) < 0.5 * error, one.name
-    identify.sample(short(), steps=20, checkpoint=tmp_path / "chains.h5", **options)
+    identify.sample(short(), steps=20, checkpoint=tmp_path / "chains.npz", **options)
     again = identify.sample(
-        short(), steps=30, checkpoint=tmp_path / "chains.h5", resume=True, **options
+        short(), steps=30, checkpoint=tmp_path / "chains.npz", resume=True, **options
     )
     np.testing.assert_array_equal(again.draws, posterior.draws)
 

@@ -9,9 +9,9 @@ from identify.posterior._chains import Chains
 from identify.posterior._convergence import has_two_modes, rhat
 from identify.posterior._emcee import autocorrelation_times, judged, sample_ensembles
 from identify.posterior._posterior import Summary, modes_of
-from identify.storage._checkpoint import Checkpoint, Identity
+from identify.storage._checkpoint import Checkpoint
 
-KEEPS_NOTHING = Checkpoint(None, Identity(*"mdnpsewv"))
+KEEPS_NOTHING = Checkpoint(None)
 
 
 def normal(points: np.ndarray) -> np.ndarray:

@@ -79,7 +79,7 @@ def test_a_seed_makes_a_posterior_repeatable(line_fit) -> None:
 def test_resumed_chains_are_the_uninterrupted_ones(line_fit, tmp_path) -> None:
     whole = sample(line_fit, steps=120, seed=2)
     for steps in (50, 120):
-        kept = sample(line_fit, steps, seed=2, checkpoint=tmp_path / "c.h5", resume=True)
+        kept = sample(line_fit, steps, seed=2, checkpoint=tmp_path / "c.npz", resume=True)
     np.testing.assert_array_equal(kept.draws, whole.draws)
     for one, other in zip(jax.tree.leaves(kept.model), jax.tree.leaves(whole.model), strict=True):
         np.testing.assert_array_equal(one, other)
@@ -87,7 +87,7 @@ def test_resumed_chains_are_the_uninterrupted_ones(line_fit, tmp_path) -> None:
 
 @pytest.fixture(scope="module")
 def kept(line_fit, tmp_path_factory) -> Path:
-    file = tmp_path_factory.mktemp("chains") / "chains.h5"
+    file = tmp_path_factory.mktemp("chains") / "chains.npz"
     sample(line_fit, steps=20, checkpoint=file)
     return file
 
@@ -146,13 +146,13 @@ def test_what_was_drawn_before_ctrl_c_is_the_result(line_fit, tmp_path) -> None:
             if done >= at:
                 raise KeyboardInterrupt
 
-        kept = tmp_path / "chains.h5"
+        kept = tmp_path / "chains.npz"
         return sample(line_fit, 60, seed=3, checkpoint=kept, every=1e9, progress=progress)
 
     ended = interrupted(20)
     assert any("interrupted after" in note for note in ended.notes)
     assert np.isfinite(ended.draws).all()
-    whole = sample(line_fit, 60, seed=3, checkpoint=tmp_path / "chains.h5", resume=True)
+    whole = sample(line_fit, 60, seed=3, checkpoint=tmp_path / "chains.npz", resume=True)
     np.testing.assert_array_equal(whole.draws, sample(line_fit, 60, seed=3).draws)
 
 

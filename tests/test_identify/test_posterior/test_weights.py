@@ -138,13 +138,13 @@ def test_resumed_chains_of_weights_are_the_uninterrupted_ones(grid_fit, tmp_path
     whole = sample(grid_fit, steps=40, seed=2, ensembles=2)
     for steps in (20, 40):
         kept = sample(
-            grid_fit, steps, seed=2, ensembles=2, checkpoint=tmp_path / "c.h5", resume=True
+            grid_fit, steps, seed=2, ensembles=2, checkpoint=tmp_path / "c.npz", resume=True
         )
     np.testing.assert_array_equal(kept.draws, whole.draws)
     for one, other in zip(jax.tree.leaves(kept.model), jax.tree.leaves(whole.model), strict=True):
         np.testing.assert_array_equal(one, other)
     with pytest.raises(InputError, match="seed"):
-        sample(grid_fit, 40, seed=5, ensembles=2, checkpoint=tmp_path / "c.h5", resume=True)
+        sample(grid_fit, 40, seed=5, ensembles=2, checkpoint=tmp_path / "c.npz", resume=True)
 
 
 def test_sums_that_the_data_leave_open_are_named_and_not_shown() -> None:
