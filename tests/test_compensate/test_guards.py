@@ -73,7 +73,7 @@ def history(model: AbstractModel, seed: int = 3) -> tuple[np.ndarray, np.ndarray
             ("sum", "nan"),
             ("plays", "free"),
         ],
-        5,
+        3,
     ),
 )
 def test_jax_python_and_c_are_the_same(name: str, beyond: Any, tmp_path: Path):

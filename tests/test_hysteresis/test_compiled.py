@@ -9,6 +9,7 @@ import pytest
 from hysteresis.numerics import _compiled
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(sys.platform != "linux", reason="memory maps are counted on Linux")
 def test_programs_are_forgotten_where_there_are_too_many(monkeypatch: pytest.MonkeyPatch):
     double = jax.jit(lambda x: 2 * x)

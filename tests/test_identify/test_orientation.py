@@ -7,6 +7,7 @@ from hysteresis import Record, StandardLinearSolid
 from hysteresis._registry import registered
 from identify import fit
 from identify.records._orientation import orientations, output_falls
+from tests.thorough import rest_thorough
 
 
 def ratcheting(sign: float, creep: float) -> Record:
@@ -45,7 +46,7 @@ def test_the_steps_tell_the_sign_of_friction_on_a_random_path(seed: int, sign: f
 
 
 @pytest.mark.parametrize("units", [("1", "1"), ("mm/mm", "MPa"), ("N", "mm"), ("deg", "1")])
-@pytest.mark.parametrize("relaxes", [True, False])
+@pytest.mark.parametrize("relaxes", rest_thorough([True, False], 1))
 def test_an_input_that_goes_one_way_tells_deformation_from_load(
     units: tuple[str, str], relaxes: bool
 ) -> None:

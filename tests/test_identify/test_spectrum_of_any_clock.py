@@ -63,6 +63,7 @@ def test_any_solid_is_described_to_its_noise(terms: Any, at_end: float, kind: An
     assert found.row.parameters <= 2 * len(terms) + 6
 
 
+@pytest.mark.thorough
 def test_records_of_all_clocks_are_fitted_together():
     """Relaxation tells the slow part, moduli the fast one, a ramp and hold and cycles what lies between."""
     truth = GeneralizedMaxwell(0.5, [1.0, 4.0, 2.0, 1.0], [1e-3, 0.1, 20.0, 4000.0])

@@ -67,6 +67,7 @@ def test_fit_predict_report_and_export(folder):
     assert "not-invertible" in run("predict", out, folder / "train.csv", "--inverse").err
 
 
+@pytest.mark.thorough
 def test_steady_is_for_what_has_a_mass(folder):
     out = folder / "line"
     assert (

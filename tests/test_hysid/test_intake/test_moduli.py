@@ -10,6 +10,7 @@ import pytest
 import hysid
 from hysteresis import GeneralizedMaxwell
 from tests.test_hysid.command import refused, run
+from tests.thorough import rest_thorough
 
 TRUTH = GeneralizedMaxwell(2.0, [30.0, 12.0], [0.05, 4.0])
 F = np.geomspace(0.01, 100.0, 30)
@@ -40,7 +41,7 @@ LOSSES = {
 }
 
 
-@pytest.mark.parametrize("loss", LOSSES)
+@pytest.mark.parametrize("loss", rest_thorough(LOSSES, 1))
 def test_from_a_file_to_constants_in_two_commands(loss: str):
     y = moduli()
     write(Path("sweep.csv"), {"Frequency (Hz)": F, "G' (MPa)": y.real, loss: LOSSES[loss](y)})
@@ -158,7 +159,7 @@ ORDERS = {
 }
 
 
-@pytest.mark.parametrize("order", ORDERS)
+@pytest.mark.parametrize("order", rest_thorough(ORDERS, 1))
 @pytest.mark.parametrize("grouped", [False, True])
 def test_runs_of_few_frequencies_in_any_order(order: str, grouped: bool):
     """Three frequencies a temperature: too few for a spectrum, enough for a shift."""

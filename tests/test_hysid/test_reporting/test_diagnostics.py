@@ -50,6 +50,7 @@ def test_every_question_is_answered(tmp_path: Path) -> None:
     assert "would be no surprise" in text
 
 
+@pytest.mark.thorough
 def test_a_fit_by_weights_is_asked_what_makes_sense(tmp_path: Path) -> None:
     u = np.concatenate([np.linspace(0, 1, 40), np.linspace(1, 0, 40)] * 4)
     y = u + u**3 + 0.01 * np.random.default_rng(0).normal(size=len(u))

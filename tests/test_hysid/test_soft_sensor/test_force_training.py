@@ -54,6 +54,7 @@ def test_the_deviation_is_of_rows_that_were_held_out():
     assert abs(inside.mean() - 0.9) < 0.01
 
 
+@pytest.mark.thorough
 def test_several_channels_are_learnt_and_watched():
     found = train_force([sensor(k, 2) for k in range(4)], **FAST)
     t, y, _ = sensor(9, 2)

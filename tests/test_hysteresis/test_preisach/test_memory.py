@@ -126,6 +126,7 @@ def same_tree(path: np.ndarray, traced: MemoryTree) -> None:
 on_device = jax.jit(traced_tree)
 
 
+@pytest.mark.thorough
 @settings(max_examples=300)
 @given(histories_here)
 def test_traced_tree_is_the_host_s_tree(u: np.ndarray):

@@ -8,7 +8,6 @@ import sys
 import tracemalloc
 import zipfile
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -154,17 +153,22 @@ def test_a_long_word_of_a_long_column(tmp_path: Path):
 
 def test_a_bag_that_unpacks_or_computes_without_end(tmp_path: Path):
     pytest.importorskip("rosbags")
-    file = tmp_path / "run.bag"
-    file.write_bytes(bombs.bag_packed(300_000_000))
-    refused(file, "damaged-file", "unpacks to more than 256,000,000 bytes")
     ways = (
         (bombs.db3_zstd, "unpacks to more than"),
-        (partial(bombs.mcap_packed, size=300_000_000), "unpacks to more than"),
         (bombs.db3_view, "messages in a.db3 holds no data of its own"),
         (bombs.db3_messages, "messages in a.db3 holds no data of its own"),
     )
     for k, (make, words) in enumerate(ways):
         refused(make(tmp_path / str(k)), "damaged-file", words)
+
+
+@pytest.mark.thorough
+def test_a_bag_packed_in_blocks_that_unpacks_without_end(tmp_path: Path):
+    pytest.importorskip("rosbags")
+    file = tmp_path / "run.bag"
+    file.write_bytes(bombs.bag_packed(300_000_000))
+    refused(file, "damaged-file", "unpacks to more than 256,000,000 bytes")
+    refused(bombs.mcap_packed(tmp_path / "m", size=300_000_000), "damaged-file", "unpacks to more")
 
 
 @pytest.mark.parametrize("packed", [False, True])
@@ -262,14 +266,14 @@ def test_arrays_of_a_small_file_that_declare_gigabytes(tmp_path: Path):
 
 
 def test_a_list_of_an_archive_that_says_less_than_it_packs(tmp_path: Path):
-    """600 MB of zeros in 600 kB, said to be 100 bytes: what is read ends there, and the sum is wrong."""
+    """200 MB of zeros in 200 kB, said to be 100 bytes: what is read ends there, and the sum is wrong."""
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
         with archive.open("y.npy", "w") as member:
             np.lib.format.write_array_header_1_0(
                 member, {"descr": "<f8", "fortran_order": False, "shape": (1,)}
             )
-            for _ in range(600):
+            for _ in range(200):
                 member.write(bytes(1_000_000))
         archive.getinfo("y.npy").file_size = 136
     raw = bytearray(packed.getvalue())

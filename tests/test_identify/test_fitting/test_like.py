@@ -72,6 +72,7 @@ def test_many_cycles_are_ranked_like_every_model() -> None:
     assert any(isinstance(one.model, Mixture) for one in found.candidates)
 
 
+@pytest.mark.thorough
 def test_specimens_that_do_not_tell_each_other_are_left_out() -> None:
     random = np.random.default_rng(3)
     records = []

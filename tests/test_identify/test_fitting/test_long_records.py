@@ -76,6 +76,7 @@ def test_held_out_rows_stay_held_out() -> None:
     assert found.metrics["test"].nrmse_percent < 0.1
 
 
+@pytest.mark.thorough
 def test_a_record_that_turns_within_a_few_rows_stays_whole() -> None:
     found = fit(pressed(turns=ROWS // 4), "Burgers", noise="gaussian")
     assert len(found.train) == ROWS

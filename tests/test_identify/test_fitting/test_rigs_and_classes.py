@@ -9,6 +9,7 @@ from hysteresis._registry import find_model
 from tests.thorough import rest_thorough
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("rig", rest_thorough(RIGS, lambda rig: rig == "skin"))
 def test_the_widest_class_does_not_contain_a_rig(rig: str):
     """`python -m benchmarks.armor --only classes` tries all classes that `fit` knows."""

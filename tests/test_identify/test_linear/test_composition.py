@@ -249,6 +249,7 @@ def test_a_composition_is_saved_sampled_and_inverted(lagging: FitResult, tmp_pat
     assert np.sqrt(np.mean((u - data.input)[20:] ** 2)) < 0.02
 
 
+@pytest.mark.thorough
 def test_an_input_that_a_curve_maps_first_is_seen(tmp_path: Path):
     def steep(seed: int) -> Record:
         t, u = walk(seed)
@@ -277,11 +278,6 @@ def test_slack_is_seen_and_the_model_has_a_floor():
     found = fit_compositions(cut, parts(cut), (True,))[-1]
     assert found.meaning.floor == pytest.approx(floor)
     assert predict(found.model, cut).min() == pytest.approx(floor)
-    far = 1e6 * np.ptp(cut.output)
-    moved = fit_compositions(replace(cut, output=cut.output + far), parts(cut), (True,))[-1]
-    # Numbers a million times the range are rounded to 1e-10 of it.
-    off = moved.outputs(cut) - far - found.outputs(cut)
-    assert np.abs(off).max() < 1e-7 * np.ptp(cut.output)
 
 
 def test_no_time_no_rate_dependent_part():
