@@ -18,7 +18,6 @@ from .._model import Series as Inputs
 from .._parameter import Scalar, is_concrete, parameter
 from .._registry import register
 from .._type_variables import Prepared, State
-from ..preisach import Preisach
 from ..trees import (
     common_range,
     input_range,
@@ -200,12 +199,9 @@ class Scaled(AbstractComposite[Any, Any]):
 
 
 class SeriesInput(eqx.Module):
-    """The prepared input of every stage at the parameters it was prepared with, and what makes it anew.
+    """The prepared input of the first stage, and the states in which the later ones begin."""
 
-    `states` are those the later stages begin in; None for the virgin ones.
-    """
-
-    stages: tuple[Any, ...]
+    first: Any
     t: Array | None
     states: tuple[Any, ...]
     starts: tuple[int, ...] = eqx.field(static=True)
@@ -215,9 +211,7 @@ class SeriesInput(eqx.Module):
 class Series(AbstractComposite[tuple[Any, ...], SeriesInput]):
     """Models one behind the other: the output of each stage is the input of the next.
 
-    State is a tuple of the stages'. A Preisach stage behind memoryless ones, which must not fall, keeps
-    its memory tree while their parameters change: an increasing map moves no turning point. Behind a
-    stage with memory, every `evaluate` builds the tree anew.
+    State is a tuple of the stages'. Every `evaluate` prepares the later stages anew.
 
     **Arguments:** the stages, first to last, one after the other or in a list: `Series(a, b)` is
     `Series([a, b])`.
@@ -258,39 +252,18 @@ class Series(AbstractComposite[tuple[Any, ...], SeriesInput]):
         starts: tuple[int, ...] = (0,),
     ) -> SeriesInput:
         states = (None,) * len(self.parts) if state is None else state
-        stages = [self.parts[0].prepare(t, u, states[0], starts=starts)]
-        for before, part, own in zip(self.parts, self.parts[1:], states[1:], strict=False):
-            v = before.evaluate(stages[-1])
-            stages.append(part.prepare(t, v, own, starts=starts))
-        clock = None if t is None else jnp.asarray(t)
-        return SeriesInput(tuple(stages), clock, states[1:], starts)
+        first = self.parts[0].prepare(t, u, states[0], starts=starts)
+        found = SeriesInput(first, None if t is None else jnp.asarray(t), states[1:], starts)
+        if t is None:
+            jax.eval_shape(self.evaluate, found)  # a later stage may need the times, and says so
+        return found
 
     def evaluate(self, prepared: SeriesInput) -> Float[Array, " samples"]:
         first, *later = self.parts
-        y = first.evaluate(prepared.stages[0])
-        ordered = _is_memoryless(first)
-        for part, stage, state in zip(later, prepared.stages[1:], prepared.states, strict=True):
-            y = part.evaluate(_again(part, stage, y, ordered, (prepared.t, state, prepared.starts)))
-            ordered = ordered and _is_memoryless(part)
+        y = first.evaluate(prepared.first)
+        for part, state in zip(later, prepared.states, strict=True):
+            y = part.evaluate(part.prepare(prepared.t, y, state, starts=prepared.starts))
         return y
 
     def laws(self, eps: float, depth: int) -> Tree:
         return series(*(part.tree(eps, depth) for part in self.parts))
-
-
-def _again(part: Any, prepared: Any, u: Array, ordered: bool, how: tuple[Any, Any, Any]) -> Any:
-    """`part.prepare` of other inputs; `ordered`: they rise and fall where the prepared ones did."""
-    t, state, starts = how
-    if isinstance(part, Sum):
-        states = (None,) * len(part.parts) if state is None else state
-        triples = zip(part.parts, prepared, states, strict=True)
-        return tuple(_again(p, own, u, ordered, (t, s, starts)) for p, own, s in triples)
-    if isinstance(part, Scaled):
-        return _again(part.inner, prepared, u, ordered, how)
-    if ordered and isinstance(part, Preisach) and part.may_be_redriven:
-        return part.redriven(prepared, u)
-    return part.prepare(t, u, state, starts=starts)
-
-
-def _is_memoryless(model: AbstractModel) -> bool:
-    return not jax.tree.leaves(jax.eval_shape(model.init))

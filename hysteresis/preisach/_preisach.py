@@ -250,19 +250,6 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
             *self._place(u), self._unvisited(visited),
         )  # fmt: skip
 
-    @property
-    def may_be_redriven(self) -> bool:
-        """Whether `redriven` can be had: not with a dead band or a fitted first state."""
-        return not self.dead_band and self.up is None
-
-    def redriven(self, prepared: PreisachInput, u: Float[Array, " samples"]) -> PreisachInput:
-        """`prepare` of other inputs that rise and fall where the prepared ones did: the tree is kept."""
-        seen = jnp.clip(u, self.density.low, self.density.high)
-        at_node = read(jnp.concatenate([prepared.before, seen]), prepared.place)
-        sample = self.density.pair(read(at_node, prepared.tree.anchor), seen)
-        cell, within = self._place(u)
-        return prepared._replace(sample=sample, cell=cell, within=within)
-
     def evaluate(self, prepared: PreisachInput) -> Float[Array, " samples"]:
         return self.look_up(tabulate_once(self.density, prepared.tree.parent[0] == 0), prepared)
 
