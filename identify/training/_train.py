@@ -162,7 +162,7 @@ def train(
     )  # fmt: skip
     file = Checkpoint(checkpoint, identity, resume, work=TRAINING)
     if resume:
-        if (kept := file.read()) is not None:
+        if (kept := file.read()) is not None and checkpoint is not None:
             file.said.append(f"resumed from {checkpoint.name}.")
         run = kept_run(kept, run)
         file.check_length(epochs, int(run.epoch))
