@@ -28,7 +28,7 @@ from hysteresis import InputError
 
 from . import _measured_data as data
 from . import _other_rigs
-from ._accuracy import creep, lags, motions, specimens
+from ._accuracy import creep, known, lags, motions, specimens
 from ._accuracy.verdicts import Judged, calibration, is_beaten
 from ._measure import Row, judged, noted, options, report, said
 
@@ -293,6 +293,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         found += map(said, specimens.rows(data_folder()))
     if (chosen.only or "") in lags.LAGS:
         found += map(said, lags.rows())
+    if (chosen.only or "") in known.KNOWN:
+        found += map(said, known.rows(data_folder()))
     if (chosen.only or "") in _other_rigs.VIRTUAL:
         for row, verdict in _other_rigs.rows():
             found.append(said(row))

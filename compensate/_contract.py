@@ -66,6 +66,29 @@ class AbstractCompensator(eqx.Module, Generic[State, Found]):
     def simulate(self, t: ArrayLike | None, y: ArrayLike, state: State | None = None) -> Found:
         """`step` over all samples: arrays of the shape of `y`; `t` may be None without rates."""
 
+    def state_from(self, t: ArrayLike | None, u: ArrayLike, y: ArrayLike) -> State:
+        """The state after some rows of which both input and output are known, such as a touch with a known
+        force: as `AbstractModel.state_from`.
+
+        A guard whose start is unknown compares from there on with the other pasts that the rows leave open,
+        and says `OK` where these agree.
+
+        **Arguments:** times, or None, inputs and outputs (rows,); a model that depends on a condition needs
+        (rows, 2) inputs beside it.
+
+        **Raises:** `InputError` `not-a-model` where no model is inside, and as that of the model.
+
+        **Example:**
+
+            >>> compensator = compensate.invert(model)
+            >>> state = compensator.state_from(t[3:9], u[3:9], model.simulate(t, u)[3:9])
+            >>> found = compensator.simulate(t[9:], model.simulate(t, u)[9:], state)
+            >>> bool(np.allclose(found.value, u[9:]))
+            True
+        """
+        # By name, because it is built on this contract.
+        return import_module("compensate.guards._warm").warmed(self, t, u, y)
+
     def calibrated(
         self, record: Record, guarantee: float = 0.9, runs: str = "auto"
     ) -> "AbstractCompensator":

@@ -1,15 +1,16 @@
 """`estimate`: a compensator run over all sequences of a record."""
 
-from typing import Protocol, TypeVar, runtime_checkable
+from collections.abc import Iterator
+from typing import Any, Protocol, TypeVar, runtime_checkable
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hysteresis import InputError, Record
+from hysteresis import InputError, Record, with_condition
 
-from ._readings import readings_of
+from ._readings import conditioned_in, readings_of
 
 Found = TypeVar("Found", covariant=True)
 
@@ -18,7 +19,7 @@ Found = TypeVar("Found", covariant=True)
 class Simulates(Protocol[Found]):
     """An `AbstractCompensator`, or whatever else finds inputs behind a series of outputs."""
 
-    def simulate(self, t: ArrayLike | None, y: ArrayLike) -> Found: ...
+    def simulate(self, t: ArrayLike | None, y: ArrayLike, state: Any = None) -> Found: ...
 
 
 def estimate(compensator: Simulates[Found], record: Record) -> Found:
@@ -26,14 +27,15 @@ def estimate(compensator: Simulates[Found], record: Record) -> Found:
 
         estimate(compensator, record)[rows] == compensator.simulate(t[rows], y[rows])     for each sequence
 
-    Every sequence begins in the virgin state, with the record's clock where it has one. All rows are
-    history, those outside the mask too. A gap in the output is INVALID: the last estimate is held.
+    Every sequence begins in the virgin state, with the record's clock where it has one; what follows known
+    rows begins in the state that these tell. All rows are history, those outside the mask too. A gap in the
+    output is INVALID: the last estimate is held.
 
     **Arguments:**
 
     - `compensator`: of a model whose output is the output of the record, in its unit. Where the model
       depends on a condition, the record has it too.
-    - `record`: its input is not looked at.
+    - `record`: its input is looked at in known rows alone.
 
     **Returns:** what `compensator.simulate` returns, over the rows (..., samples): `value` in the unit of
     the model's input, `status`, and for compensators that know their error `deviation` and `draws`.
@@ -49,7 +51,7 @@ def estimate(compensator: Simulates[Found], record: Record) -> Found:
     if not len(record):
         raise InputError("no-rows", "The record has no rows to estimate.", place=record.source)
     found, readings = [], readings_of(compensator, record)
-    for _, rows in record.sequences():
+    for rows, first in _stretches(compensator, record):
         n = rows.stop - rows.start
         # Guards, bands and draws are programs of JAX, compiled for each length, which takes longer than
         # running them. So sequences are lengthened to a power of two by samples without a reading, which
@@ -58,6 +60,22 @@ def estimate(compensator: Simulates[Found], record: Record) -> Found:
         t = None if record.time is None else np.pad(record.time[rows], more, mode="edge")
         around = (more, (0, 0))[: readings.ndim]
         y = np.pad(readings[rows], around, constant_values=np.nan)
-        whole = compensator.simulate(t, y)
+        whole = compensator.simulate(t, y, **first)
         found.append(jax.tree.map(lambda x, n=n: np.asarray(x)[..., :n], whole))
     return jax.tree.map(lambda *parts: jnp.asarray(np.concatenate(parts, axis=-1)), *found)
+
+
+def _stretches(compensator: Any, record: Record) -> Iterator[tuple[slice, dict[str, Any]]]:
+    """Rows to run at once, and the state they begin in, where that is told by the known rows before."""
+    for _, rows in record.sequences():
+        known = 0 if record.known is None else int(record.known[rows].sum())
+        if not known:
+            yield rows, {}
+            continue
+        head = slice(rows.start, rows.start + known)
+        u = with_condition(conditioned_in(compensator), record, record.input)
+        t = None if record.time is None else record.time[head]
+        yield head, {}
+        if head.stop < rows.stop:
+            state = compensator.state_from(t, u[head], record.output[head])
+            yield slice(head.stop, rows.stop), {"state": state}

@@ -133,6 +133,33 @@ class AbstractModel(eqx.Module, Generic[State, Prepared]):
             )
         return laws(eps, depth)
 
+    @in_own_precision
+    def state_from(self, t: Series | None, u: Series, y: Series) -> State:
+        """The state after some rows of which the output is known too, whatever was before them.
+
+        The known inputs leave what they have reached. What was there before is estimated: the inputs that
+        nobody saw, within the trained range, behind which the model gives the known outputs best.
+
+        **Arguments:** `t`, `u`: as of `simulate`. `y`: outputs (samples,); NaN where one is not known.
+
+        **Returns:** a state for `step`, `stream` and `simulate`.
+
+        **Raises:** `InputError` `no-rows` without a known output, `no-time` as `prepare` does.
+
+        **Example:**
+
+            >>> state = model.state_from(t[3:9], u[3:9], model.simulate(t, u)[3:9])
+            >>> bool(np.allclose(model.simulate(t[9:], u[9:], state), model.simulate(t, u)[9:]))
+            True
+        """
+        from ._known_past import known_past  # late: it runs models
+
+        if t is None:
+            self.prepare(None, u)  # raises where the rate matters
+        past = known_past(self, t, u, y)
+        times = None if past.times is None else past.times[0]
+        return self.stream(times, past.inputs[0])[0]
+
     def unit_words(self, input_unit: str, output_unit: str, time_unit: str) -> dict[str, str]:
         """What the words in the parameters' units stand for on a record with these units."""
         force, displacement = input_unit, output_unit

@@ -22,6 +22,7 @@ from .records._folds import block_errors as block_errors
 from .records._folds import root_difference as root_difference
 from .results._detail import answers_over as answers_over
 from .results._fit_result import check_unit as check_unit
+from .results._known_rows import told as told
 from .results._left_out import models_without_groups as models_without_groups
 from .spectra._of_record import MODULI as MODULI
 from .spectra._of_record import PARTS as PARTS

@@ -104,10 +104,10 @@ def histories(model: AbstractModel, low: float, high: float, past: Past | None) 
     speed = _speed(t, u, high - low)
     clock = None if t is None else t[:1]
     begin = clock, np.array([low])
-    there = _then(clock, np.array([(low + high) / 2]), high, speed)
+    there = then(clock, np.array([(low + high) / 2]), high, speed)
     return tuple(
         _ended(model, *history, 1 << (len(u) + 2 * WAY - 1).bit_length())
-        for history in (_then(*there, low, speed), begin, _then(t, u, high, speed))
+        for history in (then(*there, low, speed), begin, then(t, u, high, speed))
     )
 
 
@@ -141,10 +141,11 @@ def _speed(t: np.ndarray | None, u: np.ndarray, span: float) -> float:
     return max(float(np.abs(np.diff(u)).sum()), span) / float(np.ptp(t))
 
 
-def _then(
-    t: np.ndarray | None, u: np.ndarray, end: float, speed: float
+def then(
+    t: np.ndarray | None, u: np.ndarray, end: float, speed: float | None = None
 ) -> tuple[np.ndarray | None, np.ndarray]:
-    """A history that goes on to an end at a speed."""
+    """A history that goes on to an end at a speed; at its own mean speed."""
+    speed = _speed(t, u, float(np.ptp(u)) or 1.0) if speed is None else speed
     way = np.linspace(u[-1], end, WAY + 1)[1:]
     after = None if t is None else np.append(t, t[-1] + np.abs(way - u[-1]) / speed)
     return after, np.append(u, way)

@@ -40,7 +40,7 @@ _config = partial(
     None,
     config=True,
 )
-_on_new_data = partial(selecting, "where", "nan", "segments", *OF_READING, optional=True)
+_on_new_data = partial(selecting, "where", "nan", "segments", "known", *OF_READING, optional=True)
 overwriting = partial(option, "Overwrite existing results.", False)
 seeding = partial(option, "Seed of every random number.", 0, least=0)
 

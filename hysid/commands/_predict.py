@@ -52,7 +52,13 @@ def run(asked: Predict) -> Done:
     with_range = fitted_on.is_step and not inverse
     for value, (record, _) in known_records(selection, source, folders).items():
         fitted = identify.load(folder / folders[value])
-        motion = _motion(fitted, inverse, steady)
+        motion, deviation = _motion(fitted, inverse, steady), None
+        if motion is not None and record.known is not None:
+            raise InputError(
+                "bad-option",
+                "The state of an oscillator is not told from known rows.",
+                fix="Leave out --known; --steady is for a motion that repeats itself.",
+            )
         if fitted_on.is_step:
             record = on_the_clock_of(fitted, record)
         wanted = record.input if inverse else record.output
@@ -66,13 +72,18 @@ def run(asked: Predict) -> Done:
             words = _outside(fitted, record)
             said += _of_motion(fitted, steady)
         else:
-            values = fitted.predict(record)
             words = (later if fitted_on.is_step else _outside)(fitted, record)
             said += _between(fitted, record)
+            if record.known is None:
+                values = fitted.predict(record)
+            else:
+                seen = fitted.clocks.applied(fitted.combined(record))
+                values, deviation = identify.internal.told(fitted, seen)
+                said.append(_untold(record, deviation))
         flagged += sum(w != "OK" for w in words)
         driving = fitted.combined(record).input
         more = open_range(fitted, record) if with_range else np.empty((len(record), 0))
-        more = deviation[:, None] if inverse else more
+        more = more if deviation is None else deviation[:, None]
         rows = zip(
             [value] * len(record), record.line, driving, record.output, values, words, *more.T,
             strict=True,
@@ -87,7 +98,7 @@ def run(asked: Predict) -> Done:
     result = f"estimated {fitted_on.input_words}" if inverse else f"predicted {fitted_on.output}"
     names = [selection.input_words, selection.output]
     header = [selection.each or "", "line", *names, result, "status", *RANGE[: 3 * with_range]]
-    header += ["standard deviation"] * inverse
+    header += ["standard deviation"] * (deviation is not None)
     keep = [selection.each is not None, True, True, compared, *(True,) * 5]
     header, *shown = (list(compress(row, keep)) for row in [header, *table])
     write_table(target, header, shown)
@@ -101,6 +112,16 @@ def run(asked: Predict) -> Done:
     if inverse:
         lines += [_band_line(name, band) for name, band in bands.items()]
     return Done(found, [*lines, str(target)])
+
+
+def _untold(record: Record, deviation: np.ndarray) -> str:
+    """What the known rows leave open."""
+    unit, left = record.output_unit, float(np.sqrt(np.mean(deviation[record.mask] ** 2)))
+    assert record.known is not None
+    text = (
+        f"{int(record.known.sum())} known rows tell the states before the others. They leave open"
+    )
+    return f"{text} {quantity(left, unit, 3)} rms of the prediction."
 
 
 def _band_line(name: str, band: dict[str, float | None]) -> str:

@@ -57,6 +57,7 @@ def for_new_file(
     selection = replace(
         selection, where=where, group=group, exclude_lines=(), rezero=(), branch=None, range=(),
         turn=tuple(column for column in selection.turn if column in columns),
+        known=selection.known if wanted in columns else None,
         sigma=selection.sigma if selection.sigma in columns else None,
     )  # fmt: skip
     if selection.is_step:

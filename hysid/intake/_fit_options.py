@@ -48,6 +48,12 @@ class FitOptions:
         "auto",
         choices=("auto", "keep"),
     )
+    score: str = option(
+        "What is to be least: rms, the error of all rows; sre, that of each sequence in parts of the rms of"
+        " its output, so that small loops count.",
+        "rms",
+        choices=("rms", "sre"),
+    )
     noise: str = option(
         "Noise model: auto, or gaussian, student-t, ar1, arma11, growing, input, misfit, joined with +.",
         "auto",

@@ -10,6 +10,7 @@ from typing import Any, get_args, get_origin, get_type_hints
 import numpy as np
 
 from hysteresis import InputError, Record, Table, parse_condition, read_csv, read_table
+from hysteresis.records._known import with_known
 
 from ._constant_input import CONSTANT, at_hold, with_constant
 from ._lines import check_lines, on_lines
@@ -198,9 +199,10 @@ class Selection(SelectionOptions):
             table = at_hold(table, self.input, self.output, self.time, where)
         chosen = {name: getattr(self, name) for name in OF_RECORD} | {
             "input": self.input_words if self.is_step else self.input, "where": where,
-            "keep": tuple(sorted(held_out_by)),
+            "keep": tuple(sorted(held_out_by | ({self.known} & {*table.columns}))),
         } | changed  # fmt: skip
         record = read_csv(table, **chosen)
+        record = record if self.known is None else with_known(record, self.known)
         left_out = on_lines(record.line, self.exclude_lines)
         return record.exclude(left_out) if left_out.any() else record
 

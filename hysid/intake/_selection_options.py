@@ -67,6 +67,12 @@ class SelectionOptions:
         " the end of its sequence. check finds line and size.",
         metavar="LINE:SIZE[,LINE:SIZE]",
     )
+    known: str | None = option(
+        "The output of the first N rows of every sequence, or of as many as this column says, is known"
+        " beforehand: they tell the state in which the rest begins, and do not count.",
+        None,
+        metavar="N|COL",
+    )
     sigma: str | None = option(
         "Column of the output's standard deviation: fit, noise, errors and verdict weigh each row by its"
         " inverse square. Only ratios from row to row count.",

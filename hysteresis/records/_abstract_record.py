@@ -16,6 +16,9 @@ from ._arrays import same_length
 from ._cells import LARGEST, LEAST_RANGE
 from ._cycles import branches, cycles, first_of_cycles
 
+KNOWN = "known_rows"
+"""The column of a record that says which rows are `known`."""
+
 
 @dataclass(frozen=True, eq=False)
 class AbstractRecord:
@@ -176,6 +179,11 @@ class AbstractRecord:
         return [first_of_cycles(self.input[s]) for _, s in self.sequences()]
 
     @property
+    def known(self) -> np.ndarray | None:
+        """First rows of sequences, whose output tells the state for the rest, (n,); None: none."""
+        return self.columns[KNOWN] > 0 if KNOWN in self.columns else None
+
+    @property
     def sigma(self) -> np.ndarray | None:
         """Standard deviation of each output, (n,), but for a factor common to all; None: all alike."""
         return self.columns[self.sigma_name] if self.sigma_name else None
@@ -212,6 +220,7 @@ class AbstractRecord:
         code = hashlib.sha256("\0".join(self.labels).encode())
         names = *sorted(self.channels), *sorted(self.conditions), *filter(None, [self.sigma_name])
         more = [self.columns[name] for name in names]
+        more += [] if self.known is None else [self.known]
         for x in (self.input, self.output, self.time, self.starts, self.mask, *more):
             code.update(b"-" if x is None else np.ascontiguousarray(x).data)
         return code.hexdigest()

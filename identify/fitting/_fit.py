@@ -1,8 +1,9 @@
 """`fit`: candidates, ranked on held-out parts, the winner refitted on the whole training part."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -10,11 +11,15 @@ from threadpoolctl import threadpool_limits
 from hysteresis import InputError, Mixture, Record
 from hysteresis._note import ProgressNote
 from hysteresis.numerics._compiled import forget_compiled
+from hysteresis.records._abstract_record import KNOWN
+from hysteresis.records._known import with_known
 
 from ..noise._reml import kinds
 from ..records._folds import as_good
+from ..records._from_known import by_sequence, sequence_error, with_past
 from ..results._detail import Composition, FoldedState, GridWeights
 from ..results._fit_result import FitResult
+from ..results._known_rows import misfit_of
 from ..results._repeatability import with_repeatability
 from ._candidate import NEARLY, Candidate, Options, Report, Said, Trial
 from ._candidates import Asked, candidates
@@ -23,6 +28,9 @@ from ._like import tells_little
 from ._oscillator import fit_oscillator, oscillator_asked
 from ._training_data import TrainingData, training_data
 from ._verdict import check_purpose, judge
+
+PASTS = 2
+"""Times that the pasts before known rows are told anew, at most."""
 
 INTERRUPTED = "interrupted"
 """Code of the note on a candidate that Ctrl-C ended."""
@@ -43,6 +51,8 @@ def fit(
     drift: str = "auto",
     noise: str = "auto",
     parameters: Said | None = None,
+    known: int | str | None = None,
+    score: str = "rms",
     like: Sequence[FitResult] = (),
     starts: int = 32,
     seed: int = 0,
@@ -89,6 +99,11 @@ def fit(
       the evidence choose, and believes it where it leaves nothing that is coloured or follows the input.
     - `parameters`: what is known of the parameters of one model of few: name -> {"start", "bounds",
       "prior", "fixed", "tied"}, such as {"E1": {"prior": "log-normal(2, 1.5)"}, "offset": {"fixed": 0}}.
+    - `known`: of how many first rows of each sequence the output will be known in use too, or the column
+      that says so. They do not count: they tell the state in which the rest begins, in the training rows by
+      the model of a first fit, in the test rows by that which is given back.
+    - `score`: what is to be least: "rms", the error of all rows; or "sre", that of each sequence in parts
+      of the rms of its output, so that small loops count.
     - `like`: fits of earlier specimens of the same kind. A `Mixture` of their models is tried too: few
       cycles tell its weights. It is ranked like every model; but where the record has a single cycle, or
       inputs of a smaller range than theirs, it is taken if the first cycle of each of them tells its later
@@ -117,11 +132,16 @@ def fit(
     forget_compiled()
     if sum(x is not None for x in (test, test_cycles, test_tail)) > 1:
         raise InputError("conflicting-options", "Give one of test, test_cycles and test_tail.")
+    if known is not None:
+        record = with_known(record, known)
+        test = None if test is None else with_known(test, known)
     if test_cycles is not None:
         record, test = record.split_cycles(test_cycles)
     elif test_tail is not None:
         record, test = record.split_tail(test_tail)
-    _check_choices(initial, conditioning, clocks, drift, starts, seed)
+    if score == "sre":
+        record, test = by_sequence(record), None if test is None else by_sequence(test)
+    _check_choices(initial, conditioning, clocks, drift, score, starts, seed)
     kinds(noise)
     check_purpose(purpose)
     if (oscillator := oscillator_asked(model)) is not None:
@@ -144,6 +164,12 @@ def fit(
             f"{', '.join(parameters)}: parameters of which model?",
             fix="name one model of few parameters.",
         )
+    if record.known is not None and not record.channels:
+        again = partial(
+            fit, initial=initial, conditioning=conditioning, clocks=clocks, drift=drift, noise="gaussian",
+            parameters=parameters, starts=starts, seed=seed, progress=progress,
+        )  # fmt: skip
+        record = _behind_pasts(record, model, again)
     data = training_data(
         record,
         test,
@@ -175,6 +201,11 @@ def fit(
     del tried, chosen, others  # the searches, which hold every row
     baselines = data.baselines()
     fits = [replace(one, baselines=baselines, purpose=purpose) for one in fits]
+    if score == "sre" and test is not None:
+        error = sequence_error(test, fits[0].predict(test))
+        said = f"Held-out sequences: {error:.3g} % of the rms of each one's output, on average."
+        say(said)
+        fits[0] = replace(fits[0], notes=(*fits[0].notes, said))
     ranked = [replace(one, verdict=judge(one, data.warnings)) for one in fits]
     return replace(
         ranked[0],
@@ -182,6 +213,23 @@ def fit(
         skipped=left | skipped,
         seconds=time.perf_counter() - begin,
     )
+
+
+def _behind_pasts(
+    record: Record, model: Asked | Sequence[Asked], fitted: Callable[..., FitResult]
+) -> Record:
+    """The record behind the pasts that its known rows tell: by a fit from the virgin state, then by one of
+    the same kind behind those pasts, and so on while that takes away a tenth of the error."""
+    virgin = {name: x for name, x in record.columns.items() if name != KNOWN}
+    found = fitted(replace(record, columns=virgin), model)
+    behind = with_past(found.model, record, misfit_of(found))
+    for _ in range(PASTS):
+        kind = "Composition" if isinstance(found.detail, Composition) else found.name
+        again = fitted(behind, kind if model == "auto" else model)
+        if NEARLY * misfit_of(again).rms > misfit_of(found).rms:
+            break
+        found, behind = again, with_past(again.model, record, misfit_of(again))
+    return behind
 
 
 def _tried(
@@ -257,13 +305,14 @@ def _as_good(simple: FitResult, best: FitResult) -> bool:
 
 
 def _check_choices(
-    initial: str, conditioning: str, clocks: str, drift: str, starts: int, seed: int
+    initial: str, conditioning: str, clocks: str, drift: str, score: str, starts: int, seed: int
 ) -> None:
     for name, value, choices in (
         ("initial", initial, ("auto", "negative", "positive", "demagnetised", "fit")),
         ("conditioning", conditioning, ("auto", "keep")),
         ("clocks", clocks, ("auto", "keep")),
         ("drift", drift, ("auto", "keep")),
+        ("score", score, ("rms", "sre")),
     ):
         if value not in choices:
             raise InputError("bad-option", f"{name}={value!r}; have {', '.join(choices)}.")

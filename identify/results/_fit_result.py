@@ -25,6 +25,7 @@ from hysteresis._format import quantity
 from hysteresis._precision import in_own_precision
 from hysteresis._show import aligned, at_most
 from hysteresis._verdict import Verdict
+from hysteresis.records._known import with_known
 
 from ..noise._model import NoiseModel
 from ..noise._residual_statistics import Noise
@@ -37,6 +38,8 @@ from ._baseline import Baseline
 from ._characteristics import Characteristic, characteristics, fitted_loops
 from ._detail import Composition, Detail, Parametric
 from ._extrapolation import Extrapolation
+from ._known_rows import check_unit as check_unit
+from ._known_rows import told
 from ._likelihood import Criteria, criteria_of
 from ._metrics import Metrics
 from ._motion_detail import Motion
@@ -236,9 +239,10 @@ class FitResult:
         record: Record | ArrayLike,
         time: ArrayLike | None = None,
         condition: ArrayLike | Mapping[str, ArrayLike] | None = None,
+        known: int | str | None = None,
     ) -> Float[np.ndarray, " samples"]:
         """The model's output on new inputs, every sequence from the virgin state, as `hysid predict` gives
-        it; also on `train` and `test`.
+        it; also on `train` and `test`. With known rows each begins in the state that these tell.
 
         Every error, table and picture of a fit is of this prediction. Beyond the inputs of the fit, relays
         continue as play operators, see `extended`; `beyond` marks those rows.
@@ -249,6 +253,8 @@ class FitResult:
           channels, in the units of the fit.
         - `time`: the times (n,) of inputs, which a model that depends on the rate needs.
         - `condition`: of inputs, what the output depends on too: (n,), one number, or those by their names.
+        - `known`: of a record, how many first rows of each sequence tell its state, or the column that says
+          so, see `fit`.
 
         **Returns:** the outputs (n,), in the unit of the fit's output.
 
@@ -261,6 +267,8 @@ class FitResult:
             >>> fit.predict([0.0, 10.0, 20.0]).shape
             (3,)
         """
+        if isinstance(record, Record) and known is not None:
+            record = with_known(record, known)
         if not isinstance(record, Record):
             record = new_record(self.train, self.channels, record, time, condition)
         elif time is not None or condition is not None:
@@ -280,6 +288,8 @@ class FitResult:
         for name, unit in record.conditions.items():
             check_unit(name, unit, self.train.conditions.get(name, "1"))
         record = self.clocks.applied(self.combined(record))
+        if record.known is not None:
+            return told(self, record).values
         # Without times the model itself runs, which knows whether it needs them.
         clocked = record.time is not None or self.train.time is None
         if clocked and (outputs := self.detail.outputs(record)) is not None:
@@ -428,14 +438,3 @@ class FitResult:
 
     def _repr_html_(self) -> str | None:
         return html_of(self)
-
-
-def check_unit(name: str, unit: str, fitted: str) -> None:
-    """Raise `InputError` where a column is in another unit than it was fitted in, and both are known."""
-    if unit != fitted and "1" not in (unit, fitted):
-        raise InputError(
-            "wrong-unit",
-            f"{name} is in {unit}; the model was fitted to {fitted}.",
-            cause="another quantity, or the same in another unit.",
-            fix=f"give the column in {fitted}, and say so in its header.",
-        )

@@ -141,6 +141,22 @@ def test_predict_writes_a_row_for_every_row(fitted, folder, inverse):
     assert list(read(alone["file"])[0]) == ["line", X if inverse else F, result, "status", *more]
 
 
+@pytest.mark.parametrize("inverse", [False, True])
+def test_predict_begins_in_the_state_that_known_rows_tell(fitted, folder, inverse):
+    option = ("--inverse",) * inverse
+    known = run("predict", folder / "out", folder / "run.csv", "--known", "30", *option, "--json")
+    rows = read(known.json()["file"])
+    name, result = (F, f"estimated {F}") if inverse else (X, f"predicted {X}")
+    error = (numbers(rows, result) - numbers(rows, name))[30:]
+    assert known.json()["rmse"] == pytest.approx(np.sqrt(np.mean(error**2)))
+    assert known.json()["nrmse_percent"] < 3
+    assert np.isfinite(numbers(rows, "standard deviation")).all()
+    if inverse:
+        assert rows[30]["status"] != "RUN_IN"
+    else:
+        assert "30 known rows" in " ".join(known.json()["notes"])
+
+
 def test_predict_without_the_driving_column_says_so(fitted, folder):
     said = run("predict", folder / "out", folder / "depths.csv")
     assert (said.code, said.out) == (2, "")

@@ -1,0 +1,57 @@
+"""A compensator is OK from the first reading after a stretch of which both sides are known."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from compensate import Past, Status, estimate, invert
+from compensate.inverses._compose import Unscaled
+from hysteresis import InputError, Record, with_units
+from hysteresis.records._known import with_known
+from tests.problems import INVERTIBLE, Problem, kinds_often, random_histories
+
+FIRST, LAST, ROWS = 50, 90, 120
+
+
+def looped(problem: Problem, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """Times, and inputs that are one loop in the known rows."""
+    rng = np.random.default_rng(seed)
+    (u,) = random_histories(rng, problem.low, problem.high, (1, ROWS))
+    way = 0.5 - 0.4 * np.cos(np.linspace(0, 2 * np.pi, LAST - FIRST))
+    u[FIRST:LAST] = problem.low + (problem.high - problem.low) * way
+    return np.cumsum(rng.uniform(0.2, 2, ROWS)), u
+
+
+@pytest.mark.parametrize(
+    "problem", kinds_often(p for p in INVERTIBLE if p.name != "burgers-lagging-constant")
+)
+def test_a_known_loop_ends_the_run_in(problem: Problem):
+    t, u = looped(problem)
+    model = with_units(problem.model(1), None, (problem.low, problem.high))
+    y, span = np.asarray(model.simulate(t, u)), problem.high - problem.low
+    compensator = invert(
+        model, trained=(problem.low, problem.high), start="unknown", past=Past(t, u), deviation=span / 100
+    )  # fmt: skip
+    own = slice(FIRST, LAST)
+    state = compensator.state_from(t[own], u[own], y[own])
+    found = compensator.simulate(t[LAST:], y[LAST:], state)
+    assert found.status[0] == Status.OK
+    assert not (found.status == Status.RUN_IN).any()
+    told = np.asarray(found.status) == Status.OK
+    assert np.abs(np.asarray(found.value) - u[LAST:])[told].max() < 0.03 * span
+
+
+def test_a_record_with_known_rows_is_estimated_from_them():
+    problem = next(p for p in INVERTIBLE if p.name == "bouc-wen")
+    t, u = looped(problem)
+    model = problem.model(1)
+    y = np.asarray(model.simulate(t, u))
+    own = slice(FIRST, ROWS)
+    record = with_known(Record.from_arrays(u[own], y[own], t[own]), LAST - FIRST)
+    found = estimate(invert(model), record)
+    assert np.allclose(found.value[LAST - FIRST :], u[LAST:], atol=1e-6)
+
+
+def test_without_a_model_inside_it_says_so():
+    with pytest.raises(InputError, match="without a model"):
+        Unscaled(jnp.asarray(1.0), jnp.asarray(0.0)).state_from(None, [0.0], [0.0])
