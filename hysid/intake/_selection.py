@@ -199,7 +199,7 @@ class Selection(SelectionOptions):
             table = at_hold(table, self.input, self.output, self.time, where)
         chosen = {name: getattr(self, name) for name in OF_RECORD} | {
             "input": self.input_words if self.is_step else self.input, "where": where,
-            "keep": tuple(sorted(held_out_by | ({self.known} & {*table.columns}))),
+            "keep": tuple(sorted(held_out_by | ({self.known or ""} & {*table.columns}))),
         } | changed  # fmt: skip
         record = read_csv(table, **chosen)
         record = record if self.known is None else with_known(record, self.known)
