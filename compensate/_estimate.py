@@ -66,7 +66,7 @@ def estimate(compensator: Simulates[Found], record: Record) -> Found:
 
 
 def _stretches(compensator: Any, record: Record) -> Iterator[tuple[slice, dict[str, Any]]]:
-    """Rows to run at once, and the state they begin in, where that is told by the known rows before."""
+    """Rows to run at once, and the state that they begin in where known rows before them tell it."""
     for _, rows in record.sequences():
         known = 0 if record.known is None else int(record.known[rows].sum())
         if not known:

@@ -51,7 +51,7 @@ def load_model(file: str | Path) -> Any:
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise InputError(
             "damaged-file",
-            f"{Path(file).name} is no model.",
+            f"{Path(file).name} is not a model.",
             place=str(file),
             cause="it is another file, or was edited.",
             fix="write it with hysteresis.save_model.",

@@ -82,7 +82,7 @@ def _step(table: Table, asked: Asked, rows: np.ndarray) -> float:
     if len(rows) < 2:
         raise InputError(
             "too-few-rows",
-            "one row is no period.",
+            "one row is not a period.",
             place=f"{table.path}, line {int(table.line[rows[0]])}",
             fix="name what tells one test from the next (--group COL), or leave this one out.",
         )
@@ -92,7 +92,7 @@ def _step(table: Table, asked: Asked, rows: np.ndarray) -> float:
     if seconds is None:
         raise InputError(
             "wrong-unit",
-            f"{time!r} is in {unit}, which is no unit of time.",
+            f"{time!r} is in {unit}, which is not a unit of time.",
             fix="name a column of times (--time COL), or give the step (--dt SECONDS).",
         )
     return even_clock(t, table.line[rows], unit) * seconds

@@ -1,5 +1,4 @@
-"""Periodic records of several inputs and outputs, and how much of an output is linear, distortion and
-noise.
+"""Periodic records, and how much of each output is linear, distortion and noise.
 
 The best linear approximation G of a level is the least-squares response of its realisations over a few
 neighbouring lines, in which it is a parabola (local polynomial method). What is left of the mean period is
@@ -52,7 +51,7 @@ def periodic_test(
     """A record of rows cut into its periods.
 
     - `u`: (rows, inputs). `y`: (rows, outputs). `dt`: time between rows.
-    - `period`: rows of a period; None to look for it in the first input.
+    - `period`: rows of a period; None to look for it in the first input that moves.
     - `settling`: periods at the beginning that are left out.
 
     Raises `InputError` `not-periodic` where no whole period is left, `length-mismatch` for other lengths.

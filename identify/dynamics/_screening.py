@@ -1,7 +1,6 @@
 """Which law of which drive would explain what a modal model leaves: before any channel is fitted.
 
-A reaction W to a drive that the model predicts enters every mode m by a free b_m, and the outputs by a free
-d:
+A reaction W to a drive that the model predicts enters modes m by free b_m, and the outputs by a free d:
 
     y = sum of 2 Re(c_m b_m W / (s - p_m)) + d W
 
