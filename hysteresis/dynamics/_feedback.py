@@ -141,7 +141,9 @@ class Feedback(eqx.Module):
                 " channels, inputs + channels) and (channels,).",
             )
         if not all(isinstance(channel, AbstractModel) for channel in self.channels):
-            raise InputError("bad-parts", "a channel is not a model.", fix="give models of one input.")
+            raise InputError(
+                "bad-parts", "a channel is not a model.", fix="give models of one input."
+            )
         loop = self.direct[rows - n :, columns - n :]
         known = all(np.isfinite(x).all() for x in arrays)
         if not known or (self.poles.real >= 0).any() or loop.any():

@@ -1,14 +1,10 @@
 """From periodic tests to a `Feedback` model: modes first, then channels where they explain most.
 
 1. Modes of the middle level by vector fitting, their number and the delay by a test that is held out.
-2. What a linear model leaves is regressed on reactions to the drives that it predicts, each entering the
-modes
-   freely: the share that a law of a drive explains (the screening table). Measured outputs are not drives
-   there: what they contain of the reaction would explain itself.
-3. Groups of channels in the order of their shares, by Gauss-Newton in three stages: reactions, how they
-enter, what
-   drives them. A group stays where the tests that are held out gain from it; then all tests, at last the
-   held-out ones.
+2. Which law of which drive explains what the modes leave (`_screening.py`).
+3. Groups of channels in that order, by Gauss-Newton in three stages: reactions, how they enter, what drives
+   them. A group stays where the tests that are held out gain from it; then all tests, at last the held-out
+   ones.
 
 Cost: a pass of every test for each of some forty steps.
 """
@@ -113,7 +109,7 @@ def fit_feedback(
     the end it joins the fit, after the errors were taken.
 
     Raises `InputError` `too-few-runs` where no level has two steady tests, `nothing-fits` where no mode is
-    found, `length-mismatch`, `not-finite`, `constant-input` or `constant-output` for tests that are none.
+    found, `length-mismatch`, `not-finite`, `constant-input` or `constant-output` for unusable tests.
 
     **Example:**
 
@@ -146,13 +142,13 @@ def fit_feedback(
     model = linear
     shares, by_group = screening(model, search.few)
     names: list[str] = []
-    open_ = {*GROUPS}
+    open_, least = {*GROUPS}, search.error(model)
     while open_ and len(names) < groups and not search.late():
         name = max(open_, key=lambda one: by_group[one])
         open_.remove(name)
         found = search.with_group(model, name)
-        if search.error(found) < WORTH * search.error(model):
-            model, names = found, [*names, name]
+        if (error := search.error(found)) < WORTH * least:
+            model, least, names = found, error, [*names, name]
             # What did not gain before may gain beside it.
             open_ = {*GROUPS} - {*names}
             by_group = screening(model, search.few)[1]

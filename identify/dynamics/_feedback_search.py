@@ -67,11 +67,9 @@ class Found(NamedTuple):
         return np.stack([state.output for state in self.states])
 
 
-def simulated(
-    model: Feedback, data: Spectra, starts: list[Steady] | None = None, G: Any = None
-) -> Found:
+def simulated(model: Feedback, data: Spectra, starts: list[Steady] | None = None) -> Found:
     """The steady states of all realisations."""
-    G = model.response(data.lines.s) if G is None else G
+    G = model.response(data.lines.s)
     states = [
         steady_state(model, data.lines, u, None if starts is None else starts[r].drives, G)
         for r, u in enumerate(data.U)

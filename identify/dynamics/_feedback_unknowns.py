@@ -37,19 +37,17 @@ class Reaction(NamedTuple):
     channel: AbstractModel
 
     @property
-    def names(self) -> list[str]:
-        return [name for name, info, _ in parameters(self.channel) if not info.fixed]
+    def values(self) -> dict[str, Any]:
+        """By the names of parameters that are not fixed."""
+        return {name: value for name, info, value in parameters(self.channel) if not info.fixed}
 
     def vector(self) -> np.ndarray:
-        values = {name: value for name, _, value in parameters(self.channel)}
-        return np.concatenate([np.ravel(values[name]) for name in self.names] or [np.zeros(0)])
+        return np.concatenate([np.zeros(0), *map(np.ravel, self.values.values())])
 
     def moved(self, vector: Any) -> AbstractModel:
         model, at = self.channel, 0
-        values = {name: value for name, _, value in parameters(model)}
-        for name in self.names:
-            shape = np.shape(values[name])
-            size = int(np.prod(shape))
+        for name, value in self.values.items():
+            shape, size = np.shape(value), int(np.size(value))
             model = replaced(model, name, jnp.reshape(jnp.asarray(vector[at : at + size]), shape))
             at += size
         return model
@@ -142,8 +140,8 @@ def jacobian(point: Point, unknowns: Unknowns, kept: slice) -> np.ndarray:
     """d output / d unknowns at the lines `kept`, (outputs, lines, unknowns)."""
     model, lines, gains = point.model, point.lines, point.gains
     ny, nu, n, M = model.outputs, model.inputs, len(model.channels), len(model.poles)
-    whole, *_, X_all, Xc_all = point.motion
-    v, P, Q, X, Xc = (x[kept] for x in point.motion)
+    motion = whole, *_, X_all, Xc_all = point.motion
+    v, P, Q, X, Xc = (x[kept] for x in motion)
     s, G = lines.s[kept], point.G[kept]
     late = np.exp(-s * model.delay)[:, None]
     Gyw, Gzw = G[:, :ny, nu:], G[:, ny:, nu:]
