@@ -134,8 +134,12 @@ def judged_to_compensate(fit: identify.FitResult) -> identify.FitResult:
     first, others = fit, fit.candidates[1:]
     found = judged_compensator(first)
     reasons = [*found.reasons]
-    if found.document["refused"] == "not-invertible":
-        fits = (one for one in others if isinstance(one, identify.FitResult))
+    if not may_be_inverted(first):
+        reasons = [Note("not-invertible", "Its output need not rise with its input.")]
+    if found.document["refused"] == "not-invertible" or not may_be_inverted(first):
+        fits = (
+            one for one in others if isinstance(one, identify.FitResult) and may_be_inverted(one)
+        )
         tried = ((one, judged_compensator(one)) for one in fits)
         if made := next((pair for pair in tried if pair[1].document["refused"] is None), None):
             other, found = made
@@ -152,6 +156,11 @@ def judged_to_compensate(fit: identify.FitResult) -> identify.FitResult:
     fit = replace(fit, purpose="compensate", verdict=verdict, compensator=kept)
     own = replace(fit, candidates=())
     return replace(fit, candidates=(own, *others))
+
+
+def may_be_inverted(fit: identify.FitResult) -> bool:
+    """Whether nothing but a trial speaks against an inverse: weights of either sign do."""
+    return not isinstance(fit.detail, identify.Composition) or fit.detail.rises
 
 
 def band_reason(coverage: float) -> Note | None:

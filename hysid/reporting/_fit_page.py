@@ -182,6 +182,8 @@ def in_words(case: Case) -> str:
         composed = case.fit.detail.linear
         said = [PARTS_IN_WORDS[part] for part in composed.meaning.parts]
         text = f"A sum of {', '.join(said)}"
+        if not case.fit.detail.rises:
+            text += ", whose weights may have either sign"
         if composed.meaning.first:
             text += ", of an input mapped by a curve"
         if composed.meaning.floor is not None:

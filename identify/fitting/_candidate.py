@@ -22,7 +22,7 @@ class Options(NamedTuple):
     """What the user chose about a fit beside its models, see `fit`.
 
     `alone`: no other candidate is fitted. `say`: takes a line of progress. `keeps_drift`: what drifts in
-    the training rows stays in the model.
+    the training rows stays in the model. `averages`: compositions are averaged with parts of either sign.
     """
 
     initial: str
@@ -33,6 +33,7 @@ class Options(NamedTuple):
     alone: bool
     say: Report
     keeps_drift: bool = False
+    averages: bool = False
 
 
 class Trial(NamedTuple):

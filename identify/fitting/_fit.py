@@ -192,8 +192,9 @@ def fit(
     if like:
         asked = (mixture_of(like), *asked)
     options = Options(
-        initial, starts, seed, noise, parameters or {}, len(asked) == 1, say, drift == "keep"
-    )
+        initial, starts, seed, noise, parameters or {}, len(asked) == 1, say, drift == "keep",
+        averages=model == "auto" and purpose == "predict",
+    )  # fmt: skip
     tried, skipped = _tried(asked, data, options)
     chosen, *others = _ranked(tried, mixed=tells_little(data, like))
     best = with_repeatability(chosen.fit if options.alone else chosen.with_noise(noise, data))

@@ -27,7 +27,7 @@ from ..records._latest import repeats
 from ..records._relaxation_times import longest_sequence
 from ..records._speeds import usual_speed
 from ._cross_validation import ROWS, normal_equations_of
-from ._group_strengths import Group, GroupedColumns, Strengths
+from ._group_strengths import APART, Group, GroupedColumns, Strengths
 
 CELLS = 16
 """Cells of each channel's even grid."""
@@ -43,9 +43,6 @@ SETTLING = 3
 
 GROUPS = 5
 """Groups that several sequences make, at most, each held out in turn."""
-
-APART = 100.0
-"""Between channels, in units of `Group.places`: they have nothing in common."""
 
 BLOCKS = 6
 """Of a single sequence."""

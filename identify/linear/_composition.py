@@ -37,39 +37,31 @@ from hysteresis.numerics._hats import hats_of
 from hysteresis.preisach import GridDensity, Initial
 
 from ._composition_memory import Memory, MemoryLayout, rises
+from ._composition_parts import (
+    CELLS,
+    CURVE,
+    DRIFT,
+    DRIFTS,
+    FRICTION,
+    MAXWELL,
+    RELAYS,
+    SOFTENING,
+    STRENGTHS,
+    TIME_DRIFT,
+)
+from ._composition_prior import prior
 from ._nnls import nonnegative_least_squares
 from ._preisach_design_matrix import NodeSpace
 from ._sliders import (
     LEVELS,
-    PLACE_STOPS,
     PLACES,
-    PLAYS,
-    SPAN_STOPS,
-    STOPS,
     THRESHOLDS,
     columns_of,
-    firmness_of,
     model_of,
     modulated,
     size_of,
 )
 from ._unknown_vectors import in_units, split, upper_triangular
-
-CURVE, MAXWELL, STRENGTHS, SOFTENING, RELAYS = (
-    "curve",
-    "Maxwell",
-    "strengths",
-    "softening",
-    "relays",
-)
-FRICTION = "friction"
-DRIFT, TIME_DRIFT = "drift", "drift in time"
-DRIFTS = (DRIFT, TIME_DRIFT)
-PARTS = (
-    CURVE, MAXWELL, STRENGTHS, SOFTENING, RELAYS, PLAYS, STOPS, PLACE_STOPS, SPAN_STOPS, FRICTION, *DRIFTS
-)  # fmt: skip
-CELLS = {CURVE: 40, MAXWELL: 12, STRENGTHS: 18, SOFTENING: 12, RELAYS: 24}
-"""Cells of each part's even grid on the input's range."""
 
 SPEEDS = np.array([0.02, 0.1, 0.5, 2.0])
 """Of Coulomb friction, in parts of the speed that a quarter of the samples exceed."""
@@ -79,17 +71,6 @@ DECAYS = np.array([1 / 16, 1 / 4, 1.0, 4.0])
 
 SMOOTHING, SHARP = 2.0, 0.3
 """Time constant of the velocity's filter, in sampling steps, and where the input's steps hardly differ."""
-
-FIRMNESS = {
-    CURVE: 1.0, MAXWELL: 10.0, STRENGTHS: 0.1, SOFTENING: 10.0, RELAYS: 10.0,
-    PLAYS: 1.0, STOPS: 1.0, PLACE_STOPS: 1.0, SPAN_STOPS: 1.0, FRICTION: 1.0, DRIFT: 1.0,
-    TIME_DRIFT: 1.0,
-}  # fmt: skip
-"""How much stronger the prior holds a part than the curve."""
-
-RIDGE = 1e-7
-"""Pulls what the data leave open to 0; in squares of the output's range. Strengths are pulled ten times as
-hard: at rates that were not tried they say what the curve does not."""
 
 AT_ONCE = 512
 """Rows whose columns are made at once: they stay in a processor's cache."""
@@ -115,6 +96,8 @@ class CompositionUnknowns(NamedTuple):
       rows, and the model that is made has none of it, as it was then. With `keeps_drift` the model drifts
       from its first row until there.
     - `duration`: of the longest sequence, 0 without time.
+    - `shares`: where unknowns may have either sign, how large those of a line and of each part are
+      expected; () where none is negative.
     - `speed`, `step`: a usual speed of the input and the sampling step; 0 without time. `smoothing`: of the
       velocity, in steps.
     """
@@ -138,6 +121,7 @@ class CompositionUnknowns(NamedTuple):
     duration: float = 0.0
     smoothing: float = SMOOTHING
     centre: float = 0.0
+    shares: tuple[float, ...] = ()
 
     @property
     def sizes(self) -> tuple[int, ...]:
@@ -159,6 +143,8 @@ class CompositionUnknowns(NamedTuple):
     @property
     def name(self) -> str:
         """What a composition of these parts is called."""
+        if self.shares:
+            return f"average with {len(self.parts)} parts of either sign"
         return " + ".join(self.lasting) + (" of a mapped input" if self.first else "")
 
     @property
@@ -186,7 +172,8 @@ class CompositionUnknowns(NamedTuple):
     @property
     def free(self) -> Bool[np.ndarray, " unknowns"]:
         """The unknowns of either sign."""
-        return np.repeat([True, *(part in DRIFTS for part in self.parts)], self.sizes)
+        signed = bool(self.shares)
+        return np.repeat([True, *(signed or part in DRIFTS for part in self.parts)], self.sizes)
 
     def where(self, parts: tuple[str, ...]) -> Int[np.ndarray, " some"]:
         """Places of the unknowns that a composition of these parts has too."""
@@ -195,28 +182,13 @@ class CompositionUnknowns(NamedTuple):
 
     def of(self, *parts: str) -> "CompositionUnknowns":
         """The same with some of the parts, in the same order."""
-        return self._replace(parts=tuple(p for p in self.parts if p in parts))
+        some = tuple(p for p in self.parts if p in parts)
+        own = [s for p, s in zip(self.parts, self.shares[1:], strict=False) if p in some]
+        return self._replace(parts=some, shares=(*self.shares[:1], *own))
 
     def prior(self, strength: float) -> Float[np.ndarray, "unknowns unknowns"]:
-        """The matrix of the prior's squares: neighbouring increments alike, strengths bend little."""
-        blocks = [np.zeros((1, 1))]
-        for part, size in zip(self.parts, self.sizes[1:], strict=True):
-            n = CELLS.get(part, 0)
-            if part in (CURVE, MAXWELL):
-                D = np.diff(np.eye(n), axis=0)
-                each = n * D.T @ D
-            elif part == STRENGTHS:
-                D = n * np.diff(np.eye(n + 1), 2, axis=0)
-                each = D.T @ D / (n + 1)
-            elif part in LEVELS:
-                each = np.diag(firmness_of(part))
-            else:
-                each = np.eye(size)
-            branches = size // len(each)
-            own = strength * FIRMNESS[part]
-            ridge = 10 * RIDGE if part == STRENGTHS else RIDGE
-            blocks += [own * each + ridge * np.eye(len(each))] * branches
-        return np.asarray(scipy.linalg.block_diag(*blocks))
+        """The matrix of the prior's squares."""
+        return prior(self.parts, self.sizes[1:], self.shares, strength)
 
     def memory(self) -> MemoryLayout:
         """What the columns of the parts read of an input."""
@@ -300,6 +272,18 @@ class CompositionUnknowns(NamedTuple):
             return jax.vmap(self.model)(jnp.asarray(unknowns))
         # In NumPy where it can be: each operation of JAX compiles a program of its own.
         x: Any = np.sign(self.scale) * in_units(self, unknowns)
+        below = (abs(x) - x) / 2 * np.minimum(np.arange(self.count), 1.0) if self.shares else 0.0
+        parts = self._parts(x + below)
+        if self.shares:  # what rises less what falls, neither of a negative weight
+            parts.append(Scaled(Sum(self._parts(below)), -1.0))
+        whole: AbstractModel = Sum(parts)
+        before = [self._first] if self.first else []
+        after = [] if self.floor is None else [Clip(low=self.floor)]
+        whole = Series([*before, whole, *after]) if before or after else whole
+        return Scaled(whole, -1.0) if self.scale < 0 else whole
+
+    def _parts(self, x: Any) -> list[AbstractModel]:
+        """The models of the parts, of unknowns in the output's unit, none of which is negative."""
         ends = np.cumsum(self.sizes)
         offset, *found = (x[end - size : end] for end, size in zip(ends, self.sizes, strict=True))
         values = dict(zip(self.parts, found, strict=True))
@@ -337,11 +321,7 @@ class CompositionUnknowns(NamedTuple):
             parts.append(CyclicDrift(self.low, self.high, places, values[DRIFT], **lengths))
         if TIME_DRIFT in self.lasting:
             parts.append(TimeDrift(self.duration * DECAYS, values[TIME_DRIFT], most=elapsed))
-        before = [self._first] if self.first else []
-        after = [] if self.floor is None else [Clip(low=self.floor)]
-        whole: AbstractModel = Sum(parts)
-        whole = Series([*before, whole, *after]) if before or after else whole
-        return Scaled(whole, -1.0) if self.scale < 0 else whole
+        return parts
 
     def _inputs(self, parts: Samples) -> Samples:
         """Inputs at parts of the range."""

@@ -23,21 +23,18 @@ from ..records._folds import (
 from ..records._orientation import SLACK, output_falls, slack
 from ..records._relaxation_times import longest_sequence, relaxation_times
 from ..records._speeds import amplitudes_differ, moves_evenly, rates_differ, usual_speed
-from ._composition import (
-    AT_ONCE,
+from ._composition import AT_ONCE, SHARP, SMOOTHING, CompositionUnknowns
+from ._composition_memory import Memory, memory_blocks, memory_of
+from ._composition_parts import (
     CELLS,
     CURVE,
     DRIFTS,
     FRICTION,
     MAXWELL,
     PARTS,
-    SHARP,
-    SMOOTHING,
     STRENGTHS,
     TIME_DRIFT,
-    CompositionUnknowns,
 )
-from ._composition_memory import Memory, memory_blocks, memory_of
 from ._cross_validation import (
     ROWS,
     Choice,

@@ -20,8 +20,8 @@ from ..records._folds import (
     held_out_errors,
     simplest,
 )
-from ._composition import CURVE, DRIFTS, PARTS
 from ._composition_fit import STRENGTHS_OF_PRIOR, Problem, Tried, _path, unknowns_for
+from ._composition_parts import CURVE, DRIFTS, PARTS
 from ._conditioned_unknowns import ConditionedUnknowns, on_axis, shares_of
 from ._cross_validation import Choice, jittered, total
 from ._linear_fit import LinearFit

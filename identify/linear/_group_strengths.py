@@ -37,6 +37,9 @@ NEIGHBOURS = 0.05
 FLAT = 1e-4
 """Of a column's standard deviation over the largest: below it says nothing."""
 
+APART = 100.0
+"""Between groups of neighbours, in units of `Group.places`: they have nothing in common."""
+
 KEPT = 1e-7
 """Of a group's directions, over the largest prior variance that each brings: others are left out."""
 
@@ -65,22 +68,28 @@ class Group(NamedTuple):
 class GroupedColumns:
     """Columns turned to where the prior of each group is a multiple of the identity.
 
-    `whitened`: (rows, unknowns) with the offset last.
+    - `even`: the prior is of weights of columns of unit variance, otherwise of those of the columns.
+    - `whitened`: (rows, unknowns) with the offset last. `brought`: the variance that each group brings with
+      `kernel` as its prior.
     """
 
-    def __init__(self, X: Float[np.ndarray, "rows columns"], groups: Sequence[Group]) -> None:
+    def __init__(
+        self, X: Float[np.ndarray, "rows columns"], groups: Sequence[Group], even: bool = True
+    ) -> None:
         self.mean, size = X.mean(0), X.std(0)
         self.told = size > FLAT * size.max(initial=0.0)
-        self.size = np.where(self.told, size, 1.0)
+        self.size = np.where(self.told & even, size, 1.0)
         Z = (X - self.mean) / self.size
-        turned, of = [], []
+        turned, of, brought = [], [], []
         for k, group in enumerate(groups):
             columns = group.columns[self.told[group.columns]]
             places = group.places[self.told[group.columns]]
-            T = _turn(Z[:, columns], places)
+            T, variance = _turn(Z[:, columns], places)
             turned.append((columns, T))
+            brought.append(variance)
             of += [k] * T.shape[1]
         self.turned, self.of, self.count = turned, np.array(of, int), X.shape[1]
+        self.brought = np.array(brought)
         self.expected = np.array([group.is_expected for group in groups])
         parts = [Z[:, columns] @ T for columns, T in turned]
         self.whitened = np.hstack([*parts, np.ones((len(X), 1))])
@@ -96,16 +105,22 @@ class GroupedColumns:
         return found, float(unknowns[-1] - found @ self.mean)
 
 
-def _turn(Z: Float[np.ndarray, "rows columns"], places: np.ndarray) -> np.ndarray:
-    if not Z.shape[1]:
-        return np.zeros((0, 0))
+def kernel(places: Float[np.ndarray, "columns dimensions"]) -> Float[np.ndarray, "columns columns"]:
+    """How alike weights are: half at a distance of 1, and each a little by itself."""
     apart = ((places[:, None] - places[None]) ** 2).sum(-1)
-    K = np.exp(-apart / 2) + NEIGHBOURS * np.eye(len(places))
-    G = Z.T @ Z / len(Z)
-    K /= np.trace(K @ G)
-    root = np.real(scipy.linalg.sqrtm(K))
+    return np.exp(-apart / 2) + NEIGHBOURS * np.eye(len(places))
+
+
+def _turn(
+    Z: Float[np.ndarray, "rows columns"], places: np.ndarray
+) -> tuple[Float[np.ndarray, "columns unknowns"], float]:
+    if not Z.shape[1]:
+        return np.zeros((0, 0)), 1.0
+    K, G = kernel(places), Z.T @ Z / len(Z)
+    variance = float(np.trace(K @ G))
+    root = np.real(scipy.linalg.sqrtm(K / variance))
     value, vector = np.linalg.eigh(root @ G @ root)
-    return root @ vector[:, value > KEPT * value.max()]
+    return root @ vector[:, value > KEPT * value.max()], variance
 
 
 class Strengths:

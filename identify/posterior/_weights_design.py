@@ -8,9 +8,10 @@ from jaxtyping import Bool, Float, Int
 
 from hysteresis import Record
 
-from ..linear._composition import DRIFTS, CompositionUnknowns
+from ..linear._composition import CompositionUnknowns
 from ..linear._composition_fit import SLACK
 from ..linear._composition_memory import memory_blocks, memory_of
+from ..linear._composition_parts import DRIFTS
 from ..linear._conditioned_unknowns import ConditionedUnknowns, shares_of
 from ..linear._linear_fit import LinearFit
 from ..linear._preisach_problem import PreisachProblem

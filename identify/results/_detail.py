@@ -114,6 +114,12 @@ class Composition:
     least_parameter: ClassVar[float] = -np.inf
     key: ClassVar[str] = "composition"
 
+    @property
+    def rises(self) -> bool:
+        """Whether no weight is negative, so that each part but the strengths rises with the input."""
+        meaning = self.linear.meaning
+        return isinstance(meaning, ConditionedUnknowns) or not meaning.shares
+
     def words(self) -> Words:
         meaning = self.linear.meaning
         plain = meaning.words() if isinstance(meaning, ConditionedUnknowns) else meaning._asdict()

@@ -13,8 +13,8 @@ import hysteresis
 import identify
 from hysteresis import Burgers, InputError, Note, Record
 from hysteresis.curves import PolynomialCurve
-from identify.linear._composition import CURVE
 from identify.linear._composition_fit import Problem, unknowns_for
+from identify.linear._composition_parts import CURVE
 from identify.linear._preisach_problem import PreisachProblem
 from identify.linear._preisach_unknowns import GridUnknowns
 from identify.records._folds import parts

@@ -19,7 +19,7 @@ from hysteresis import InputError, LinearSponge, Preisach, Record, read_csv
 from hysteresis.preisach import GridDensity
 from identify import excited_cells, fit, load, predict, sample, save, save_posterior
 from identify.internal import sealed
-from identify.linear._composition import PARTS
+from identify.linear._composition_parts import PARTS
 
 HEADINGS = [
     "Loops",

@@ -20,7 +20,7 @@ from hysteresis import (
 )
 from identify import FitResult, fit, load, sample, save
 from identify.linear import _composition_fit, _composition_memory
-from identify.linear._composition import CURVE, DRIFTS, PARTS, CompositionUnknowns
+from identify.linear._composition import CompositionUnknowns
 from identify.linear._composition_fit import (
     Problem,
     best_prior,
@@ -31,6 +31,7 @@ from identify.linear._composition_fit import (
 )
 from identify.linear._composition_lag import find_lag
 from identify.linear._composition_memory import memory_of
+from identify.linear._composition_parts import CURVE, DRIFTS, PARTS
 from identify.linear._sliders import THRESHOLDS
 from identify.records._clocks import Clocks, interpolated, is_held, shifted
 from identify.records._folds import parts
@@ -70,18 +71,19 @@ FIRST = tuple(np.linspace(2, 0, 41)[:-1] / 41)
 """Increments of a curve from 0 to 1 that the input may pass first."""
 
 
+@pytest.mark.parametrize("either_sign", [False, True])
 @pytest.mark.parametrize(("leading", "first", "relaxed"), [(False, (), False), (True, FIRST, True)])
 def test_columns_times_unknowns_are_the_model(
-    leading: bool, first: tuple[float, ...], relaxed: bool
+    leading: bool, first: tuple[float, ...], relaxed: bool, either_sign: bool
 ):
     t, u = walk()
     data = Record.from_arrays(u, u, t, groups=(np.arange(SAMPLES) >= 333).astype(int))
     meaning = CompositionUnknowns(
         PARTS, 0.0, 1.0, -2.0 if leading else 2.0, (0.1, 2.0), leading, "negative", first=first,
         rest=0.2, relaxed=relaxed, speed=0.3, step=0.1, duration=7.0, centre=3.0,
-        reached=(6.0, 20.0), keeps_drift=True,
+        reached=(6.0, 20.0), keeps_drift=True, shares=(1.0,) * (len(PARTS) + 1) if either_sign else (),
     )  # fmt: skip
-    x = np.random.default_rng(0).uniform(0, 1, meaning.count)
+    x = np.random.default_rng(0).uniform(-1 if either_sign else 0, 1, meaning.count)
     rows = np.arange(0, SAMPLES, 7)
     memory = memory_of(meaning.memory(), data, rows)
     columns = meaning.columns(memory)

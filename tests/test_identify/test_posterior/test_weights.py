@@ -11,7 +11,8 @@ from hysteresis import InputError, Preisach, Record, read_csv
 from hysteresis.preisach import GridDensity
 from hysteresis.rigs import SpongeRig
 from identify import FitResult, GridWeights, fit, predictive, sample
-from identify.linear._composition import CELLS, CURVE, MAXWELL, RELAYS, CompositionUnknowns
+from identify.linear._composition import CompositionUnknowns
+from identify.linear._composition_parts import CELLS, CURVE, MAXWELL, RELAYS
 from identify.posterior._neighbour_sums import neighbour_sums
 from identify.posterior._weights_design import slow_loop, weights_design
 from identify.posterior._weights_evidence import WeightsEvidence, basis_of

@@ -1,0 +1,64 @@
+"""The average of a composition and of parts of either sign: where it is taken, and that it is one model."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hysteresis import Record
+from identify import FitResult, fit, load, predictive, sample, save
+
+NOISE = 0.002
+
+
+def creeping_and_rubbing(seed: int = 0, samples: int = 500) -> Record:
+    """A sensor whose creep leads its input and whose friction lags: no parts of one orientation do both."""
+    rng = np.random.default_rng(seed)
+    t = 0.1 * np.arange(samples)
+    turns = np.cumsum(np.append(0, rng.uniform(2, 8, 40)))
+    heights = np.where(np.arange(41) % 2, rng.uniform(0.4, 1, 41), rng.uniform(0, 0.4, 41))
+    slow, seat, y = 0.0, 0.0, []
+    for u in (inputs := np.interp(t, turns, heights)):
+        slow += 0.1 / 1.5 * (u - slow)
+        seat = min(max(seat, u - 0.1), u + 0.1)
+        y.append(u + 0.5 * slow + 0.6 * (u - seat))
+    return Record.from_arrays(inputs, np.array(y) + NOISE * rng.normal(size=samples), t)
+
+
+@pytest.fixture(scope="module")
+def average() -> FitResult:
+    return fit(creeping_and_rubbing(), test_tail=0.3)
+
+
+def test_an_average_is_taken_where_parts_of_one_sign_miss(average: FitResult):
+    assert average.name.startswith("average with")
+    rising = [one for one in average.candidates if not one.name.startswith("average")]
+    # A part has to take away a twentieth of the squared error.
+    assert average.score < np.sqrt(0.95) * min(one.score for one in rising)
+    other = creeping_and_rubbing(7)
+    missed = [one.predict(other) - other.output for one in (average, rising[0])]
+    ours, theirs = (float(np.sqrt(np.mean(error**2))) for error in missed)
+    assert ours < theirs
+    assert "either sign" in " ".join(average.notes)
+    alone = fit(creeping_and_rubbing(), "Composition", test_tail=0.3)
+    assert not any(one.name.startswith("average") for one in alone.candidates)
+
+
+def test_it_is_one_model_which_is_kept(average: FitResult, tmp_path: Path):
+    train, other = average.train, creeping_and_rubbing(7)
+    # Sums of some hundred products of numbers below ten.
+    simulated = np.asarray(average.model.simulate(train.time, train.input))
+    np.testing.assert_allclose(simulated, average.predict(train), atol=1e-9)
+    save(average, tmp_path / "fit")
+    again = load(tmp_path / "fit")
+    np.testing.assert_allclose(again.predict(other), average.predict(other), atol=1e-12)
+
+
+@pytest.mark.thorough
+def test_its_posterior_is_about_it(average: FitResult):
+    draws = sample(average, seed=1, steps=200)
+    bands = predictive(average, posterior=draws)
+    assert average.test is not None
+    predicted = average.predict(average.test)[average.test.mask]
+    # Draws are about the average: their median is within a few of its standard errors.
+    assert np.abs(bands.middle - predicted).max() < 3 * NOISE
