@@ -1,8 +1,6 @@
 """`hysid.explore`: a record in a notebook, with linked plots and rows chosen by brushing."""
 
 import importlib.util
-import re
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,10 +8,9 @@ from jaxtyping import Bool
 
 from hysteresis import InputError, Record
 
+from ._plots_script import script, styles
 from .figures._plot import axes_of
 from .studio._views import EXCLUDED, GAP, USED, Series, clock_of, of_loops, over_time
-
-STATIC = Path(__file__).parent / "studio" / "static"
 
 
 class Explorer:
@@ -136,7 +133,7 @@ def _widget(in_words: Any) -> Any:
     class RecordWidget(anywidget.AnyWidget):
         """`chosen`: low, high and box, or nothing; `said`: what is chosen, in words."""
 
-        _esm = script()
+        _esm = script("explorer.js")
         _css = styles()
         chosen = traitlets.List().tag(sync=True)
         said = traitlets.Unicode(in_words([])).tag(sync=True)
@@ -146,19 +143,3 @@ def _widget(in_words: Any) -> Any:
             self.said = in_words(change["new"])
 
     return RecordWidget()
-
-
-def styles() -> str:
-    """The rules of uPlot and of the plots."""
-    return "\n".join(
-        (STATIC / name).read_text("utf-8") for name in ("uplot/uPlot.min.css", "plots.css")
-    )
-
-
-def script() -> str:
-    """uPlot, the plots and the explorer as one module without imports."""
-    uplot = (STATIC / "uplot" / "uPlot.iife.min.js").read_text("utf-8")
-    plots = re.sub(r"^export ", "", (STATIC / "plots.js").read_text("utf-8"), flags=re.MULTILINE)
-    explorer = (STATIC / "explorer.js").read_text("utf-8")
-    explorer = re.sub(r"^import .*\n", "", explorer, flags=re.MULTILINE)
-    return f"{uplot}\n{plots}\n{explorer}"

@@ -14,6 +14,7 @@ from hysteresis import InputError, Record
 from .._invert import exported
 from ..figures._base import png
 from ..figures._format import label, plain_name
+from ..figures._live import live
 from ._residual_rows import RoundTrip, Rows, residual_rows, round_trip
 
 TARGET = "report.html"
@@ -21,13 +22,15 @@ TARGET = "report.html"
 
 
 class Picture(NamedTuple):
-    """A figure on the page: base64 PNG, its size, words in its place, and what to look for."""
+    """A figure on the page: base64 PNG, its size, words in its place, what to look for, and its curves, by
+    which it is drawn again where scripts run."""
 
     data: str
     width: int
     height: int
     alt: str
     caption: str
+    curves: dict[str, Any] | None
 
 
 class Small(NamedTuple):
@@ -78,7 +81,7 @@ class Section:
 
     def draw(self, figure: Any, alt: str, caption: str) -> None:
         """Add a figure, the words in its place, and what to look for."""
-        self.pictures.append(Picture(*png(figure), alt=alt, caption=caption))
+        self.pictures.append(Picture(*png(figure), alt, caption, live(figure)))
 
     @property
     def id(self) -> str:

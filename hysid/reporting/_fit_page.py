@@ -13,6 +13,7 @@ from hysteresis._atomic_file import write_whole
 from hysteresis._escape import shell_word, visible
 from hysteresis._limits import damage_told
 
+from .._plots_script import script, script_rule, styles
 from ..catalogue._synthetic import is_synthetic
 from ..figures._format import measured, pretty, quantity
 from ..intake._option import option_words
@@ -33,7 +34,7 @@ from ._section_fit import (
 )
 from ._section_model import compensator, density, posterior
 
-TEMPLATE = "report.html.j2"
+TEMPLATE, LIVE = "report.html.j2", "live.js"
 HEADLINES = {
     "PASS": "The model can be used inside its training range.",
     "CAUTION": "The model can be used with care; read the reasons.",
@@ -265,7 +266,10 @@ def render(file: Path, **words: Any) -> Path:
     page = jinja2.Environment(
         loader=loader, autoescape=True, finalize=_visible, trim_blocks=True, lstrip_blocks=True
     )
-    text = page.get_template(TEMPLATE).render(**words)
+    parts = [part for section in words["sections"] for part in (section, *section.parts)]
+    if any(picture.curves for part in parts for picture in part.pictures):
+        words |= {"script": script(LIVE), "styles": styles()}
+    text = page.get_template(TEMPLATE).render(script_rule=script_rule(LIVE), **words)
     try:
         write_whole(file, text)
     except OSError as error:

@@ -219,5 +219,6 @@ def _beside(case: Case, section: Section) -> None:
     if band.coverage_before < band.coverage:
         said += f" It was widened, because before it held {number(100 * band.coverage_before)} %."
     section.text.append(said)
-    run_in = RunIn.of(found)
-    section.text.append(f"{run_in.sentence(fit.train.time_unit)} That is on the training rows.")
+    if "ok_share" in found:  # no long record is sent through
+        run_in = RunIn.of(found)
+        section.text.append(f"{run_in.sentence(fit.train.time_unit)} That is on the training rows.")

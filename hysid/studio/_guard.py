@@ -10,6 +10,7 @@ from urllib.parse import quote
 
 from starlette.requests import Request
 
+from .._plots_script import script_rule
 from ._requests import RequestError, refusal
 
 PAGE_RULES = (
@@ -18,9 +19,10 @@ PAGE_RULES = (
 )
 """What the page may load: only what this server gives."""
 DOCUMENT_RULES = (
-    "default-src 'none'; style-src 'unsafe-inline'; img-src data:; sandbox allow-popups"
+    f"default-src 'none'; style-src 'unsafe-inline'; img-src data:; script-src {script_rule('live.js')};"
+    " sandbox allow-popups allow-scripts"
 )
-"""What a report may do: show itself."""
+"""What a report may do: show itself, and run our script that draws its plots, apart from the page."""
 RULES = {
     "content-security-policy": PAGE_RULES,
     "x-content-type-options": "nosniff",

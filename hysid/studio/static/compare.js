@@ -35,7 +35,7 @@ export function comparison(main, names, studio) {
     }
     if (!tablesAt.isConnected) return;
     const all = shown().filter((name) => cache[name]).map((name) => cache[name]);
-    const curvesOf = ({ curves: { records } }) => records.flatMap(({ u, y, model, gap }) => [[y, "--under", 4], [model, "--model", 1.4]].map(([values, colour, width]) => ({ x: u, y: values, gap: gap.map(Boolean), colour, width })));
+    const curvesOf = ({ curves: { records } }) => records.flatMap(({ u, y, model, gap }) => [["measured", y, "--under", 4], ["model", model, "--model", 1.4]].map(([name, values, colour, width]) => ({ name, x: u, y: values, gap: gap.map(Boolean), colour, width })));
     // One scale for those that have the same axes: what is larger looks larger.
     const axesOf = ({ curves: { axes } }) => `${axes.u} ${axes.y}`;
     fill(loopsAt, all.map(({ name, summary }) => h("figure", {}, h("figcaption", {}, h("strong", {}, name), " ", word(summary.level), summary.stale && " of other choices"), h("div", { role: "img", "aria-label": `Loops of ${name} and of its model` }))));

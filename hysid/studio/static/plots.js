@@ -1,15 +1,15 @@
-// Linked plots over time and of loops, by uPlot: the page and notebooks draw with the same functions.
+// Linked plots over time and of curves, by uPlot: the page, notebooks and reports draw with the same functions.
 
 const USED = 0, EXCLUDED = 1, HELD_OUT = 2, GAP = 8;
 
 const css = (element, name) => getComputedStyle(element).getPropertyValue(name).trim();
 
-/** The colour that a custom property has now, as canvas understands it. */
+/** A colour, or the one that a custom property has now, as canvas understands it. */
 function colour(element, name) {
   const probe = colour.probe ??= document.createElement("span");
   probe.style.display = "none";
   if (probe.parentNode !== element) element.append(probe);
-  probe.style.color = css(element, name);
+  probe.style.color = name.startsWith("--") ? css(element, name) : name;
   return getComputedStyle(probe).color;
 }
 
@@ -22,8 +22,9 @@ function axis(element, label, more = {}) {
   };
 }
 
-const padded = (low, high) => {
-  if (!(low <= high)) return [0, 1];
+const padded = (low, high, logarithmic = false) => {
+  if (!(low <= high)) return logarithmic ? [1, 10] : [0, 1];
+  if (logarithmic) return padded(Math.log10(low), Math.log10(high)).map((x) => 10 ** x);
   const room = 0.04 * (high - low) || Math.abs(low) * 0.1 || 1;
   return [low - room, high + room];
 };
@@ -204,7 +205,7 @@ export class TimePlot extends Base {
   }
 }
 
-function joinedBy(e, name, width, dots) {
+function joinedBy(e, { colour: name, width = 1.5, dots, dash = [], filled }) {
   return (u, index) => {
     uPlot.orient(u, index, (series, xs, ys, scaleX, scaleY, posX, posY, left, top, wide, high) => {
       const [dx, dy, gap] = u.data[index], ctx = u.ctx;
@@ -215,6 +216,7 @@ function joinedBy(e, name, width, dots) {
       ctx.strokeStyle = ctx.fillStyle = colour(e, name);
       ctx.lineWidth = width * devicePixelRatio;
       ctx.lineJoin = ctx.lineCap = "round";
+      ctx.setLineDash(dash.map((one) => one * devicePixelRatio));
       const size = Math.max(1.4, width) * devicePixelRatio;
       let open = false;
       ctx.beginPath();
@@ -226,53 +228,112 @@ function joinedBy(e, name, width, dots) {
         else ctx.moveTo(px, py);
         open = true;
       }
-      if (!dots) ctx.stroke();
+      if (filled) ctx.fill();
+      else if (!dots) ctx.stroke();
       ctx.restore();
     });
     return null;
   };
 }
 
-/** Curves of one quantity over another: `[{x, y, gap, colour, width, dots}]`; a box that is drawn goes to `brushed`. */
+const told = (x) => Number(x.toPrecision(5)).toString();
+
+/**
+ * Curves of one quantity over another: `[{name, x, y, gap, colour, width, dots, dash, filled}]`. A box that is drawn goes
+ * to `brushed`, or the plot shows it alone until it is clicked twice. `key`, a list, gets a button for each curve with a
+ * name, which hides it and shows it again.
+ */
 export class LoopPlot extends Base {
-  constructor(element, { brushed = null, height = 280 } = {}) {
+  constructor(element, { brushed = null, key = null, height = 280 } = {}) {
     super(element, height);
-    this.brushed = brushed;
-    this.box = null;
+    Object.assign(this, { brushed, key, box: null, hidden: new Set() });
     this.dot = document.createElement("div");
     this.dot.className = "dot";
+    this.tip = document.createElement("div");
+    this.tip.className = "tip";
   }
 
-  /** `within`: the curves that the axes are to hold, where they are more than those shown. */
-  show(curves, x, y, within = curves) {
-    const e = this.element;
-    const shown = curves.filter((curve) => curve.x.length);
+  /** `within`: the curves that the axes are to hold, where they are more; `logarithmic` names such axes: "x", "xy". */
+  show(curves, x, y, within = curves, logarithmic = "") {
+    const e = this.element, [logX, logY] = ["x", "y"].map((name) => logarithmic.includes(name));
+    const shown = this.shown = curves.filter((curve) => curve.x.length && !this.hidden.has(curve.name));
     const ends = within.filter((curve) => curve.x.length).map((curve) => [...extent(curve.x), ...extent(curve.y)]);
     const over = (k, best) => ends.reduce((found, one) => best(found, one[k]), best === Math.min ? Infinity : -Infinity);
-    this.across = padded(over(0, Math.min), over(1, Math.max));
-    this.along = padded(over(2, Math.min), over(3, Math.max));
+    this.across = padded(over(0, Math.min), over(1, Math.max), logX);
+    this.along = padded(over(2, Math.min), over(3, Math.max), logY);
     const data = [null, ...shown.map((curve) => [curve.x, curve.y, curve.gap])];
     this.make({
       mode: 2,
       scales: {
-        x: { time: false, auto: false, range: () => (this.box ? this.box.slice(0, 2) : this.across) },
-        y: { auto: false, range: () => (this.box ? this.box.slice(2) : this.along) },
+        x: { time: false, auto: false, distr: logX ? 3 : 1, range: () => (this.box ? this.box.slice(0, 2) : this.across) },
+        y: { auto: false, distr: logY ? 3 : 1, range: () => (this.box ? this.box.slice(2) : this.along) },
       },
       axes: [axis(e, x, { size: 34 }), axis(e, y)],
       series: [null, ...shown.map((curve) => ({
         facets: [{ scale: "x", auto: true }, { scale: "y", auto: true }],
-        paths: joinedBy(e, curve.colour, curve.width ?? 1.5, curve.dots), points: { show: false }, stroke: "transparent",
+        paths: joinedBy(e, curve), points: { show: false }, stroke: "transparent",
       }))],
-      cursor: { drag: { x: Boolean(this.brushed), y: Boolean(this.brushed), uni: Infinity, setScale: false }, points: { show: false }, dataIdx: () => null },
+      cursor: { drag: { x: true, y: true, uni: 20, setScale: false }, points: { show: false }, dataIdx: () => null },
       hooks: {
         setSelect: [(u) => {
           const { left, top, width, height } = u.select;
           if (width < 3 || height < 3) return;
-          this.brushed?.([u.posToVal(left, "x"), u.posToVal(left + width, "x"), u.posToVal(top + height, "y"), u.posToVal(top, "y")]);
+          const box = [u.posToVal(left, "x"), u.posToVal(left + width, "x"), u.posToVal(top + height, "y"), u.posToVal(top, "y")];
+          if (this.brushed) this.brushed(box);
+          else this.zoom(box);
         }],
+        setCursor: [(u) => this.hover(u.cursor)],
+        ready: [(u) => u.over.addEventListener("dblclick", () => this.brushed || this.zoom(null))],
       },
     }, data);
-    this.u.over.append(this.dot);
+    this.u.over.append(this.dot, this.tip);
+    this.key?.replaceChildren(...curves.filter((curve) => curve.name).map((curve) => this.button(curve, () => this.show(curves, x, y, within, logarithmic))));
+  }
+
+  button({ name, colour: tone }, again) {
+    const item = document.createElement("li"), button = document.createElement("button");
+    item.style.setProperty("--tone", tone.startsWith("--") ? `var(${tone})` : tone);
+    Object.assign(button, { type: "button", textContent: name, ariaPressed: String(!this.hidden.has(name)) });
+    button.addEventListener("click", () => {
+      if (!this.hidden.delete(name)) this.hidden.add(name);
+      again();
+      [...this.key.querySelectorAll("button")].find((one) => one.textContent === name).focus();
+    });
+    item.append(button);
+    return item;
+  }
+
+  zoom(box) {
+    this.box = box;
+    this.clear();
+    const [left, right, bottom, top] = box ?? [...this.across, ...this.along];
+    this.u.batch(() => {
+      this.u.setScale("x", { min: left, max: right });
+      this.u.setScale("y", { min: bottom, max: top });
+    });
+  }
+
+  /** Tell the point of a curve that is nearest to the mouse, within 30 pixels. */
+  hover({ left, top }) {
+    let best = 30 ** 2, found = null;
+    const { u } = this, pixels = ["x", "y"].map((name) => {
+      const { min, max, distr } = u.scales[name], to = distr === 3 ? Math.log10 : (value) => value, low = to(min);
+      const long = name === "x" ? u.over.clientWidth : u.over.clientHeight, scale = long / (to(max) - low);
+      return name === "x" ? (value) => (to(value) - low) * scale : (value) => long - (to(value) - low) * scale;
+    });
+    for (const { name, x, y, filled } of left >= 0 && top >= 0 ? this.shown : []) {
+      for (let k = 0; k < x.length && !filled; k += 1) {
+        const far = (pixels[0](x[k]) - left) ** 2 + (pixels[1](y[k]) - top) ** 2;
+        if (far < best && x[k] !== null && y[k] !== null) [best, found] = [far, { name, u: x[k], y: y[k] }];
+      }
+    }
+    this.point(found);
+    this.tip.style.display = found ? "block" : "none";
+    if (!found) return;
+    this.tip.textContent = `${found.name ? `${found.name}: ` : ""}${told(found.u)}, ${told(found.y)}`;
+    this.tip.style.transform = `translate(${left > u.over.clientWidth / 2 ? "calc(-100% - 12px)" : "12px"}, -130%)`;
+    this.tip.style.left = `${pixels[0](found.u)}px`;
+    this.tip.style.top = `${Math.max(pixels[1](found.y), 24)}px`;
   }
 
   point(at) {

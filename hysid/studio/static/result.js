@@ -73,7 +73,8 @@ export class ResultPanel {
       h("h2", { id: "verdict-title" }, word(found.level), found.headline),
       found.values.length > 0 && h("label", { class: "field" }, `${found.values.length} fits, one for each value: `,
         h("select", { id: "each-value", onchange: (event) => this.pick(event.target.value) }, found.values.map((value) => h("option", { value, selected: value === found.value }, value)))),
-      h("figure", {}, h("figcaption", {}, "Loops: the thin line of the model should lie inside the broad measured one."), this.loopAt, this.key = h("ul", { class: "key" }), this.slidersAt = h("div")),
+      h("figure", {}, h("figcaption", {}, "Loops: the thin line of the model should lie inside the broad measured one."), this.loopAt, this.key = h("ul", { class: "key" }),
+        h("p", { class: "soft" }, "Drag over a plot to zoom in, click twice to see it whole; a name hides its curve."), this.slidersAt = h("div")),
       h("div", { class: "reasons" }, h("ul", {}, found.reasons.map((reason) => h("li", {}, sentence(reason)))),
         h("dl", { class: "facts" }, fact(`${words} error, rms`, quantity(judged.rmse, unit)),
           fact("of the range", quantity(judged.nrmse_percent, "%")), fact("largest", quantity(judged.max_abs, unit)), fact("purpose", found.purpose), fact("model", found.model)),
@@ -123,13 +124,13 @@ export class ResultPanel {
 
   draw(found) {
     const { axes, records, shapes, sliders } = this.curves, [train, test] = records;
-    this.loopPlot = new LoopPlot(this.loopAt, { height: 340 });
+    this.loopPlot = new LoopPlot(this.loopAt, { height: 340, key: this.key });
     this.loopAt.setAttribute("role", "img");
     this.loopAt.setAttribute("aria-label", `Measured loops and the model: ${axes.y} against ${axes.u}.`);
     fill(this.slidersAt, shapes.length + sliders.length > 0 && h("details", { class: "same" }, h("summary", {}, "What if … ?"), this.sliders([...shapes.map((one) => ({ ...one, shape: true })), ...sliders])));
     this.drawLoops();
     const y = `residual (${axes.y_unit})`;
-    const dots = (record, x, name) => ({ x: record[x], y: record.residual, colour: name, width: 2.6, dots: true });
+    const dots = (record, x, tone) => ({ name: record.word, x: record[x], y: record.residual, colour: tone, width: 2.6, dots: true });
     for (const [at, x, label] of [[this.residualAt, "x", axes.x], [this.residualInput, "u", axes.u]]) {
       at.setAttribute("role", "img");
       at.setAttribute("aria-label", `Residuals over ${label}; rms ${records.map((one) => `${number(one.rms)} ${axes.y_unit} (${one.word})`).join(", ")}.`);
@@ -139,18 +140,15 @@ export class ResultPanel {
 
   drawLoops(moved = null) {
     const { axes, records: [train, test] } = this.curves, judged = test ?? train;
-    const curves = [];
-    if (this.curves.excluded) curves.push(gapped(this.curves.excluded, this.curves.excluded.y, { colour: "--excluded", width: 2 }));
-    curves.push(gapped(train, train.y, { colour: "--under", width: 5 }));
-    if (test) curves.push(gapped(test, test.y, { colour: "--held-under", width: 5 }));
-    curves.push(gapped(judged, judged.model, { colour: "--model", width: 1.4 }));
     const others = [...this.overlaid].map((loop, place) => ({ ...loop, colour: OTHERS[place % OTHERS.length] }));
-    for (const one of others) curves.push(gapped(one, one.model, { colour: one.colour, width: 1.6 }));
-    const named = (colour, text) => h("li", { class: `k-${colour}` }, text);
-    fill(this.key, named("under", "measured"), test && named("held-under", "measured, held out"), named("model", this.look.result.model),
-      this.curves.excluded && named("excluded", "excluded from the fit"), moved && named("moved", "with the sliders"),
-      others.map((one) => named(one.colour.slice(2), `${one.word}, on the training rows`)));
-    if (moved) curves.push(gapped(moved, moved.model, { colour: "--moved", width: 1.6 }));
+    const curves = [
+      this.curves.excluded && gapped(this.curves.excluded, this.curves.excluded.y, { name: "excluded from the fit", colour: "--excluded", width: 2 }),
+      gapped(train, train.y, { name: "measured", colour: "--under", width: 5 }),
+      test && gapped(test, test.y, { name: "measured, held out", colour: "--held-under", width: 5 }),
+      gapped(judged, judged.model, { name: this.look.result.model, colour: "--model", width: 1.4 }),
+      ...others.map((one) => gapped(one, one.model, { name: `${one.word}, on the training rows`, colour: one.colour, width: 1.6 })),
+      moved && gapped(moved, moved.model, { name: "with the sliders", colour: "--moved", width: 1.6 }),
+    ].filter(Boolean);
     this.loopPlot.show(curves, axes.u, axes.y);
   }
 
@@ -260,10 +258,9 @@ export class ResultPanel {
   estimated(file) {
     const place = h("div");
     getJson("api/written", { name: this.name, value: this.folder, file }).then((found) => {
-      const at = h("div", { role: "img", "aria-label": `${found.name} and measured ${found.measured_name ?? "values"} over the lines of the file` });
-      fill(place, h("figure", {}, h("figcaption", {}, `${found.name}, over the lines of ${file}. ${found.flagged_rows} of ${found.rows} rows flagged.`), at,
-        h("ul", { class: "key" }, found.measured && h("li", { class: "k-under" }, "measured"), h("li", { class: "k-model" }, "estimated"))));
-      new LoopPlot(at, { height: 260 }).show([...(found.measured ? [{ x: found.line, y: found.measured, colour: "--under", width: 5 }] : []), { x: found.line, y: found.estimated, colour: "--model", width: 1.4 }], "line", found.measured_name ?? found.name);
+      const key = h("ul", { class: "key" }), at = h("div", { role: "img", "aria-label": `${found.name} and measured ${found.measured_name ?? "values"} over the lines of the file` });
+      fill(place, h("figure", {}, h("figcaption", {}, `${found.name}, over the lines of ${file}. ${found.flagged_rows} of ${found.rows} rows flagged.`), at, key));
+      new LoopPlot(at, { height: 260, key }).show([...(found.measured ? [{ name: "measured", x: found.line, y: found.measured, colour: "--under", width: 5 }] : []), { name: "estimated", x: found.line, y: found.estimated, colour: "--model", width: 1.4 }], "line", found.measured_name ?? found.name);
     }).catch((error) => fill(place, faultOf(error)));
     return place;
   }

@@ -19,15 +19,16 @@ class Tags(HTMLParser):
     def __init__(self, page: str):
         super().__init__()
         self.tags: list[tuple[str, ...]] = []
-        self.text = ""
+        self.text, self.script = "", False
         self.feed(page)
         self.close()
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         self.tags.append((tag, *(name for name, _ in attrs)))
+        self.script = tag == "script"
 
     def handle_data(self, data: str) -> None:
-        self.text += data
+        self.text += "" if self.script else data
 
 
 def fitted(input: str, output: str) -> identify.FitResult:

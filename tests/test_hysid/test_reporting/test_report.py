@@ -3,6 +3,7 @@
 import json
 import re
 import shutil
+from collections import Counter
 from html.parser import HTMLParser
 from itertools import pairwise
 from pathlib import Path
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 
 from compensate import invert
+from hysid._plots_script import script, script_rule
 from hysid.figures._format import number, plain_name
 from hysid.reporting._fit_page import PARTS_IN_WORDS, write_report
 from hysid.reporting._residual_rows import round_trip
@@ -53,12 +55,18 @@ class Page(HTMLParser):
         assert self.open.pop() == tag
 
     def handle_data(self, data):
-        if self.open and self.open[-1] != "style":
+        if self.open and self.open[-1] not in ("style", "script"):
             self.said.append(data)
 
     @property
     def text(self) -> str:
         return " ".join(" ".join(self.said).split())
+
+    @property
+    def live(self) -> list[dict]:
+        """What is drawn again where scripts run."""
+        found = re.findall(r'<script type="application/json">(.*?)</script>', self.html)
+        return [json.loads(one) for one in found]
 
     def all(self, tag: str) -> list[dict]:
         return [attributes for name, attributes in self.tags if name == tag]
@@ -106,10 +114,18 @@ def test_a_report_stands_alone(preisach: Path, page: Page):
     for said in ("stiffness", "loop width", "energy lost", "the input is never held"):
         assert said in page.text.split("Loops")[0]
     assert "<summary>Show its parts</summary>" in page.html
-    assert not page.all("script")
+    # One script, which the rules of the page name, and the numbers that it draws.
+    rules = next(meta["content"] for meta in page.all("meta") if "http-equiv" in meta)
+    assert f"img-src data:; script-src {script_rule('live.js')};" in rules
+    kinds = Counter(attributes["type"] for attributes in page.all("script"))
+    assert kinds == {"module": 1, "application/json": len(page.live)}
+    assert len(page.live) >= 5
+    for picture in page.live:
+        assert {"x", "y", "curves", "limits", "logarithmic"} == set(picture)
     assert not page.all("link")
-    assert "http" not in page.html
-    assert "url(" not in page.html
+    own = page.html.replace(script("live.js"), "")
+    assert "://" not in own
+    assert "url(" not in own
     assert all(a["href"].startswith("#") for a in page.all("a"))
     assert all(a["src"].startswith("data:image/png;base64,") for a in page.all("img"))
     assert all(a["alt"].strip() for a in page.all("img"))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import hysid
-from hysid._explore import script, styles
+from hysid._plots_script import script, styles
 from hysteresis.rigs import SpongeRig
 
 pytest.importorskip("anywidget", reason="anywidget is not installed")
@@ -69,7 +69,7 @@ def test_the_script_draws_and_sends_what_is_chosen(browser):
     page = browser.new_page()
     page.on("pageerror", lambda error: faults.append(str(error)))
     page.set_content("<!DOCTYPE html><html><body></body></html>")
-    code = script().replace("export default {", "window.explorer = {")
+    code = script("explorer.js").replace("export default {", "window.explorer = {")
     page.add_script_tag(content=code, type="module")
     page.add_style_tag(content=styles())
     page.wait_for_function("window.explorer")

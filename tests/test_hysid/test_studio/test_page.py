@@ -8,14 +8,21 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+import hysid
 from tests.test_hysid.command import run
+from tests.test_hysid.test_reporting.test_hostile_names import fitted
 from tests.test_hysid.test_studio.served import serving
 
 axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe is not installed")
 
 SPONGE = Path(__file__).parents[3] / "datasets" / "sponge-50mm-cycles.csv"
+SPANS = """() => {
+  const { x, y } = document.querySelector(".plot").plot.u.scales;
+  return [x.max - x.min, y.max - y.min];
+}"""
 PATIENCE = 60_000
 """Milliseconds: a busy machine starts a fit slowly."""
 DROP = """([name, text]) => {
@@ -129,6 +136,53 @@ def test_rows_are_chosen_by_mouse_and_by_keyboard(browser, tmp_path):
         page.get_by_role("button", name="Exchange input and output").click()
         page.get_by_text("displacement (mm) → force (N)").wait_for()
         page.context.close()
+    assert faults == []
+
+
+def test_a_report_is_alive_where_scripts_run_and_a_picture_elsewhere(browser, tmp_path):
+    faults: list[str] = []
+    evil = "</script><img src=x onerror='window.hacked=1'>"
+    hysid.report(fitted(evil, f"x {evil}"), tmp_path / "report.html")
+    (tmp_path / "other.html").write_text("<script>window.hacked = 1</script>")
+    with serving([tmp_path]) as ready:
+        address = ready.address.split("?")[0]
+        for where in (
+            (tmp_path / "report.html").as_uri(),
+            address + ready.sessions.link("report.html"),
+        ):
+            page = browser.new_page()
+            page.on("pageerror", lambda error: faults.append(str(error)))
+            page.goto(where)
+            assert serious(page) == []
+            plot = page.locator(".live .u-over").first
+            plot.scroll_into_view_if_needed()
+            box = plot.bounding_box()
+            assert not page.locator(".live img").first.is_visible()
+            x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+            page.mouse.move(x, y)
+            assert re.fullmatch(
+                r".+: -?[\d.e-]+, -?[\d.e-]+", page.locator(".tip").first.inner_text()
+            )
+            wide = page.evaluate(SPANS)
+            page.mouse.down()
+            page.mouse.move(x + box["width"] / 4, y + box["height"] / 4)
+            page.mouse.up()
+            np.testing.assert_allclose(page.evaluate(SPANS), np.divide(wide, 4), rtol=0.03)
+            page.mouse.dblclick(x, y)
+            np.testing.assert_allclose(page.evaluate(SPANS), wide)
+            page.locator(".key button").first.press("Enter")
+            assert page.locator(".key button").first.get_attribute("aria-pressed") == "false"
+            page.emulate_media(media="print")
+            assert page.locator(".live img").first.is_visible()
+            assert not plot.is_visible()
+            assert page.evaluate("window.hacked") is None
+            page.goto(address + ready.sessions.link("other.html"))
+            assert page.evaluate("window.hacked") is None
+            page.close()
+    still = browser.new_context(java_script_enabled=False).new_page()
+    still.goto((tmp_path / "report.html").as_uri())
+    assert still.locator("figure img").first.is_visible()
+    still.context.close()
     assert faults == []
 
 
