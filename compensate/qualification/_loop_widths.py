@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from hysteresis import Record
+from hysteresis.records._cycles import counted_cycles
 
 LEVELS = 32
 """Equal parts of what both branches of a cycle pass, in each of which their gap is taken."""
@@ -47,10 +48,9 @@ def loop_widths(record: Record, estimate: Float[np.ndarray, " samples"]) -> Loop
     """
     u, y, error = record.input, record.output, record.input - estimate
     before, after = [], []
-    for _, rows in record.sequences():
-        number, used = record.cycle[rows], record.mask[rows]
-        for cycle in range(1, number.max(initial=0) + 1):
-            inside = rows.start + np.flatnonzero((number == cycle) & used)
+    for cycles in counted_cycles(record, record.mask, share=0.0):
+        for _, rows in cycles:
+            inside = rows.start + np.flatnonzero(record.mask[rows])
             legs = [inside[record.branch[inside] == sign] for sign in (1, -1)]
             if min(map(len, legs)) < 3:
                 continue

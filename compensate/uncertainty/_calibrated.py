@@ -14,6 +14,7 @@ from scipy.special import stdtrit
 from hysteresis import InputError, Record, register
 from hysteresis._once import once
 from hysteresis.numerics._normal import NORMAL_95
+from hysteresis.records._cycles import counted_cycles
 from hysteresis.running import Numbers, each, numbers_of
 from hysteresis.trees import Tree
 
@@ -215,7 +216,11 @@ def calibrated(
     if len(left_out):
         counted &= group >= 0
     if cycles is not None:
-        counted &= np.concatenate([_last(record, rows, cycles) for _, rows in record.sequences()])
+        last = np.zeros(len(record), bool)
+        for whole in counted_cycles(record, record.mask):
+            for one in whole[::-1][:cycles]:
+                last[one.rows] = True
+        counted &= last
     if not counted.any():
         raise InputError("no-rows", "no row is left to learn the error from.")
     r, spread = (value - record.input)[counted], spread[counted]
@@ -337,10 +342,7 @@ def _cycles(record: Record, counted: np.ndarray) -> np.ndarray:
     firsts = record.starts
     if len(record.labels) == 1:
         # A cycle of which less than half is counted goes with the one before.
-        whole = [
-            k for k in range(1, record.n_cycles + 1) if counted[record.cycle == k].mean() >= 0.5
-        ]
-        firsts = np.array([np.flatnonzero(record.cycle == k)[0] for k in whole[1:]], int)
+        firsts = [one.rows.start for one in counted_cycles(record, counted)[0][1:]]
     return np.searchsorted(firsts, np.arange(len(record)), side="right")
 
 
@@ -430,10 +432,3 @@ def _parts(found: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Value, status and spread of every row."""
     value, status = np.asarray(found.value), np.asarray(found.status)
     return value, status, np.asarray(getattr(found, "deviation", np.zeros_like(value)))
-
-
-def _last(record: Record, rows: slice, cycles: int) -> np.ndarray:
-    """The rows of the last cycles of which at least half is counted."""
-    number = record.cycle[rows]
-    share = np.bincount(number, record.mask[rows]) / np.maximum(np.bincount(number), 1)
-    return np.isin(number, 1 + np.flatnonzero(share[1:] >= 0.5)[::-1][:cycles])

@@ -1,15 +1,17 @@
 """How the output changes from cycle to cycle at the same inputs: drift, and a zero that moves."""
 
 from collections.abc import Iterator
+from itertools import compress
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from .._format import quantity
 from .._note import Note, warning
 from ._abstract_record import AbstractRecord
 from ._arrays import in_rows
+from ._cycles import Cycle, counted_cycles
 from ._zero import zero_drift
 
 ENOUGH = 10_000
@@ -73,11 +75,9 @@ def change(record: AbstractRecord) -> Change | None:
     differences from the median cycle tells the rate, their median how far the zero has moved: a curve that
     changes its shape leaves the median where it is.
     """
-    found = [
-        _levels(record, rows, firsts)
-        for (_, rows), firsts in zip(record.sequences(), record.first_of_cycles, strict=True)
-    ]
-    found = [one for one in found if one is not None]
+    counted = record.mask & np.isfinite(record.output)
+    each = (_levels(record, counted, cycles) for cycles in counted_cycles(record, counted))
+    found = [one for one in each if one is not None]
     if not found:
         return None
     levels = max(found, key=lambda one: len(one.numbers))
@@ -124,43 +124,38 @@ class _Levels(NamedTuple):
 
 
 def _levels(
-    record: AbstractRecord, rows: slice, firsts: Int[np.ndarray, " bounds"]
+    record: AbstractRecord, counted: Bool[np.ndarray, " samples"], cycles: list[Cycle]
 ) -> _Levels | None:
-    u, y, rising = (x[rows] for x in (record.input, record.output, record.branch))
-    counted = record.mask[rows] & np.isfinite(y)
-    of_each = np.add.reduceat(counted[: firsts[-1]], firsts[:-1], dtype=np.int32)
-    numbers = np.flatnonzero(of_each > 0.5 * np.diff(firsts)) + 1
-    if len(numbers) < FEWEST:
+    u, y = record.input, record.output
+    if len(cycles) < FEWEST:
         return None
-    if len(numbers) > ENOUGH:
-        numbers = numbers[np.linspace(0, len(numbers) - 1, ENOUGH).astype(int)]
+    if len(cycles) > ENOUGH:
+        cycles = [cycles[k] for k in np.linspace(0, len(cycles) - 1, ENOUGH).astype(int)]
 
-    def inside() -> Iterator[Int[np.ndarray, " rows"]]:
-        for number in numbers:
-            first, stop = firsts[number - 1 : number + 1]
-            yield first + np.flatnonzero(counted[first:stop])
+    def inside(some: list[Cycle]) -> Iterator[Int[np.ndarray, " rows"]]:
+        return (one.rows.start + np.flatnonzero(counted[one.rows]) for one in some)
 
-    ends = np.array([(u[own].min(), u[own].max()) for own in inside()])
+    ends = np.array([(u[own].min(), u[own].max()) for own in inside(cycles)])
     middle = np.median(ends, axis=0)
     alike = (np.abs(ends - middle) <= ALIKE * (middle[1] - middle[0])).all(1)
     if alike.sum() < FEWEST:
         return None
-    numbers = numbers[alike]
+    cycles = list(compress(cycles, alike))
     low, high = ends[alike, 0].max(), ends[alike, 1].min()
     level = low + (high - low) * (np.arange(LEVELS) + 0.5) / LEVELS
-    read = np.full((len(numbers), 2, LEVELS), np.nan)
-    for out, own in zip(read, inside(), strict=True):
+    read = np.full((len(cycles), 2, LEVELS), np.nan)
+    for out, own in zip(read, inside(cycles), strict=True):
         for side, sign in zip(out, (1, -1), strict=True):
-            leg = own[rising[own] == sign]
+            leg = own[record.branch[own] == sign]
             if len(leg) > 1:
                 leg = leg[np.argsort(u[leg], kind="stable")]
                 side[:] = np.interp(level, u[leg], y[leg])
-    both = read.reshape(len(numbers), -1)
+    both = read.reshape(len(cycles), -1)
     both = both[:, np.isfinite(both).all(0)]
     if not both.size:
         return None
     duration = np.nan
     if record.time is not None:
-        t = record.time[rows]
-        duration = float(np.median([np.ptp(t[own]) for own in inside()]))
+        duration = float(np.median([np.ptp(record.time[own]) for own in inside(cycles)]))
+    numbers = np.array([one.number for one in cycles])
     return _Levels(numbers, both - np.median(both, axis=0), duration)

@@ -1,7 +1,7 @@
 """Where an input sequence turns: turning points, branches and cycles that noise cannot make."""
 
 from collections.abc import Iterable, Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -125,16 +125,45 @@ def first_of_cycles(u: np.ndarray, dead_band: float | None = None) -> np.ndarray
     """
     band = default_dead_band(u) if dead_band is None else dead_band
     points = turning_points(u, band)
-    ends = points[2::2]
-    if len(ends) and ends[-1] == len(u) - 1 and not comes_back(u[points[-3:]], band):
-        ends = ends[:-1]
-    return np.append(0, ends + 1)
+    return np.append(0, groups_of_legs(points, u[points], band)[:, 2] + 1)
 
 
-def comes_back(v: np.ndarray, dead_band: float) -> bool:
-    """Whether the last of these turning inputs, three or more, comes back by half of the leg before it."""
-    a, b, c = v[-3:]
-    return bool(abs(c - b) > max(dead_band, 0.5 * abs(b - a)))
+class Cycle(NamedTuple):
+    """A complete cycle of a sequence: its number, from 1 on, and its rows in the record."""
+
+    number: int
+    rows: slice
+
+
+def counted_cycles(record: Any, counted: np.ndarray, share: float = 0.5) -> list[list[Cycle]]:
+    """Of each sequence of a record the complete cycles of which at least such a part of the rows counts."""
+    found = []
+    for (_, where), firsts in zip(record.sequences(), record.first_of_cycles, strict=True):
+        own = np.add.reduceat(counted[where][: firsts[-1]], firsts[:-1], dtype=np.int32)
+        numbers = np.flatnonzero(own >= share * np.diff(firsts)).tolist()
+        rows = (where.start + firsts).tolist()
+        found.append([Cycle(k + 1, slice(rows[k], rows[k + 1])) for k in numbers])
+    return found
+
+
+def groups_of_legs(
+    points: np.ndarray, v: np.ndarray, dead_band: float | None, begin: int = 0, legs: int = 2
+) -> np.ndarray:
+    """First row, row farthest away and last row of each group of so many legs, (k, 3).
+
+    Groups follow each other from a turning point on; `v` are the inputs of the points. The last group of a
+    sequence counts where its last leg comes back by half of the one before it, and by more than the band;
+    without a band it counts.
+    """
+    count = max(len(points) - 1 - begin, 0) // legs
+    if count and begin + count * legs == len(points) - 1 and dead_band is not None:
+        a, b, c = v[-3:]
+        count -= not abs(c - b) > max(dead_band, 0.5 * abs(b - a))
+    at = begin + legs * np.arange(count)
+    inside = at[:, None] + np.arange(1, legs)
+    away = np.abs(v[inside] - v[at][:, None])
+    turn = inside[np.arange(count), away.argmax(1)] if count else at
+    return points[np.column_stack([at, turn, at + legs])]
 
 
 ENOUGH = 10_000
@@ -203,12 +232,12 @@ def _least(*slopes: float) -> float:
 def _gaps(u: np.ndarray, y: np.ndarray, used: np.ndarray) -> Iterator[LoopSums]:
     """The sums of each loop."""
     points = turning_points(u, default_dead_band(u))
-    begins = 2 * np.arange(max(len(points) - 1, 0) // 2)
-    if len(begins) > ENOUGH:  # spread by the golden section, which no program of loops repeats
-        at = np.arange(ENOUGH) * 0.6180339887498949 % 1 * len(begins)
-        begins = begins[np.unique(at.astype(int))]
+    cut = groups_of_legs(points, u[points], None)
+    if len(cut) > ENOUGH:  # spread by the golden section, which no program of loops repeats
+        at = np.arange(ENOUGH) * 0.6180339887498949 % 1 * len(cut)
+        cut = cut[np.unique(at.astype(int))]
     loops = []
-    for a, b, c in points[begins[:, None] + np.arange(3)].tolist():
+    for a, b, c in cut.tolist():
         legs = [np.arange(a, b + 1), np.arange(b, c + 1)]
         legs = [rows[np.argsort(u[rows], kind="stable")] for rows in legs]
         legs = [rows[used[rows]] for rows in legs]

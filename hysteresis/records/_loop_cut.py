@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ._abstract_record import AbstractRecord
-from ._cycles import comes_back, default_dead_band, noise_level, turning_points
+from ._cycles import default_dead_band, groups_of_legs, noise_level, turning_points
 
 CLOSED = 0.05
 """Of its range of inputs: a loop whose ends are so close is closed by a straight line. The tip that this
@@ -118,10 +118,10 @@ def _legs(u: np.ndarray) -> np.ndarray:
     band = default_dead_band(u)
     points = turning_points(u, band)
     v = u[points]
-    best, most = _groups(points, v, 0, 2, band), -1.0
+    best, most = groups_of_legs(points, v, band), -1.0
     for legs in range(2, MOST_TURNS + 1, 2):
         for begin in range(legs):
-            cut = _groups(points, v, begin, legs, band)
+            cut = groups_of_legs(points, v, band, begin, legs)
             if not len(cut) or (legs > 2 and len(cut) < 2):
                 continue
             gap, size = np.abs(np.diff(u[cut[:, ::2]]))[:, 0], np.ptp(u[cut], axis=1)
@@ -137,18 +137,6 @@ def _legs(u: np.ndarray) -> np.ndarray:
         if most > 0.5 * max(len(points) - 1, 1):
             break
     return best
-
-
-def _groups(points: np.ndarray, v: np.ndarray, begin: int, legs: int, band: float) -> np.ndarray:
-    """Loops of so many legs from a turning point on, (k, 3), complete as `first_of_cycles` says."""
-    count = max(len(points) - 1 - begin, 0) // legs
-    if count and begin + count * legs == len(points) - 1:
-        count -= not comes_back(v, band)
-    at = begin + legs * np.arange(count)
-    inside = at[:, None] + np.arange(1, legs)
-    away = np.abs(v[inside] - v[at][:, None])
-    turn = inside[np.arange(count), away.argmax(1)] if count else at
-    return points[np.column_stack([at, turn, at + legs])]
 
 
 def _closed(u: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -7,6 +7,7 @@ import numpy as np
 from hysteresis import Note, Record
 from hysteresis._format import quantity
 from hysteresis.records._change import change
+from hysteresis.records._cycles import counted_cycles
 
 from ..results._detail import DiscreteSpectrum
 from ..results._fit_result import FitResult
@@ -47,7 +48,7 @@ def over_cycles(fit: FitResult, found: Reasons) -> None:
     if fit.test is None:
         return
     error = fit.test.weights * (fit.predict(fit.test) - fit.test.output)
-    each = [_loops(fit.test, rows, fit.test.mask, error) for _, rows in fit.test.sequences()]
+    each = _loops(fit.test, fit.test.mask, error)
     _grows(fit, each, found)
     _sizes(fit, [one for loops in each for one in loops], found)
 
@@ -114,9 +115,7 @@ def _sizes(fit: FitResult, held: list[_Loop], found: Reasons) -> None:
     """Held-out loops of a size that no trained loop has."""
     train = fit.train
     trained = [
-        loop.span
-        for _, rows in train.sequences()
-        for loop in _loops(train, rows, fit.used, np.zeros(len(train)))
+        loop.span for loops in _loops(train, fit.used, np.zeros(len(train))) for loop in loops
     ]
     others = [x for x in held if all(abs(x.span - span) > KIND * span for span in trained)]
     if not others or not trained:
@@ -135,14 +134,12 @@ def _sizes(fit: FitResult, held: list[_Loop], found: Reasons) -> None:
     where.append(Note("other-loops", text, values))
 
 
-def _loops(record: Record, rows: slice, used: np.ndarray, error: np.ndarray) -> list[_Loop]:
-    """The cycles of a sequence of which most rows are used."""
-    cycle, counted = record.cycle[rows], used[rows] & np.isfinite(record.output[rows])
-    found = []
-    for number in np.unique(cycle[counted & (cycle > 0)]):
-        whole = cycle == number
-        own = whole & counted
-        if 2 * own.sum() > whole.sum():
-            u, y, e = (x[rows][own] for x in (record.input, record.output, error))
-            found.append(_Loop(float(np.ptp(u)), float(np.sqrt(np.mean(e**2))), float(np.ptp(y))))
-    return found
+def _loops(record: Record, used: np.ndarray, error: np.ndarray) -> list[list[_Loop]]:
+    """Of each sequence the cycles of which at least half of the rows are used."""
+    counted = used & np.isfinite(record.output)
+
+    def told(rows: slice) -> _Loop:
+        u, y, e = (x[rows][counted[rows]] for x in (record.input, record.output, error))
+        return _Loop(float(np.ptp(u)), float(np.sqrt(np.mean(e**2))), float(np.ptp(y)))
+
+    return [[told(one.rows) for one in cycles] for cycles in counted_cycles(record, counted)]
