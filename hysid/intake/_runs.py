@@ -103,7 +103,13 @@ def _runs(
         words = [table.text[name][at] for name in names] or [np.full(len(at), "")]
         return np.array(["|".join(row) for row in zip(*words, strict=True)])
     good = np.isfinite(x[at])  # other rows are left out later
-    steps, back = np.diff(x[at][good]), np.zeros(len(at), int)
-    way = np.sign(np.median(np.sign(steps[steps != 0]))) if np.any(steps) else 1.0
-    back[good] = np.cumsum(np.append(0, steps * way < 0))[: good.sum()]
+    back = np.zeros(len(at), int)
+    back[good] = np.cumsum(np.append(0, turns_back(x[at][good])))[: good.sum()]
     return (back if back.any() else np.round(table.number(names[0])[at])).astype(str)
+
+
+def turns_back(x: np.ndarray) -> np.ndarray:
+    """Of each step of a series whether it is against the usual way, (n - 1,)."""
+    steps = np.diff(x)
+    way = np.sign(np.median(np.sign(steps[steps != 0]))) if np.any(steps) else 1.0
+    return steps * way < 0

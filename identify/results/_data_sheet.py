@@ -17,7 +17,7 @@ from ._characteristics import HELD_ROWS, holds_of
 
 LEAST, RESOLUTIONS = 0.1, 500
 """Errors of the reading are told from the first of ten even steps of the range on, and from so many
-resolutions on: the lower limit of ISO 376 for class 2, its widest. Below, they would be those of noise."""
+resolutions on. Below, they would be those of noise."""
 
 BAND = 0.01
 """Of the full scale: so close to the end of a hold an output has settled."""
@@ -42,12 +42,12 @@ DEFINITIONS = {
     "hysteresis":
         "Largest difference between the mean downscale and the mean upscale reading at one input.",
     "reversibility error":
-        "Downscale less upscale reading, of the upscale reading, from 10 % of the range and 500 resolutions"
-        " on (ISO 376, class 2).",
+        "Downscale less upscale reading, of the upscale reading (ISO 376), from 10 % of the range and 500"
+        " resolutions on.",
     "repeatability":
         "Largest spread of the readings at one input, approached from one side, within a run.",
     "repeatability error":
-        "Spread of the upscale readings at one input, of the reading, from that limit on (ISO 376).",
+        "Spread of the upscale readings at one input, of the reading (ISO 376), from that limit on.",
     "reproducibility": "Largest spread at one input, from one side, between the means of the runs.",
     "zero return": "Reading at the lower end after a loop less that before it, the mean of all loops.",
     "zero error": "The largest of these, without regard to sign (ISO 376).",
@@ -273,7 +273,7 @@ class _Sheet(NamedTuple):
 
         def relative(name: str, apart: np.ndarray, wrong: np.ndarray, count: int) -> SheetRow:
             if not len(far):
-                return self.none(name, "no reading is above the lower limit of ISO 376")
+                return self.none(name, "no reading is above 10 % of the range and 500 resolutions")
             at = far[np.abs(apart / reading)[far].argmax()]
             limit = quantity(float(self.inputs[far[0]]), unit, 3)
             basis = f"{_many(count, 'loop')}, of the reading, from {limit} on"

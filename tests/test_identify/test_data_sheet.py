@@ -155,4 +155,4 @@ def test_errors_of_the_reading_are_judged_from_the_limit_of_the_standard_on():
     none = data_sheet(record_of(run(noise=0.1)))
     for name in ("reversibility error", "repeatability error"):
         assert none[name].value is None
-        assert "lower limit of ISO 376" in none[name].reason
+        assert "500 resolutions" in none[name].reason

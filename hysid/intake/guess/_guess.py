@@ -17,7 +17,7 @@ from ._column_pairs import Column, columns_of, held, rank_correlation
 from ._drive_and_response import FOLLOWS, SPECTRUM, Choice, Seen, choose
 from ._exceptions import NothingDrivenError
 from ._hold_out import hold_out
-from ._moduli_columns import moduli_of
+from ._moduli_columns import moduli_of, runs_of
 from ._number_format import HEAD, reading
 from ._own_stamps import filled, logged_in_turn
 from ._quantities import OSCILLATION, kind_of, words_of
@@ -126,6 +126,8 @@ def _guess(file: Path, given: Mapping[str, Any]) -> Guess:
         out.says("in turn", ", ".join(sorted(in_turn)), LIKELY, why)
     sequences = sequences_of(table, time)
     _sequences(sequences, given, out)
+    if not given.get("input") and runs_of(columns, given, out):
+        return _of_spectrum(table, out)
     still = {n for n, c in columns.items() if np.nanmax(c.x) == np.nanmin(c.x)}
     measured = _measured(table, columns, sequences, {*still, time or ""}, given)
     constant = [columns[n] for n in still]
@@ -139,11 +141,7 @@ def _guess(file: Path, given: Mapping[str, Any]) -> Guess:
             choice = choose(seen, both, constant)
         elif moduli_of(columns, given, out):
             out.no_roles = SPECTRUM
-            out.says(
-                "held out", "nothing", LIKELY, "every frequency tells of time constants of its own"
-            )
-            _check(table, out)
-            return out
+            return _of_spectrum(table, out)
         elif isinstance(nothing, NothingDrivenError):
             out.no_roles = str(nothing)
             return out
@@ -162,6 +160,13 @@ def _guess(file: Path, given: Mapping[str, Any]) -> Guess:
     why += ", as far as the part that was read shows" if table.share < 1 else ""
     out.says("held out", _words(kept) or "nothing", LIKELY, why)
     _memory(table, columns, choice, out)
+    _check(table, out)
+    return out
+
+
+def _of_spectrum(table: Table, out: Guess) -> Guess:
+    """The guess for moduli over frequency, or over time at several temperatures."""
+    out.says("held out", "nothing", LIKELY, "every row tells of time constants of its own")
     _check(table, out)
     return out
 

@@ -1,4 +1,4 @@
-"""Columns of moduli over frequency: the frequency, the storage and the loss modulus, a temperature."""
+"""Columns of a spectrum: moduli over frequency, or over time in runs at several temperatures."""
 
 import re
 from collections.abc import Mapping
@@ -8,7 +8,7 @@ import numpy as np
 
 from hysteresis import conversion
 
-from .._runs import RATIO
+from .._runs import RATIO, turns_back
 from ._column_pairs import Column
 from ._quantities import OSCILLATION, UNITS, words_of
 
@@ -22,7 +22,11 @@ SPAN = 3.0
 STANDS = 0.5
 """Share of the rows with the frequency of the row before, up to which a sweep is one of frequencies."""
 RANGE = 2.0
-"""Kelvins by which a temperature has to differ to be a condition."""
+"""Kelvins by which a temperature has to differ to be a condition; within a run it differs by less."""
+ROWS = 3
+"""Of a run over time, at least."""
+RESPONSES = ("modulus", "compliance")
+"""Kinds of what a unit step gives, over time."""
 
 
 def moduli_of(columns: Mapping[str, Column], given: Mapping[str, Any], out: "Guess") -> bool:
@@ -45,30 +49,61 @@ def moduli_of(columns: Mapping[str, Column], given: Mapping[str, Any], out: "Gue
     chosen = {"frequency": frequency, "output": storage} | (
         {"loss": loss} if loss is not None else {}
     )
-    hot = next(
-        (c for c in columns.values() if c.kind.name == "temperature" and _varies(c, there)), None
-    )
+    hot = next((c for c in columns.values() if _varies(c, there)), None)
+    _noted(chosen, hot, given, out)
+    return True
+
+
+def runs_of(columns: Mapping[str, Column], given: Mapping[str, Any], out: "Guess") -> bool:
+    """Notes the columns of creep or relaxation at several temperatures in `out`; whether the table holds it.
+
+    Of each temperature there is a run: its times begin anew, upwards or downwards.
+    """
+    for response in (c for c in columns.values() if c.kind.name in RESPONSES):
+        there = np.isfinite(response.x)
+        hot = next((c for c in columns.values() if _varies(c, there)), None)
+        for clock in (c for c in columns.values() if c.kind.name == "time"):
+            rows = there & np.isfinite(clock.x)
+            t = clock.x[rows]
+            if hot is None or len(t) < 2 * ROWS or t.max() < SPAN * max(t.min(), 0.0):
+                continue
+            runs = np.split(hot.x[rows], 1 + np.flatnonzero(turns_back(t)))
+            steady = [len(run) >= ROWS and np.ptp(run) <= RANGE for run in runs]
+            if len(runs) > 1 and all(steady):
+                _noted({"time": clock, "output": response}, hot, given, out)
+                out.selection["step"] = given.get("step") or 1.0
+                out.says("step", out.selection["step"], "likely", WHY["step"])
+                return True
+    return False
+
+
+def _noted(
+    chosen: Mapping[str, Column], hot: Column | None, given: Mapping[str, Any], out: "Guess"
+) -> None:
+    """What the columns are, in `out`, in place of a clock and of groups."""
+    for key in ("time", "group"):
+        out.selection.pop(key, None)
+    out.found = [one for one in out.found if one.what not in ("time", "group")]
     for key, column in chosen.items():
         out.selection[key] = given.get(key) or column.name
         unit = "no unit" if column.unit == "1" else column.unit
-        out.says(key, out.selection[key], "likely", f"{column.kind.name}, {unit}; {WHY[key]}")
+        why = WHY["step" if key == "output" and "time" in chosen else key]
+        out.says(key, out.selection[key], "likely", f"{column.kind.name}, {unit}; {why}")
     if hot is not None:
         out.selection["condition"] = [hot.name]
         out.says(
             "condition",
             hot.name,
             "likely",
-            "it differs between the sweeps: their times are shifted",
+            "it differs between the runs: their times are shifted",
         )
-    out.selection.pop("time", None)
-    out.selection.pop("group", None)
-    out.found = [one for one in out.found if one.what not in ("time", "group")]
-    return True
 
 
 WHY = {
     "frequency": "each row is the result of an oscillation at it",
     "output": "storage modulus",
+    "time": "it begins anew in each run",
+    "step": "the rows answer a unit step",
     "loss": "loss modulus, or its ratio to the storage modulus",
 }
 
@@ -85,4 +120,4 @@ def _is_sweep(column: Column, there: np.ndarray) -> bool:
 
 def _varies(column: Column, there: np.ndarray) -> bool:
     x = column.x[there & np.isfinite(column.x)]
-    return len(x) > 1 and float(np.ptp(x)) > RANGE
+    return column.kind.name == "temperature" and len(x) > 1 and float(np.ptp(x)) > RANGE

@@ -458,7 +458,7 @@ def test_an_even_clock_is_told_from_its_changes(tmp_path):
 
 def test_whole_numbers_at_which_the_clock_begins_again_are_specimens_of_a_relaxation():
     t = np.geomspace(0.1, 100, 20)
-    rows = [[f"{c:.4g}", f"{(50 - 9 * k) * c**-0.1:.5g}", f"{20 * k - 30 + c % 0.3:.1f}", str(k)]
+    rows = [[f"{c:.4g}", f"{(50 - 9 * k) * c**-0.1:.5g}", f"{20 + c % 0.3:.1f}", str(k)]
             for k in range(4) for c in t]  # fmt: skip
     found = guessed(text(rows, ("t (s)", "E_relax (MPa)", "T (degC)", "No")))
     assert found["selection"] | {"time": "t (s)", "each": "No", "step": 1.0} == found["selection"]

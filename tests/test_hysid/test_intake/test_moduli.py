@@ -95,13 +95,18 @@ def test_temperatures_are_shifted():
     assert "Shift factors" in Path(run("report", "out", "--json").json()["file"]).read_text()
 
 
-def test_relaxation_at_several_temperatures_in_any_order():
-    t, names = np.geomspace(0.1, 100.0, 25)[::-1], ("t (s)", "E (MPa)", "T (degC)")
+@pytest.mark.parametrize("way", [1, -1])
+def test_relaxation_at_several_temperatures_in_any_order(way: int):
+    t = np.geomspace(0.1, 100.0, 25)[::way]
     parts = [np.asarray(TRUTH.relaxation_modulus(t / a)) for a in (10.0, 1.0)]
     columns = np.tile(t, 2), np.concatenate(parts), np.repeat([10.0, 30.0], len(t))
-    write(Path("runs.csv"), dict(zip(names, columns, strict=True)))
-    chosen = ("--step", 1, "--time", names[0], "--output", names[1], "--condition", names[2])
-    fit = run("fit", "runs.csv", *chosen, "--terms", 2, "--out", "out", "--json").json()
+    write(Path("runs.csv"), dict(zip(("t (s)", "E_relax (MPa)", "T (degC)"), columns, strict=True)))
+    assert run("init", "runs.csv", "--json").json()["selection"] == {
+        "time": "t (s)", "output": "E_relax (MPa)", "step": 1.0, "condition": ["T (degC)"]
+    }  # fmt: skip
+    fit = run(
+        "fit", "runs.csv", "--config", "runs.toml", "--terms", 2, "--out", "out", "--json"
+    ).json()
     np.testing.assert_allclose(fit["spectrum"]["shifts"]["log_a"], [1.0, 0.0], atol=0.01)
     assert run("report", "out").code == 0
 
