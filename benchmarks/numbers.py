@@ -12,6 +12,7 @@ intervals hold the truth, for the figure that has it least often and the one tha
 
 `pmagpy`: loops of a magnetometer in ../shared/data (HYSID_DATA names another folder), beside what PmagPy
 says of the same rows. PMAGPY names the Python that has it; without both these rows are left open.
+HystLab is no judge yet: no loops with the numbers that it published for them are at hand.
 
 `spectra`: public master curves, shift factors, a ramp and hold, creep beside lmfit, and material cards.
 """

@@ -9,7 +9,7 @@ from jaxtyping import Bool
 from hysteresis import InputError, Record
 
 from ._plots_script import script, styles
-from .figures._plot import axes_of
+from .figures._format import axes_of
 from .studio._views import EXCLUDED, GAP, USED, Series, clock_of, of_loops, over_time
 
 

@@ -10,6 +10,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from ._errors import InputError
+
 _FORGOTTEN = 3600.0
 """Seconds after which a file that a killed process left beside is removed."""
 
@@ -68,6 +70,16 @@ def write_figure(figure: Any, file: Path, **how: Any) -> None:
     """Write a figure of matplotlib's, whole or not at all, in the format of the file's name."""
     with atomic_file(file) as new:
         figure.savefig(new, **how)
+
+
+@contextmanager
+def telling(file: Path, fix: str = "") -> Iterator[None]:
+    """What the block writes; raises `InputError` `cannot-write` where the system refuses it."""
+    try:
+        yield
+    except OSError as error:
+        said = f"{file.name} cannot be written: {error.strerror}."
+        raise InputError("cannot-write", said, place=str(file.parent), fix=fix) from error
 
 
 def _forget(file: Path) -> None:

@@ -17,6 +17,11 @@ def quantity(x: float, unit: str, digits: int = 4) -> str:
     return f"{x:.{digits}g}" if unit == "1" else f"{x:.{digits}g} {unit}"
 
 
+def number_of(n: int, what: str) -> str:
+    """So many of something: 1 loop, 2 loops."""
+    return f"{n} {what}{'s' * (n != 1)}"
+
+
 def duration(x: float, unit: str) -> str:
     """A time with its unit: in milliseconds where it is below one second."""
     return f"{1000 * x:.3g} ms" if unit == "s" and x < 1 else quantity(x, unit)

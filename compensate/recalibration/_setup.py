@@ -1,12 +1,14 @@
 """`adaptive`: a compensator that recalibrates itself, from a model and a record."""
 
 import math
+from itertools import chain
 
 import jax.numpy as jnp
 import numpy as np
 from scipy.special import chdtri
 
 from hysteresis import AbstractModel, InputError, Record, Scaled, Series
+from hysteresis.records._cycles import counted_cycles
 from hysteresis.trees import input_range
 
 from .._contract import Status
@@ -199,12 +201,8 @@ def _correlation(residual: np.ndarray, record: Record) -> float:
 def _by_cycles(residual: np.ndarray, record: Record) -> float:
     """The variance of the means of cycles, at most, over that of a mean of independent residuals; a cycle
     at most, because cycles are taken for independent."""
-    numbers = [
-        (rows, k) for _, rows in record.sequences() for k in np.unique(record.cycle[rows]) if k
-    ]
-    parts = [residual[rows][record.cycle[rows] == k] for rows, k in numbers]
-    parts = [part[np.isfinite(part)] for part in parts]
-    parts = [part for part in parts if len(part)]
+    every = chain.from_iterable(counted_cycles(record, np.isfinite(residual), 0.0))
+    parts = [part[np.isfinite(part)] for part in (residual[one.rows] for one in every)]
     if len(parts) < 2:
         return 1.0
     rows = float(np.mean([len(part) for part in parts]))

@@ -1,24 +1,20 @@
 """`hysid loops`: the figures of every loop of a file, and the same as a table for other programs."""
 
-import csv
-import io
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from hysteresis import InputError, LoopTable
-from hysteresis._atomic_file import write_whole
+from hysteresis import LoopTable
+from hysteresis._atomic_file import telling, write_table
 from hysteresis._show import aligned
 from hysteresis.records._loop_table import MAIN
 
 from ..intake._selection import Selection, all_of
+from ..reporting._specimens import FAR, FEW, deviations
 from ._asked_more import Loops
 from ._console import Done
-
-FEW, FAR = 5, 3.5
-"""Specimens from which on one may lie apart, and how many robust standard deviations are apart."""
 
 
 def run(asked: Loops) -> Done:
@@ -55,9 +51,9 @@ def _specimens(
         known = x[np.isfinite(x)]
         if not len(known):
             continue
-        middle = np.median(known)
-        robust = 1.4826 * np.median(np.abs(known - middle))
-        apart = (np.abs(x - middle) > FAR * robust) & (len(known) >= FEW) & (robust > 0)
+        apart = np.zeros(len(x), bool)
+        if len(known) >= FEW:
+            apart[np.isfinite(x)] = np.abs(deviations(known, np.zeros(len(known)))) > FAR
         mean, spread = known.mean(), np.std(known, ddof=1) if len(known) > 1 else np.nan
         unit = next(one.unit for one in have if one is not None)
         outliers = [value for value, is_apart in zip(found, apart, strict=True) if is_apart]
@@ -73,14 +69,10 @@ def _specimens(
 
 def _write(file: Path, found: Mapping[str, LoopTable], each: str) -> None:
     """One table of all records, a row a loop; raises `InputError` `cannot-write`."""
-    page = io.StringIO()
-    writer = csv.writer(page, lineterminator="\n")
-    for k, (value, table) in enumerate(found.items()):
-        columns = table.columns()
-        writer.writerows([[each, *columns]] * (k == 0))
-        writer.writerows([value, *row] for row in zip(*columns.values(), strict=True))
-    try:
-        write_whole(file, page.getvalue())
-    except OSError as error:
-        said = f"{file.name} cannot be written: {error.strerror}."
-        raise InputError("cannot-write", said, place=str(file.parent)) from error
+    columns = {value: table.columns() for value, table in found.items()}
+    names = [each, *next(iter(columns.values()))]
+    rows = (
+        [value, *row] for value, own in columns.items() for row in zip(*own.values(), strict=True)
+    )
+    with telling(file):
+        write_table(file, names, rows)

@@ -8,7 +8,6 @@ import io
 import warnings
 from collections.abc import Callable, Sequence
 from functools import wraps
-from itertools import pairwise
 from typing import Any, Literal, NamedTuple, TypeVar
 
 import matplotlib
@@ -108,14 +107,14 @@ def thin(most: int, *series: np.ndarray) -> np.ndarray:
     n = len(series[0])
     if n <= most:
         return np.arange(n)
-    edges = np.linspace(0, n, max(most // (2 * len(series)), 1) + 1).astype(int)
-    kept = [
-        a + pick
-        for a, b in pairwise(edges)
-        for x in series
-        for pick in (int(np.argmin(x[a:b])), int(np.argmax(x[a:b])))
-    ]
-    return np.unique([0, *kept, n - 1])
+    width = -(-n // max(most // (2 * len(series)), 1))
+    begins = np.arange(0, n, width)
+    found = [[0, n - 1]]
+    for x in series:
+        cut = np.append(x, np.full(len(begins) * width - n, np.nan)).reshape(-1, width)
+        low, high = (np.where(np.isnan(cut), end, cut) for end in (np.inf, -np.inf))
+        found += [begins + low.argmin(1), begins + high.argmax(1)]
+    return np.unique(np.concatenate(found).astype(np.int64))
 
 
 def trace(

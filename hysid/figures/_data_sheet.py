@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from identify import DataSheet, SheetRow
+from identify import DataSheet
 
 from . import _base as f
-from ._format import label, number, plain_name, pretty
+from ._format import axes_of, label, measured, number, plain_name, pretty
 
 PAGE = (8.27, 11.69)
 """A4, in inches."""
@@ -41,7 +41,7 @@ def draw_sheet(sheet: DataSheet) -> Figure:
     for k, row in enumerate(sheet.rows):
         y = TOP - LINE * k - 0.01
         figure.text(0.07, y, f.short(row.name, 34), fontsize=8.5, weight="bold", color=f.INK)
-        figure.text(0.50, y, value_of(row), fontsize=8.5, color=f.INK, ha="right")
+        figure.text(0.50, y, measured(row), fontsize=8.5, color=f.INK, ha="right")
         figure.text(0.52, y, row.basis or row.reason, fontsize=7.5, color=f.EDGE)
         figure.text(0.07, y - 0.0097, row.definition, fontsize=6.6, color=f.EDGE)
     return figure
@@ -49,15 +49,9 @@ def draw_sheet(sheet: DataSheet) -> Figure:
 
 def title(sheet: DataSheet) -> str:
     """What is measured by what."""
-    record = sheet.record
-    sides = (
-        plain_name(name, unit)
-        for name, unit in (
-            (record.output_name, record.output_unit),
-            (record.input_name, record.input_unit),
-        )
-    )
-    return "Data sheet: {} for {}".format(*sides)
+    r = sheet.record
+    input, output = plain_name(r.input_name, r.input_unit), plain_name(r.output_name, r.output_unit)
+    return f"Data sheet: {output} for {input}"
 
 
 def subtitle(sheet: DataSheet) -> str:
@@ -75,22 +69,8 @@ def subtitle(sheet: DataSheet) -> str:
     )
 
 
-def value_of(row: SheetRow) -> str:
-    """Value, error and unit."""
-    if row.value is None:
-        return "not told"
-    unit = pretty(row.unit).replace("percent", "%")
-    error = "" if row.error is None else f" ± {row.error:.2g}"
-    return f"{number(row.value, row.error)}{error} {unit}".rstrip()
-
-
 def _line(sheet: DataSheet) -> np.ndarray:
     return sheet.zero + sheet.scale * (sheet.inputs - sheet.low) / (sheet.high - sheet.low)
-
-
-def _axes(sheet: DataSheet, axes: Any, y: str) -> None:
-    name = plain_name(sheet.record.input_name, sheet.record.input_unit)
-    axes.set(xlabel=label(name, sheet.record.input_unit), ylabel=y)
 
 
 def _curve(sheet: DataSheet, axes: Any) -> None:
@@ -102,22 +82,16 @@ def _curve(sheet: DataSheet, axes: Any) -> None:
     for curves, colour, word in _branches(sheet):
         axes.plot(sheet.inputs, curves.mean(0), lw=1.3, color=colour, label=word)
     axes.legend(fontsize=7)
-    _axes(
-        sheet, axes, label(plain_name(record.output_name, record.output_unit), record.output_unit)
-    )
+    x, y = axes_of(record)
+    axes.set(xlabel=x, ylabel=y)
 
 
 def _deviation(sheet: DataSheet, axes: Any) -> None:
     axes.axhline(0, color=f.EDGE, lw=0.8)
     for curves, colour, word in _branches(sheet):
-        axes.plot(
-            sheet.inputs,
-            _percent(sheet, curves.mean(0) - _line(sheet)),
-            lw=1.3,
-            color=colour,
-            label=word,
-        )
-    _axes(sheet, axes, "from terminal line (%)")
+        apart = _percent(sheet, curves.mean(0) - _line(sheet))
+        axes.plot(sheet.inputs, apart, lw=1.3, color=colour, label=word)
+    axes.set(xlabel=axes_of(sheet.record)[0], ylabel="from terminal line (%)")
 
 
 def _scatter(sheet: DataSheet, axes: Any) -> None:
@@ -125,7 +99,7 @@ def _scatter(sheet: DataSheet, axes: Any) -> None:
     for curves, colour, _ in _branches(sheet):
         apart = _percent(sheet, curves - curves.mean(0)).T
         axes.plot(sheet.inputs, apart[:, :40], lw=0.6, color=colour, alpha=0.7)
-    _axes(sheet, axes, "loop less mean loop (%)")
+    axes.set(xlabel=axes_of(sheet.record)[0], ylabel="loop less mean loop (%)")
 
 
 def _creep(sheet: DataSheet, axes: Any) -> None:

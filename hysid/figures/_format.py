@@ -2,7 +2,8 @@
 
 import math
 
-from identify import Characteristic
+from hysteresis import Record
+from identify import Characteristic, SheetRow
 
 
 def number(x: float, error: float | None = None) -> str:
@@ -29,9 +30,10 @@ def quantity(x: float, unit: str) -> str:
     return number(x) if unit == "1" else f"{number(x)} {pretty(unit)}"
 
 
-def measured(one: Characteristic) -> str:
-    """A characteristic with its error and its unit."""
-    assert one.value is not None
+def measured(one: Characteristic | SheetRow) -> str:
+    """A characteristic with its error and its unit, where it is told."""
+    if one.value is None:
+        return "not told"
     unit = "%" if one.unit == "percent" else pretty(one.unit)
     error = ""
     if one.error is not None:
@@ -57,3 +59,10 @@ def label(name: str, unit: str) -> str:
     unit = pretty(unit) or "no unit"
     most = 40 - len(unit)
     return f"{name if len(name) <= most else name[: most - 1] + '…'} ({unit})"
+
+
+def axes_of(record: Record) -> tuple[str, str]:
+    """Labels of input and output, with their units."""
+    sides = (record.input_name, record.input_unit), (record.output_name, record.output_unit)
+    x, y = (label(plain_name(name, unit), unit) for name, unit in sides)
+    return x, y

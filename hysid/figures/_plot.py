@@ -14,7 +14,7 @@ from identify.internal import is_survey
 
 from . import _base as f
 from ._data_sheet import draw_sheet
-from ._format import label, plain_name
+from ._format import axes_of
 from ._survey import master_of
 
 CORNER = 6
@@ -108,13 +108,6 @@ def swept(compensator: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     y = np.interp(t, [0, 1, 2, 3], [low, high, low, (low + high) / 2])
     found = compensator.simulate(t, beside(y))
     return y, np.asarray(found.value, float), np.asarray(found.status)
-
-
-def axes_of(record: Record) -> tuple[str, str]:
-    """Labels of input and output, with their units."""
-    sides = (record.input_name, record.input_unit), (record.output_name, record.output_unit)
-    x, y = (label(plain_name(name, unit), unit) for name, unit in sides)
-    return x, y
 
 
 def path(

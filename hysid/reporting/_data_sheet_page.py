@@ -2,12 +2,13 @@
 
 from pathlib import Path
 
-from hysteresis import InputError
+from hysteresis._atomic_file import telling, write_figure
 from hysteresis._precision import in_own_precision
 from identify import DataSheet
 
 from ..figures import _base as f
-from ..figures._data_sheet import PANELS, draw_panel, draw_sheet, subtitle, title, value_of
+from ..figures._data_sheet import PANELS, draw_panel, draw_sheet, subtitle, title
+from ..figures._format import measured
 from ._case import Section, Table
 from ._fit_page import render
 
@@ -38,18 +39,14 @@ def write_data_sheet(sheet: DataSheet, path: str | Path) -> Path:
     """
     path = Path(path)
     if path.suffix.lower() in (".pdf", ".png", ".svg"):
-        try:
-            f.styled(draw_sheet(sheet).savefig)(path, dpi=150)
-        except OSError as error:
-            raise InputError(
-                "cannot-write", f"{path.name} cannot be written: {error.strerror}.", place=str(path.parent)
-            ) from error  # fmt: skip
+        with telling(path):
+            f.styled(write_figure)(draw_sheet(sheet), path, dpi=150)
         return path
     pictures, lines = Section("Pictures"), Section("Lines")
     for draw, caption in PANELS:
         pictures.draw(draw_panel(sheet, draw), caption, caption)
     rows = [
-        (row.name, value_of(row), row.basis or row.reason, row.definition) for row in sheet.rows
+        (row.name, measured(row), row.basis or row.reason, row.definition) for row in sheet.rows
     ]
     lines.tables.append(Table("", ("line", "value", "from", "definition"), rows))
     first = [sheet[name] for name in FIRST]
@@ -59,7 +56,7 @@ def write_data_sheet(sheet: DataSheet, path: str | Path) -> Path:
         subtitle=subtitle(sheet),
         level="",
         headline="In short",
-        answers=[(row.name, value_of(row), row.basis or row.reason) for row in first],
+        answers=[(row.name, measured(row), row.basis or row.reason) for row in first],
         answers_note="± is the standard error that the noise of the readings leaves.",
         sections=[lines, pictures],
     )

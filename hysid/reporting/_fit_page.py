@@ -9,7 +9,7 @@ import numpy as np
 
 import identify
 from hysteresis import Burgers, InputError, LinearSponge, Preisach
-from hysteresis._atomic_file import write_whole
+from hysteresis._atomic_file import telling, write_whole
 from hysteresis._escape import shell_word, visible
 from hysteresis._limits import damage_told
 
@@ -103,10 +103,7 @@ def write_report(
 
 def answers(case: Case) -> list[tuple[str, str, str]]:
     """What the specimen does: name, value with error or why there is none, and what it is told from."""
-    return [
-        (one.name, "not told" if one.value is None else measured(one), one.reason or one.basis)
-        for one in case.fit.characteristics
-    ]
+    return [(one.name, measured(one), one.reason or one.basis) for one in case.fit.characteristics]
 
 
 def facts(case: Case) -> list[tuple[str, str]]:
@@ -270,13 +267,6 @@ def render(file: Path, **words: Any) -> Path:
     if any(picture.curves for part in parts for picture in part.pictures):
         words |= {"script": script(LIVE), "styles": styles()}
     text = page.get_template(TEMPLATE).render(script_rule=script_rule(LIVE), **words)
-    try:
+    with telling(file, "Make the folder writable, or copy it and report on the copy."):
         write_whole(file, text)
-    except OSError as error:
-        raise InputError(
-            "cannot-write",
-            f"{file.name} cannot be written: {error.strerror}.",
-            place=str(file.parent),
-            fix="Make the folder writable, or copy it and report on the copy.",
-        ) from error
     return file

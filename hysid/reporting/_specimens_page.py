@@ -9,6 +9,7 @@ import numpy as np
 
 import identify
 from hysteresis import InputError
+from hysteresis._atomic_file import telling
 from hysteresis._note import ProgressNote
 from hysteresis._verdict import LEVELS, worst_of
 
@@ -51,7 +52,8 @@ def report(
     if out is None and len(folders) == 1:
         return write_many(found, folders[0] / TARGET, _not_fitted(folders[0]))
     above = common(list(found.values())) if out is None else out
-    _make(above)
+    with telling(above, "Name another folder."):
+        above.mkdir(parents=True, exist_ok=True)
     return write_many(found, above / "specimens.html", {})
 
 
@@ -149,15 +151,6 @@ def _subtitle(specimens: Sequence[Specimen], failed: dict[str, str]) -> str:
     sources = {one.document["data"]["source"] for one in specimens}
     said = f"{sources.pop() or 'arrays'}: {said}" if len(sources) == 1 else said
     return said + (f"; {len(failed)} without a fit" if failed else "")
-
-
-def _make(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(
-            "cannot-write", f"{error.strerror}.", place=str(folder), fix="Name another folder."
-        ) from error
 
 
 def _fresh(folder: Path) -> bool:

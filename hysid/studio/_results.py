@@ -15,7 +15,7 @@ import identify
 from compensate.export.targets._export_to import TARGETS
 from hysteresis import InputError, Record
 
-from ..figures._plot import axes_of
+from ..figures._format import axes_of
 from ..figures._sliders import Slider, moved, sliders_of
 from ..intake._columns import selection_of_fit
 from ..intake._folders import folders_of

@@ -11,10 +11,10 @@ import numpy as np
 
 from hysteresis import Record
 
-PIECES = 1000
-"""Pieces of a view over time; each gives up to six rows."""
+from ..figures._base import thin
+
 ALL = 6000
-"""Rows up to which a view shows all of them."""
+"""Rows of a view over time, about, and up to which it shows all of them."""
 RASTER = (360, 240)
 """Cells of a raster of loops, along input and output."""
 
@@ -80,23 +80,9 @@ def over_time(series: Series, low: float | None = None, high: float | None = Non
     return series.take(peaks((series.u, series.y), rows))
 
 
-def peaks(columns: tuple[np.ndarray, ...], rows: slice, pieces: int = PIECES) -> np.ndarray:
-    """Indices of the rows with the least and greatest value of each column in each of so many pieces."""
-    count = rows.stop - rows.start
-    if count <= ALL:
-        return np.arange(rows.start, rows.stop)
-    width = count // pieces
-    whole = rows.start + width * pieces
-    begin = rows.start + width * np.arange(pieces)
-    found = [begin, np.arange(whole, rows.stop), [rows.stop - 1]]
-    for column in columns:
-        cut = column[rows.start : whole].reshape(pieces, width)
-        if np.isnan(cut).any():
-            low, high = np.where(np.isnan(cut), np.inf, cut), np.where(np.isnan(cut), -np.inf, cut)
-        else:
-            low = high = cut
-        found += [begin + low.argmin(1), begin + high.argmax(1)]
-    return np.unique(np.concatenate(found).astype(np.int64))
+def peaks(columns: tuple[np.ndarray, ...], rows: slice) -> np.ndarray:
+    """Indices of some rows, with the extremes of each column among them."""
+    return rows.start + thin(ALL, *(column[rows] for column in columns))
 
 
 def of_loops(

@@ -129,20 +129,24 @@ def first_of_cycles(u: np.ndarray, dead_band: float | None = None) -> np.ndarray
 
 
 class Cycle(NamedTuple):
-    """A complete cycle of a sequence: its number, from 1 on, and its rows in the record."""
+    """A complete cycle of a sequence: number, from 1 on, rows in the record, and the part that counts."""
 
     number: int
     rows: slice
+    share: float
 
 
 def counted_cycles(record: Any, counted: np.ndarray, share: float = 0.5) -> list[list[Cycle]]:
-    """Of each sequence of a record the complete cycles of which at least such a part of the rows counts."""
+    """Of each sequence of a record the complete cycles of which at least such a part of the rows counts.
+
+    Of every cycle at least one row does.
+    """
     found = []
     for (_, where), firsts in zip(record.sequences(), record.first_of_cycles, strict=True):
         own = np.add.reduceat(counted[where][: firsts[-1]], firsts[:-1], dtype=np.int32)
-        numbers = np.flatnonzero(own >= share * np.diff(firsts)).tolist()
-        rows = (where.start + firsts).tolist()
-        found.append([Cycle(k + 1, slice(rows[k], rows[k + 1])) for k in numbers])
+        part, rows = (own / np.diff(firsts)).tolist(), (where.start + firsts).tolist()
+        numbers = np.flatnonzero((own >= share * np.diff(firsts)) & (own > 0)).tolist()
+        found.append([Cycle(k + 1, slice(rows[k], rows[k + 1]), part[k]) for k in numbers])
     return found
 
 

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from .._errors import InputError
-from .._format import quantity
+from .._format import number_of, quantity
 from .._note import Note, warning
 from ._abstract_record import AbstractRecord
 from ._arrays import in_rows
@@ -56,7 +56,7 @@ def check_identifiable(record: AbstractRecord, n_parameters: int | None = None) 
     found = [*first, *found, *(note for note in others if note not in first)]
     single = [x for x, s in record.sequences() if s.stop - s.start < 2]
     if single:
-        said = f"{_count(len(single), 'sequence')} of one row, first {single[0]!r}."
+        said = f"{number_of(len(single), 'sequence')} of one row, first {single[0]!r}."
         found.append(warning("short-sequence", said))
     return found
 
@@ -113,7 +113,7 @@ def describe(record: AbstractRecord, loop: str | None = None) -> str:
     way, turn = s["loop_direction"], turn_in_words(record)
     lines = [
         f"{s['source'] or 'arrays'}: {s['rows']} rows ({s['rows_used']} count), "
-        f"{_count(s['sequences'], 'sequence')}, {_count(s['cycles'], 'complete cycle')}"
+        f"{number_of(s['sequences'], 'sequence')}, {number_of(s['cycles'], 'complete cycle')}"
     ]
     for role in ("input", "output"):
         x, unit = s[role], s[role]["unit"]
@@ -132,10 +132,6 @@ def describe(record: AbstractRecord, loop: str | None = None) -> str:
         loop = f"loop   {way:+.2f} ({turn})" if way else "loop   none wider than the noise"
     lines.append(loop)
     return "\n".join([*lines, *record.history])
-
-
-def _count(n: int, what: str) -> str:
-    return f"{n} {what}{'s' * (n != 1)}"
 
 
 def _turns(u: np.ndarray) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from hysteresis import Record
-from hysteresis.records._cycles import default_dead_band, turning_points
+from hysteresis.records._cycles import counted_cycles, default_dead_band, turning_points
 
 
 class Fold(NamedTuple):
@@ -115,8 +115,9 @@ def parts(record: Record, keep_conditioning: bool = False, most: int = 5) -> Par
             how += " but those beyond the inputs of the others"
         return Parts(label, inside, None, how)
     # Of a cycle that was held out a few rows may be left: it counts whole, or not at all.
-    share = counted_share(record.cycle, record.mask)
-    whole = np.flatnonzero(share > 0.5 * share.max())
+    cycles = counted_cycles(record, record.mask, 0.0)[0]
+    fullest = max((one.share for one in cycles), default=0.0)
+    whole = [one.number for one in cycles if one.share > 0.5 * fullest]
     cycle = np.where(record.mask & np.isin(record.cycle, whole), record.cycle, 0)
     numbers = np.unique(cycle[cycle > 0])
     if len(numbers) > 1:
@@ -171,16 +172,6 @@ def _is_new(
         new |= here & ~((u >= before.min(initial=np.inf)) & (u <= before.max(initial=-np.inf)))
     rows = np.bincount(falls, minlength=2)
     return bool(new.sum() > 0.5 * late.sum() and rows.min() >= GROUPS * PIECES)
-
-
-def counted_share(
-    cycle: Int[np.ndarray, " samples"], mask: Bool[np.ndarray, " samples"]
-) -> Float[np.ndarray, " cycles"]:
-    """The part of each cycle's rows that counts, by its number; 0 of rows in no cycle."""
-    rows = np.bincount(cycle)
-    share = np.bincount(cycle[mask], minlength=len(rows)) / np.maximum(rows, 1)
-    share[0] = 0.0
-    return share
 
 
 def _inside(

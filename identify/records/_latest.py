@@ -3,6 +3,7 @@
 import numpy as np
 
 from hysteresis import Record
+from hysteresis.records._cycles import counted_cycles
 
 from ._folds import Fold, Parts
 from ._speeds import ALIKE, rates_differ
@@ -19,14 +20,10 @@ LEAST = 3
 
 def repeats(record: Record, fewest: int = SEVERAL) -> bool:
     """Whether so many cycles of a single sequence are alike in their range and rate."""
-    numbers = np.unique(record.cycle[record.mask & (record.cycle > 0)])
-    if len(record.labels) > 1 or len(numbers) < fewest:
+    cycles = counted_cycles(record, record.mask, 0.0)[0]
+    if len(record.labels) > 1 or len(cycles) < fewest:
         return False
-    low, high = np.full((2, record.cycle.max() + 1), np.inf)
-    there = record.cycle > 0
-    np.minimum.at(low, record.cycle[there], record.input[there])
-    np.minimum.at(high, record.cycle[there], -record.input[there])
-    ranges = -(high + low)[numbers]
+    ranges = [np.ptp(record.input[one.rows]) for one in cycles]
     return bool(np.ptp(ranges) <= ALIKE * np.median(ranges)) and not rates_differ(record)
 
 

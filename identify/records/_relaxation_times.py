@@ -4,6 +4,7 @@ import numpy as np
 from jaxtyping import Bool
 
 from hysteresis import Record
+from hysteresis.records._cycles import counted_cycles
 
 from ._latest import repeats
 
@@ -22,16 +23,12 @@ def relaxation_times(record: Record, learnt: Bool[np.ndarray, " samples"]) -> tu
     steps = np.concatenate([np.diff(t) for t in sequences])
     step = float(np.median(steps[steps > 0]))
     last_time = 2 * longest_sequence(record)
-    numbers = np.unique(record.cycle[record.mask & (record.cycle > 0)])
+    cycles = counted_cycles(record, record.mask, 0.0)[0]
     if repeats(record):
         t = record.time[learnt & (record.cycle > 0)]
         last_time = float(np.ptp(t)) / 6
-    if len(sequences) == 1 and len(numbers) and numbers[0] > 1:
-        rows = np.flatnonzero(np.isin(record.cycle, numbers))
-        first = np.flatnonzero(np.diff(record.cycle[rows], prepend=0))
-        t = record.time[rows]
-        last = np.append(first[1:], len(rows)) - 1
-        last_time = float(np.median(t[last] - t[first])) / 4
+    if len(sequences) == 1 and cycles and cycles[0].number > 1:
+        last_time = float(np.median([np.ptp(record.time[one.rows]) for one in cycles])) / 4
     count = int(np.clip(1 + 2 * np.log10(last_time / step), 5, 9))
     return tuple(float(tau) for tau in np.geomspace(step, last_time, count))
 

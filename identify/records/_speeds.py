@@ -1,11 +1,11 @@
 """How fast and how far the input of a record moves, and whether its differences are its speeds."""
 
+from typing import Any
+
 import numpy as np
 
 from hysteresis import Record
-from hysteresis.records._cycles import default_dead_band, turning_points
-
-from ._folds import counted_share
+from hysteresis.records._cycles import counted_cycles, default_dead_band, turning_points
 
 EVEN = 0.05
 """Of a usual step of the input: where nine in ten steps differ from the one before by less, their noise
@@ -29,20 +29,16 @@ def rates_differ(record: Record) -> bool:
     if record.time is None:
         return False
     rates: list[float] = []
-    for _, rows in record.sequences():
-        t, u, counted, cycle = (
-            x[rows] for x in (record.time, record.input, record.mask, record.cycle)
-        )
-        share = counted_share(cycle, counted)
-        first = np.flatnonzero(np.diff(cycle, prepend=-1))
-        last = np.append(first[1:], len(t)) - 1
-        whole = share[cycle[first]] > WHOLE * share.max()
-        ranges = (np.maximum.reduceat(u, first) - np.minimum.reduceat(u, first))[whole]
-        times = (t[last] - t[first])[whole]
-        if not whole.any() and counted.any():
-            ranges, times = (np.atleast_1d(np.ptp(x[counted])) for x in (u, t))
-        moved = (ranges > 0) & (times > 0)
-        rates += (ranges[moved] / times[moved]).tolist()
+    every = counted_cycles(record, record.mask, 0.0)
+    for (_, rows), cycles in zip(record.sequences(), every, strict=True):
+        most = max((one.share for one in cycles), default=0.0)
+        whole: list[Any] = [one.rows for one in cycles if one.share > WHOLE * most]
+        if not whole and record.mask[rows].any():
+            whole = [rows.start + np.flatnonzero(record.mask[rows])]
+        for own in whole:
+            moved, lasted = np.ptp(record.input[own]), np.ptp(record.time[own])
+            if moved > 0 and lasted > 0:
+                rates.append(float(moved / lasted))
     return len(rates) < 2 or bool(np.quantile(rates, 0.9) >= VARIED * np.quantile(rates, 0.1))
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from hysteresis import Record
+from hysteresis._format import number_of
 from hysteresis.records._loop_table import LoopTable, loop_table
 
 HELD, HELD_ROWS = 0.02, 8
@@ -91,7 +92,7 @@ def characteristics(
     full = np.flatnonzero(table.full)
     run = full[table.run[full] == table.run[full[-1]]] if len(full) else full
     why: str = "no complete cycle counts" if not len(full) else ""
-    basis = _count(len(full), "cycle")
+    basis = number_of(len(full), "cycle")
     if len(full):
         ends = [table[f"{which} input"].value[full].mean() for which in ("lowest", "highest")]
         unit = "" if record.input_unit == "1" else f" {record.input_unit}"
@@ -104,7 +105,7 @@ def characteristics(
         if not why and len(run) < 2:
             why = "one complete cycle in a row"
         why = why or str(max(table["softening"].reason[run[1:]]))
-        basis = f"from the first to the last of {_count(len(run), 'cycle')}"
+        basis = f"from the first to the last of {number_of(len(run), 'cycle')}"
         stiff = _pairs(table, found[0].name)[run]
         softer = -100 * stiff / stiff[:1, :1]
         feet = _pairs(table, "output at lowest input")[run]
@@ -149,7 +150,7 @@ def _relaxation(
         with np.errstate(divide="ignore", invalid="ignore"):
             times.append(np.trapezoid(y - end[:, None], t, axis=1) / (start - end))
     longest = max(float(np.ptp(record.time[holds[k]])) for k in alike)
-    basis = f"{_count(len(alike), 'hold')} of up to {longest:.3g} {record.time_unit}"
+    basis = f"{number_of(len(alike), 'hold')} of up to {longest:.3g} {record.time_unit}"
     return _mean("relaxation time", np.array(times), record.time_unit, basis, "")
 
 
@@ -209,7 +210,3 @@ def _change(
         return Characteristic(name, None, None, unit, "", why or "not a finite number")
     error = float(np.sqrt(2) * np.std(values[:, 0] - values[:, 1], ddof=1))
     return Characteristic(name, float(values[-1, 0] - values[0, 0]), error, unit, basis)
-
-
-def _count(n: int, what: str) -> str:
-    return f"{n} {what}{'s' * (n != 1)}"

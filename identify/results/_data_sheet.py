@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hysteresis import InputError, Record, html_of, plot_of
-from hysteresis._format import plain, quantity
+from hysteresis._format import number_of, plain, quantity
 from hysteresis._show import aligned
 from hysteresis.records._loads import over
 from hysteresis.records._loop_cut import step_of
@@ -229,7 +229,7 @@ class _Sheet(NamedTuple):
     ) -> SheetRow:
         """A line; without a unit in per cent of the full scale, or of another number."""
         by = 1.0 if unit else 100 / abs(self.scale if of is None else of)
-        basis = basis or _many(self.loops.size, "loop")
+        basis = basis or number_of(self.loops.size, "loop")
         wrong = None if error is None else float(by * error)
         return SheetRow(name, float(by * value), wrong, unit or "percent", DEFINITIONS[name], basis)
 
@@ -265,7 +265,7 @@ class _Sheet(NamedTuple):
         error = np.linalg.norm(loops.branch_errors, axis=(0, 1)) / loops.size
         at = int(np.abs(falling - rising).argmax())
         unit = self.record.input_unit
-        where = f"{_many(loops.size, 'loop')}, at {quantity(float(self.inputs[at]), unit, 3)}"
+        where = f"{number_of(loops.size, 'loop')}, at {quantity(float(self.inputs[at]), unit, 3)}"
         yield self.row("hysteresis", abs(falling - rising)[at], error[at], where)
         reading = rising - self.bottom[0].mean()
         judged = self.inputs >= self.low + LEAST * (self.high - self.low)
@@ -276,7 +276,7 @@ class _Sheet(NamedTuple):
                 return self.none(name, "no reading is above 10 % of the range and 500 resolutions")
             at = far[np.abs(apart / reading)[far].argmax()]
             limit = quantity(float(self.inputs[far[0]]), unit, 3)
-            basis = f"{_many(count, 'loop')}, of the reading, from {limit} on"
+            basis = f"{number_of(count, 'loop')}, of the reading, from {limit} on"
             return self.row(name, abs(apart[at]), wrong[at], basis, of=reading[at])
 
         yield relative("reversibility error", falling - rising, error, loops.size)
@@ -293,7 +293,7 @@ class _Sheet(NamedTuple):
             spread = np.max([np.ptp(one, axis=0) for one in runs], axis=0)
             side = np.unravel_index(int(spread.argmax()), spread.shape)
             count = sum(len(one) for one in runs if len(one) > 1)
-            yield self.row("repeatability", spread[side], noise[side], _many(count, "loop"))
+            yield self.row("repeatability", spread[side], noise[side], number_of(count, "loop"))
             yield relative("repeatability error", spread[0], noise[0], count)
         if len(runs) > 1:
             spread = np.ptp([one.mean(0) for one in runs], axis=0)
@@ -317,7 +317,7 @@ class _Sheet(NamedTuple):
         else:
             back, error = (after - before)[up], np.hypot(error0, error1)[up]
             at = int(np.abs(back).argmax())
-            told = _many(len(back), "loop")
+            told = number_of(len(back), "loop")
             yield self.row("zero return", back.mean(), np.linalg.norm(error) / len(back), told)
             yield self.row("zero error", abs(back[at]), error[at], told)
         rate = "percent / h" if unit in HOURS else f"percent / {unit}"
@@ -332,7 +332,7 @@ class _Sheet(NamedTuple):
             yield self.none("drift of the zero", "fewer than three later loops in a run", rate)
             return
         by = 100 / abs(self.scale) * HOURS.get(unit, 1.0)
-        told = _many(int(later.sum()), "later loop")
+        told = number_of(int(later.sum()), "later loop")
         yield self.row("drift of the zero", by * found[0], by * found[1], told, rate)
 
     def slow(self) -> Iterator[SheetRow]:
@@ -350,7 +350,9 @@ class _Sheet(NamedTuple):
             changes = [_end(y) - y[0] for _, _, y in own]
             at = int(np.abs(changes).argmax())
             length = quantity(float(np.ptp(own[at][1])), record.time_unit, 3)
-            yield self.row(name, changes[at], noise, f"{_many(len(own), 'hold')}, over {length}")
+            yield self.row(
+                name, changes[at], noise, f"{number_of(len(own), 'hold')}, over {length}"
+            )
         of_input = quantity(self.resolution * span / abs(self.scale), record.input_unit, 3)
         yield self.row("resolution", self.resolution, None, f"{of_input} of the input")
         if not self.held:
@@ -361,7 +363,8 @@ class _Sheet(NamedTuple):
             away = np.flatnonzero(np.abs(y - _end(y)) > band)
             times.append(t[min(away[-1] + 1, len(t) - 1)] - t[0] if len(away) else 0.0)
         decides = "3 times the noise" if band == 3 * noise else f"{100 * BAND:g} %"
-        basis = f"{_many(len(times), 'hold')}, within {quantity(band, record.output_unit, 3)} ({decides})"
+        within = quantity(band, record.output_unit, 3)
+        basis = f"{number_of(len(times), 'hold')}, within {within} ({decides})"
         step = np.median(np.diff(self.held[0][1]))
         yield self.row("settling", max(times), step, basis, record.time_unit)
 
@@ -394,13 +397,9 @@ class _Sheet(NamedTuple):
                 if found is not None:
                     value, error = (100 / abs(self.scale) * one for one in found)
                     row = row._replace(
-                        value=value, error=error, basis=_many(size, "loop"), reason=""
+                        value=value, error=error, basis=number_of(size, "loop"), reason=""
                     )
                 yield row
-
-
-def _many(count: int, what: str) -> str:
-    return f"{count} {what}{'s' * (count != 1)}"
 
 
 def _slope(x: np.ndarray, y: np.ndarray, group: np.ndarray) -> tuple[float, float] | None:

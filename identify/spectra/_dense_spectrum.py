@@ -13,6 +13,10 @@ for m rows. Its maximum over lambda and over the grid's density is the spectrum.
 starts from that: neighbours are merged, each time the two whose merging moves the columns least (Ward),
 until so many are left, and all time constants are refined.
 
+Held-out folds, by which `linear/_group_strengths.py` chooses, leave as much of a broad spectrum (0.2 %,
+70 rows with 0.5 % of noise), but lambda then differs by 10^4 from noise to noise, in ten times the time.
+There evidence is worse: on a knitted sleeve it leaves 12 % of held-out parts, and folds leave 7.7 %.
+
 Source: MacKay, Bayesian interpolation, Neural Computation 4 (1992); Ward, J. Am. Stat. Assoc. 58 (1963);
 Honerkamp and Weese, Rheologica Acta 32 (1993), for regularised spectra.
 """

@@ -55,7 +55,7 @@ def moduli_of(columns: Mapping[str, Column], given: Mapping[str, Any], out: "Gue
 
 
 def runs_of(columns: Mapping[str, Column], given: Mapping[str, Any], out: "Guess") -> bool:
-    """Notes the columns of creep or relaxation at several temperatures in `out`; whether the table holds it.
+    """Notes the columns of creep or relaxation at several temperatures in `out`; whether there are such.
 
     Of each temperature there is a run: its times begin anew, upwards or downwards.
     """

@@ -33,7 +33,7 @@ def test_the_table_is_written_for_other_programs(tmp_path):
     rows = [*csv.DictReader(out.read_text().splitlines())]
     assert {row["cycle"] for row in rows} >= {"1"}
     assert np.isfinite(float(rows[0]["width at mid-range (mm)"]))
-    fault = run("loops", file, *COLUMNS, "--csv", tmp_path / "no" / "loops.csv")
+    fault = run("loops", file, *COLUMNS, "--csv", file / "loops.csv")
     assert fault.code == 2
     assert "cannot-write" in run("loops", file, *COLUMNS, "--csv", tmp_path, "--json").err
     assert "bad-option" in run("loops", file, *COLUMNS, "--kind", "round", "--json").err
