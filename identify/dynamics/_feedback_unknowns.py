@@ -11,12 +11,12 @@ solves dz = direct + Gzw N' dz with the exact tangents N' for every unknown, the
 preconditioner.
 """
 
-from functools import partial
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.flatten_util import ravel_pytree
 
 from hysteresis import AbstractModel, Feedback, parameters
 from hysteresis.dynamics._feedback import Lines, Steady, clock_of, level_of
@@ -32,24 +32,21 @@ SLOWEST = 2e-4
 
 
 class Reaction(NamedTuple):
-    """The unknowns of a channel's law."""
+    """The unknowns of a channel's law: its parameters that are not fixed."""
 
     channel: AbstractModel
 
-    @property
-    def values(self) -> dict[str, Any]:
-        """By the names of parameters that are not fixed."""
-        return {name: value for name, info, value in parameters(self.channel) if not info.fixed}
+    def _raveled(self) -> tuple[Any, Any]:
+        free = {name: value for name, info, value in parameters(self.channel) if not info.fixed}
+        return ravel_pytree({name: jnp.asarray(value, float) for name, value in free.items()})
 
     def vector(self) -> np.ndarray:
-        return np.concatenate([np.zeros(0), *map(np.ravel, self.values.values())])
+        return np.asarray(self._raveled()[0], float)
 
     def moved(self, vector: Any) -> AbstractModel:
-        model, at = self.channel, 0
-        for name, value in self.values.items():
-            shape, size = np.shape(value), int(np.size(value))
-            model = replaced(model, name, jnp.reshape(jnp.asarray(vector[at : at + size]), shape))
-            at += size
+        model = self.channel
+        for name, value in self._raveled()[1](jnp.asarray(vector)).items():
+            model = replaced(model, name, value)
         return model
 
     def numbers(self) -> tuple[Any, np.ndarray]:
@@ -65,49 +62,37 @@ class Unknowns(NamedTuple):
     entering: bool = True
     driven: bool = True
 
-    def _slices(self, model: Feedback) -> tuple[Any, ...]:
-        v = None if self.entering else model.inputs
-        o = None if self.driven else model.outputs
-        return (
-            np.s_[:, :v],
-            np.s_[:o],
-            np.s_[: model.outputs, :v],
-            np.s_[model.outputs :, : model.inputs],
-        )
+    def arrays(self, model: Feedback) -> list[np.ndarray]:
+        """Poles, entries, shapes, direct terms of the outputs, delay, levels, laws, direct terms of the
+        drives; of what is complex the real part stands before the imaginary one."""
+        ny, nu = model.outputs, model.inputs
+        v = None if self.entering else nu
+        o = None if self.driven else ny
+        return [
+            model.poles, model.entries[:, :v], model.shapes[:o], model.direct[:ny, :v],
+            np.array([model.delay]), model.levels, *(Reaction(x).vector() for x in model.channels),
+            model.direct[ny:o, :nu],
+        ]  # fmt: skip
 
     def vector(self, model: Feedback) -> np.ndarray:
-        entries, shapes, out, drives = self._slices(model)
-        complexes = model.poles, model.entries[entries], model.shapes[shapes]
-        parts = [np.concatenate([x.real.ravel(), x.imag.ravel()]) for x in complexes]
-        parts += [model.direct[out].ravel(), np.array([model.delay]), model.levels]
-        parts += [Reaction(channel).vector() for channel in model.channels]
-        parts += [model.direct[drives].ravel()] if self.driven else []
-        return np.concatenate(parts)
+        own = map(np.ascontiguousarray, self.arrays(model))
+        return np.concatenate([x.ravel().view(float) for x in own])
 
     def moved(self, model: Feedback, vector: np.ndarray) -> Feedback:
-        at = 0
-
-        def take(size: int) -> np.ndarray:
-            nonlocal at
+        found, at = [], 0
+        for x in self.arrays(model):
+            size = x.nbytes // vector.itemsize
+            found.append(vector[at : at + size].view(x.dtype).reshape(x.shape))
             at += size
-            return vector[at - size : at]
-
-        def take_complex(size: int) -> Any:
-            return take(size) + 1j * take(size)
-
-        entries, shapes, out, drives = self._slices(model)
-        poles = take_complex(len(model.poles))
-        poles = -np.maximum(-poles.real, SLOWEST) + 1j * poles.imag
-        b, c, d = model.entries.copy(), model.shapes.copy(), model.direct.copy()
-        b[entries] = take_complex(b[entries].size).reshape(b[entries].shape)
-        c[shapes] = take_complex(c[shapes].size).reshape(c[shapes].shape)
-        d[out] = take(d[out].size).reshape(d[out].shape)
-        delay, levels = max(float(take(1)[0]), 0.0), take(len(model.levels))
-        own = [Reaction(x) for x in model.channels]
-        channels = tuple(x.moved(take(len(x.vector()))) for x in own)
-        if self.driven:
-            d[drives] = take(d[drives].size).reshape(d[drives].shape)
-        return Feedback(poles, b, c, d, delay, channels, levels, model.memory)
+        poles, b, c, out, (delay,), levels, *laws, drives = found
+        d, ny = model.direct.copy(), model.outputs
+        d[:ny, : out.shape[1]], d[ny : ny + len(drives), : model.inputs] = out, drives
+        own = [Reaction(x).moved(law) for x, law in zip(model.channels, laws, strict=True)]
+        return Feedback(
+            -np.maximum(-poles.real, SLOWEST) + 1j * poles.imag,
+            np.concatenate([b, model.entries[:, b.shape[1] :]], 1),
+            np.concatenate([c, model.shapes[len(c) :]]), d, max(delay, 0.0), own, levels, model.memory,
+        )  # fmt: skip
 
 
 class Point(NamedTuple):
@@ -122,13 +107,6 @@ class Point(NamedTuple):
     gains: np.ndarray
     reactions: list[tuple[Any, np.ndarray]]
 
-    @property
-    def motion(self) -> tuple[Any, Any, Any, Any, Any]:
-        """[u; w], 1 / (s - p) and the modes, each also of the conjugate poles."""
-        v, s, model = np.concatenate([self.U, self.state.reactions.T], 1), self.lines.s, self.model
-        P, Q = (1 / (s[:, None] - p) for p in (model.poles, model.poles.conj()))
-        return v, P, Q, P * (v @ model.entries.T), Q * (v @ model.entries.conj().T)
-
 
 def equivalent_gains(Z: Any, W: Any) -> np.ndarray:
     """W / Z of each channel by least squares over realisations, (realisations, channels, lines)."""
@@ -136,58 +114,69 @@ def equivalent_gains(Z: Any, W: Any) -> np.ndarray:
     return (Z.conj() * W).sum((0, 2)) / power
 
 
+Change = tuple[tuple[Any, Any], ...]
+"""By unknowns (r, c), before it goes around the loop: the signals [y; z; w], y before its delay, change by
+the sum over some terms of to (lines or 1, signals, r) times by (lines, c)."""
+
+
+def changes(point: Point, unknowns: Unknowns) -> list[Change]:
+    """Of all unknowns, in their order. A drive that takes more of a signal changes its own reaction, by the
+    tangents of the law."""
+    model, lines = point.model, point.lines
+    ny, nu, n = model.outputs, model.inputs, len(model.channels)
+    v = np.concatenate([point.U, point.state.reactions.T], 1)
+    P, Q = (1 / (lines.s[:, None] - p) for p in (model.poles, model.poles.conj()))
+    X, Xc = P * (v @ model.entries.T), Q * (v @ model.entries.conj().T)
+    y, _, w = np.split(np.eye(ny + 2 * n)[None], [ny, ny + n], 2)
+    one = np.concatenate([model.shapes, np.zeros((n, len(model.poles)))])[None]
+    other = one.conj()
+
+    def pairs(a: Any, b: Any) -> Any:
+        """Columns by real and imaginary parts in turn."""
+        return np.stack([a, b], 2).reshape(len(a), -1)
+
+    by_pole = [
+        (
+            (one[:, :, m], pairs((P * X)[:, m], 1j * (P * X)[:, m])),
+            (other[:, :, m], pairs((Q * Xc)[:, m], -1j * (Q * Xc)[:, m])),
+        )
+        for m in np.arange(len(model.poles))[:, None]
+    ]
+    entering = v if unknowns.entering else v[:, :nu]
+    by_entry = (
+        (one * P[:, None], pairs(entering, 1j * entering)),
+        (other * Q[:, None], pairs(entering, -1j * entering)),
+    )
+    late = (point.G[:, :ny] @ v[:, :, None]) * np.exp(lines.s * model.delay)[:, None, None]
+    by_delay = ((np.pad(late, ((0, 0), (0, 2 * n), (0, 0))), -lines.s[:, None]),)
+    # What drives take from modes and inputs, and the numbers of their laws, each channel in turn.
+    modes = pairs(X + Xc, 1j * (X - Xc))
+    signals = np.concatenate([modes, v[:, :nu]], 1)[:, : None if unknowns.driven else 0]
+    first, wide = min(modes.shape[1], signals.shape[1]), signals.shape[1]
+    reactions = [dW.T for dW in _by_drive(point, lines.fine(signals.T).T)]
+    by_shape, by_level, by_law, by_direct = (
+        [((w[:, :, [i]], dW[:, columns]),) for i, dW in enumerate(reactions)]
+        for columns in (np.s_[:first], np.s_[-1:], np.s_[wide:-1], np.s_[first:wide])
+    )
+    return [
+        *by_pole, by_entry, ((y, modes),), *by_shape, ((y, entering),), by_delay, *by_level, *by_law,
+        *by_direct,
+    ]  # fmt: skip
+
+
 def jacobian(point: Point, unknowns: Unknowns, kept: slice) -> np.ndarray:
     """d output / d unknowns at the lines `kept`, (outputs, lines, unknowns)."""
-    model, lines, gains = point.model, point.lines, point.gains
-    ny, nu, n, M = model.outputs, model.inputs, len(model.channels), len(model.poles)
-    motion = whole, *_, X_all, Xc_all = point.motion
-    v, P, Q, X, Xc = (x[kept] for x in motion)
-    s, G = lines.s[kept], point.G[kept]
-    late = np.exp(-s * model.delay)[:, None]
+    model, G = point.model, point.G[kept]
+    ny, nu, n = model.outputs, model.inputs, len(model.channels)
+    late = np.exp(-point.lines.s[kept] * model.delay)[:, None, None]
     Gyw, Gzw = G[:, :ny, nu:], G[:, ny:, nu:]
-    A = (Gyw * gains) @ np.linalg.inv(np.eye(n) - Gzw * gains)
-    B = Gyw + A @ Gzw
-    to_outputs = np.concatenate([late[:, :, None] * np.eye(ny), A], 2)
-    one, other = to_outputs @ model.shapes, to_outputs @ model.shapes.conj()
-    columns: list[np.ndarray] = []
-
-    def add(*blocks: Any) -> None:
-        """(lines, outputs, ...) each"""
-        columns.extend(np.asarray(x, np.complex64).reshape(len(s), ny, -1) for x in blocks)
-
-    def each_output(signals: Any) -> Any:
-        """A change of the outputs, one after the other, by signals (lines, signals)."""
-        return np.eye(ny)[:, :, None] * (late * signals)[:, None, None, :]
-
-    both = one * (P * X)[:, None, :], other * (Q * Xc)[:, None, :]
-    add(both[0] + both[1], 1j * (both[0] - both[1]))
-    entering = v if unknowns.entering else v[:, :nu]
-    by_mode = (
-        (one * P[:, None, :])[..., None] * entering[:, None, None, :],
-        (other * Q[:, None, :])[..., None] * entering[:, None, None, :],
-    )
-    add(by_mode[0] + by_mode[1], 1j * (by_mode[0] - by_mode[1]))
-    # What drives takes from modes and inputs, each channel in turn, and their laws' numbers.
-    modes = X_all + Xc_all, 1j * (X_all - Xc_all)
-    signals = (
-        np.concatenate([*modes, whole[:, :nu]], 1) if unknowns.driven else np.zeros((len(whole), 0))
-    )
-    fine = lines.fine(signals.T).T
-    found = [
-        B[:, :, i, None] * dW[:, kept].T[:, None, :] for i, dW in enumerate(_by_drive(point, fine))
-    ]
-    wide = fine.shape[1]
-    for part, mode in enumerate(modes):
-        add(
-            np.concatenate(
-                [each_output(mode[kept]).reshape(len(s), ny, -1)]
-                + [x[..., part * M : (part + 1) * M] for x in found if unknowns.driven],
-                2,
-            )
-        )
-    add(each_output(entering), -s[:, None] * (G[:, :ny] @ v[:, :, None])[:, :, 0])
-    add(*(x[..., -1] for x in found), *(x[..., wide:-1] for x in found))
-    add(*(x[..., 2 * M : wide] for x in found if unknowns.driven))
+    A = (Gyw * point.gains) @ np.linalg.inv(np.eye(n) - Gzw * point.gains)
+    T = np.concatenate([late * np.eye(ny), A, Gyw + A @ Gzw], 2)
+    columns = []
+    for change in changes(point, unknowns):
+        each = ((T @ (to if len(to) == 1 else to[kept]), by[kept]) for to, by in change)
+        found = sum(to[..., None] * by[:, None, None, :] for to, by in each)
+        columns.append(np.asarray(found, np.complex64).reshape(*T.shape[:2], -1))
     return np.concatenate(columns, 2).transpose(1, 0, 2)
 
 
@@ -225,23 +214,34 @@ def refined(
     as a part of the drives' changes."""
     model, lines = point.model, point.lines
     ny, nu, n = model.outputs, model.inputs, len(model.channels)
-    dy, dz, dw = _direct(point, unknowns, which)  # (unknowns, lines, signals) each
+    each = [
+        (change, r, c)
+        for change in changes(point, unknowns)
+        for r in range(change[0][0].shape[2])
+        for c in range(change[0][1].shape[1])
+    ]
+    chosen = each if which is None else [each[k] for k in which]
+    direct = np.stack(
+        [sum(to[:, :, r] * by[:, c, None] for to, by in change) for change, r, c in chosen]
+    )  # (unknowns, lines, signals)
+    dy, dz, dw = direct[..., :ny], direct[..., ny : ny + n], direct[..., ny + n :]
+    dy = dy * np.exp(-lines.s * model.delay)[:, None]
     Gyw, Gzw = point.G[:, :ny, nu:], point.G[:, ny:, nu:]
     inverse = np.linalg.inv(np.eye(n) - Gzw * point.gains)
     drives = [lines.fine(z) for z in point.state.drives]
     around = np.zeros_like(dw)
-    changes = np.zeros_like(dz)
+    moved = np.zeros_like(dz)
     off = 0.0
     for turn in range(ROUNDS):
-        rest = dz + _times(Gzw, dw + around) - changes
-        size = float(np.linalg.norm(rest) / max(np.linalg.norm(changes), 1e-300))
+        rest = dz + _times(Gzw, dw + around) - moved
+        size = float(np.linalg.norm(rest) / max(np.linalg.norm(moved), 1e-300))
         if turn == 1:
             off = size
         if turn and size < EXACT:
             break
-        changes = changes + _times(inverse, rest)
+        moved = moved + _times(inverse, rest)
         for i, (numbers, dm) in enumerate(point.reactions):
-            fine = lines.fine(changes[:, :, i]).T
+            fine = lines.fine(moved[:, :, i]).T
             found = _tangent(point, i, drives[i], fine, numbers, dm[:, :0])
             around[:, :, i] = lines.coarse(found.T)
     found = dy + _times(Gyw, dw + around)
@@ -251,53 +251,3 @@ def refined(
 def _times(matrices: Any, x: Any) -> Any:
     """Matrices (lines, to, from) on signals (unknowns, lines, from)."""
     return (matrices[None] @ x[..., None])[..., 0]
-
-
-def _direct(point: Point, unknowns: Unknowns, which: np.ndarray | None) -> tuple[Any, Any, Any]:
-    """What each unknown changes before it goes around the loop: outputs, drives and reactions, (unknowns,
-    lines, signals) each."""
-    model, lines = point.model, point.lines
-    ny, nu, n, M = model.outputs, model.inputs, len(model.channels), len(model.poles)
-    v, P, Q, X, Xc = point.motion
-    into = v.shape[1] if unknowns.entering else nu
-    upto = ny + n if unknowns.driven else ny
-    by_law = [*_by_drive(point, np.zeros((lines.samples * lines.finer, 0)))]
-    none: Any = np.zeros((len(v), ny + 2 * n), complex)
-    both = np.concatenate([model.shapes, np.zeros((n, M))]).T
-
-    def at(k: int, signal: Any) -> Any:
-        change = none.copy()
-        change[:, k] = signal
-        return change
-
-    def through(m: int, one: Any, other: Any, part: int) -> Any:
-        """By mode m; `part` 0 is the real one."""
-        a, b = np.outer(one, both[m]), np.outer(other, both[m].conj())
-        return a + b if part == 0 else 1j * (a - b)
-
-    def delayed() -> Any:
-        y = (point.G[:, :ny] @ v[:, :, None])[:, :, 0] * np.exp(lines.s * model.delay)[:, None]
-        return np.concatenate([-lines.s[:, None] * y, none[:, ny:]], 1)
-
-    parts, each = (0, 1), range(M)
-    changes: list[Any] = [
-        *(partial(through, m, P[:, m] * X[:, m], Q[:, m] * Xc[:, m], k) for k in parts for m in each),
-        *(
-            partial(through, m, P[:, m] * v[:, i], Q[:, m] * v[:, i], k)
-            for k in parts for m in each for i in range(into)
-        ),
-        *(
-            partial(at, k, modes[:, m])
-            for modes in (X + Xc, 1j * (X - Xc)) for k in range(upto) for m in each
-        ),
-        *(partial(at, k, v[:, i]) for k in range(ny) for i in range(into)),
-        delayed,
-        *(partial(at, ny + n + i, found[-1]) for i, found in enumerate(by_law)),
-        *(partial(at, ny + n + i, one) for i, found in enumerate(by_law) for one in found[:-1]),
-    ]  # fmt: skip
-    if unknowns.driven:
-        changes += [partial(at, ny + k, v[:, i]) for k in range(n) for i in range(nu)]
-    chosen = range(len(changes)) if which is None else which
-    found = np.stack([changes[k]() for k in chosen])
-    late = np.exp(-lines.s * model.delay)[:, None]
-    return late * found[..., :ny], found[..., ny : ny + n], found[..., ny + n :]
