@@ -1,6 +1,5 @@
 """Several masses with hysteretic links between them: chains, and matrices M, C and K."""
 
-from collections.abc import Iterable
 from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
@@ -212,65 +211,40 @@ class CoupledOscillators(AbstractSteppedModel[CoupledState]):
             )
         t = jnp.asarray(t, state.t.dtype)
         system, new = self.system(), jnp.isnan(state.t)
+        M, C, K, L = system
         h = jnp.where(new, 0.0, t - jnp.where(new, t, state.t)) / self.substeps
         last = jnp.where(new, force, state.force)
         # The first sample is where the motion begins: its acceleration alone is found.
-        found = self._acceleration(system, state, last, t)
-        state = state._replace(
-            t=t, force=last, acceleration=jnp.where(new, found, state.acceleration)
-        )
+        _, z = self._links(state.parts, t, L @ state.displacement)
+        left = last - C @ state.velocity - K @ state.displacement - L.T @ z
+        begun = jnp.where(new, jnp.linalg.solve(M, left), state.acceleration)
+        state = state._replace(t=t, force=last, acceleration=begun)
         advance = self._newmark if self.integrator == "newmark" else self._runge_kutta
 
         def fine(at: CoupledState, k: Array) -> tuple[CoupledState, None]:
             end = last + (force - last) * ((k + 1.0) / self.substeps)
             clock = t - h * (self.substeps - 1.0 - k)
-            return advance(system, at, clock, h, end)._replace(force=end), None
+            return advance(system, at, clock, h, end)._replace(t=clock, force=end), None
 
         after, _ = jax.lax.scan(fine, state, jnp.arange(self.substeps, dtype=h.dtype))
-        return after._replace(force=force)
+        return after._replace(t=t, force=force)
 
-    def _acceleration(self, system: System, at: CoupledState, force: Vector, t: Any) -> Vector:
-        stretch = system.links @ at.displacement
-        z = self._forces(at.parts, t, stretch, self._rate_forces(at.parts))
-        left = force - system.damping @ at.velocity - system.stiffness @ at.displacement
-        return jnp.linalg.solve(system.mass, left - system.links.T @ z)
-
-    def _rate_forces(self, states: tuple[Any, ...]) -> list[Array]:
-        pairs = zip(self.parts, states, strict=True)
-        return [own.z for (_, part), own in pairs if isinstance(part, AbstractRateForm)]
-
-    def _forces(
-        self, states: tuple[Any, ...], t: Any, stretch: Array, rates: Iterable[Array]
-    ) -> Array:
-        """Forces of the links: of parts in rate form as given, of others at the stretches."""
-        z, given = jnp.zeros_like(stretch), iter(rates)
+    def _links(
+        self, states: tuple[Any, ...], t: Any, stretch: Array, rates: tuple[Any, ...] | None = None
+    ) -> tuple[tuple[Any, ...], Array]:
+        """States of the parts and forces of the links at these stretches. With `rates`, those before and
+        after a step and its length, parts in rate form follow the trapezoidal rule."""
+        after, z = [], jnp.zeros_like(stretch)
         for (link, part), own in zip(self.parts, states, strict=True):
-            is_rate = isinstance(part, AbstractRateForm)
-            force = next(given) if is_rate else part.step(own, t, stretch[link])[1]
+            if rates is not None and isinstance(part, AbstractRateForm):
+                v, v1, h = rates
+                force = part.after(own.z, v[link], v1[link], h)
+                own = own._replace(u=stretch[link], z=force)
+            else:
+                own, force = part.step(own, t, stretch[link])
+            after.append(own)
             z = z.at[link].add(force)
-        return z
-
-    def _after(
-        self, states: tuple[Any, ...], t: Any, stretch: Array, rates: Iterable[Array]
-    ) -> tuple[Any, ...]:
-        """States of the parts at these stretches."""
-        given = iter(rates)
-        return tuple(
-            own._replace(u=stretch[link], z=next(given))
-            if isinstance(part, AbstractRateForm)
-            else part.step(own, t, stretch[link])[0]
-            for (link, part), own in zip(self.parts, states, strict=True)
-        )
-
-    def _rates_after(
-        self, states: tuple[Any, ...], rate: Array, rate_after: Array, h: Array
-    ) -> list[Array]:
-        """Forces of the parts in rate form one step later, by the trapezoidal rule."""
-        return [
-            part.after(own.z, rate[link], rate_after[link], h)
-            for (link, part), own in zip(self.parts, states, strict=True)
-            if isinstance(part, AbstractRateForm)
-        ]
+        return tuple(after), z
 
     def _newmark(
         self, system: System, at: CoupledState, t: Array, h: Array, force: Vector
@@ -281,22 +255,23 @@ class CoupledOscillators(AbstractSteppedModel[CoupledState]):
         all links gives the Jacobian. The last of the steps carries the derivatives.
         """
 
-        def motion(at: CoupledState, a1: Array) -> tuple[Array, Array]:
+        def motion(model: Any, system: System, at: CoupledState, a1: Array) -> Any:
+            """After the step, and the links then where their stretches accelerate by more."""
             y1 = at.displacement + h * at.velocity + 0.25 * h * h * (at.acceleration + a1)
-            return y1, at.velocity + 0.5 * h * (at.acceleration + a1)
-
-        def newton(model: Any, system: System, at: CoupledState, force: Any, a1: Any) -> Array:
-            y1, v1 = motion(at, a1)
+            v1 = at.velocity + 0.5 * h * (at.acceleration + a1)
             L = system.links
 
-            def of_links(extra: Array) -> Array:
-                stretch, rate = L @ y1 + 0.25 * h * h * extra, L @ v1 + 0.5 * h * extra
-                rates = model._rates_after(at.parts, L @ at.velocity, rate, h)
-                return model._forces(at.parts, t, stretch, rates)
+            def links(more: Any) -> Any:
+                rates = L @ at.velocity, L @ v1 + 0.5 * h * more, h
+                return model._links(at.parts, t, L @ y1 + 0.25 * h * h * more, rates)
 
+            return y1, v1, links
+
+        def newton(model: Any, system: System, at: CoupledState, force: Any, a1: Any) -> Array:
+            M, C, K, L = system
+            y1, v1, links = motion(model, system, at, a1)
             none = jnp.zeros(L.shape[0], a1.dtype)
-            z, by = jax.jvp(of_links, (none,), (jnp.ones_like(none),))
-            M, C, K, _ = system
+            z, by = jax.jvp(lambda more: links(more)[1], (none,), (jnp.ones_like(none),))
             off = M @ a1 + C @ v1 + K @ y1 + L.T @ z - force
             slope = M + 0.5 * h * C + 0.25 * h * h * K + L.T @ (by[:, None] * L)
             return a1 - jnp.linalg.solve(jax.lax.stop_gradient(slope), off)
@@ -307,38 +282,25 @@ class CoupledOscillators(AbstractSteppedModel[CoupledState]):
             0, NEWTON_STEPS - 1, lambda _, a1: newton(*frozen, a1=a1), frozen[2].acceleration
         )
         a1 = newton(self, system, at, force, jax.lax.stop_gradient(a1))
-        y1, v1 = motion(at, a1)
-        rate = system.links @ at.velocity
-        rates = self._rates_after(at.parts, rate, system.links @ v1, h)
-        parts = self._after(at.parts, t, system.links @ y1, rates)
-        return at._replace(t=t, displacement=y1, velocity=v1, acceleration=a1, parts=parts)
+        y1, v1, links = motion(self, system, at, a1)
+        return at._replace(displacement=y1, velocity=v1, acceleration=a1, parts=links(0.0)[0])
 
     def _runge_kutta(
         self, system: System, at: CoupledState, t: Array, h: Array, force: Vector
     ) -> CoupledState:
-        """One step of the classical Runge-Kutta method; parts that follow the stretch are taken from their
-        state before the step."""
-        rate_parts = [
-            (link, part) for link, part in self.parts if isinstance(part, AbstractRateForm)
-        ]
+        """One step of the classical Runge-Kutta method; parts begin in their states before the step."""
         M, C, K, L = system
 
         def slopes(motion: Any, share: float) -> Any:
-            y, v, z = motion
+            y, v = motion
             push = at.force + (force - at.force) * share
-            left = push - C @ v - K @ y - L.T @ self._forces(at.parts, t, L @ y, z)
-            w = L @ v
-            along = [
-                w[link] * part.slope(own, w[link] < 0)
-                for (link, part), own in zip(rate_parts, z, strict=True)
-            ]
-            return v, jnp.linalg.solve(M, left), along
+            left = push - C @ v - K @ y - L.T @ self._links(at.parts, t, L @ y)[1]
+            return v, jnp.linalg.solve(M, left)
 
-        start = (at.displacement, at.velocity, self._rate_forces(at.parts))
-        y1, v1, z1 = runge_kutta(slopes, start, h)
-        parts = self._after(at.parts, t, L @ y1, z1)
-        _, a1, _ = slopes((y1, v1, z1), 1.0)
-        return at._replace(t=t, displacement=y1, velocity=v1, acceleration=a1, parts=parts)
+        y1, v1 = runge_kutta(slopes, (at.displacement, at.velocity), h)
+        _, a1 = slopes((y1, v1), 1.0)
+        parts, _ = self._links(at.parts, t, L @ y1)
+        return at._replace(displacement=y1, velocity=v1, acceleration=a1, parts=parts)
 
 
 @eqx.filter_jit
