@@ -66,13 +66,8 @@ def decimated(
             wide = np.concatenate([x[-half:], x, x[:half]])
         else:
             wide = np.concatenate([2 * x[0] - x[half:0:-1], x, 2 * x[-1] - x[-2 : -half - 2 : -1]])
-        taps = low_pass(factor)
-        count = -(-len(x) // factor)
-        # Only the rows that are kept are computed: one strided product a tap.
-        kept = np.zeros(count)
-        for k in range(TAPS):
-            kept += taps[k] * wide[k : k + (count - 1) * factor + 1 : factor]
-        x = kept
+        windows = np.lib.stride_tricks.sliding_window_view(wide, TAPS)
+        x = windows[::factor] @ low_pass(factor)  # only the rows that are kept
     return x
 
 

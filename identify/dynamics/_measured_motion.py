@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy
 from jaxtyping import Float
 from numpy.typing import ArrayLike
 
@@ -264,9 +265,7 @@ def noise_color(
     if np.sum(freedom * logs**2) < WHITE:
         return None
     reach = max(8, len(lines) // 64)
-    wide = np.pad(lines, reach, mode="reflect")
-    sums = np.cumsum(np.concatenate([[0.0], wide]))
-    smooth = (sums[2 * reach + 1 :] - sums[: -2 * reach - 1]) / (2 * reach + 1)
+    smooth = scipy.ndimage.uniform_filter1d(lines, 2 * reach + 1, mode="mirror")
     power = np.concatenate([smooth[:1], smooth, smooth[-1:]])
     each = np.full(len(power), 2.0)
     each[0], each[-1] = 1.0, 1.0 if rows % 2 == 0 else 2.0

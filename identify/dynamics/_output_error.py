@@ -162,12 +162,20 @@ class Family:
         return np.linalg.lstsq(self.T / size[:, None], theta / size, rcond=None)[0]
 
 
+class Place(NamedTuple):
+    """Residuals over the noise's deviation at some unknowns, and their derivatives."""
+
+    left: Float[np.ndarray, " rows"]
+    jacobian: Float[np.ndarray, "rows unknowns"]
+
+
 class Optimum(NamedTuple):
     """Where a search ended.
 
     - `q`: unknowns. `chi`: mean squared residual over the noise's variance, no prior in it.
     - `root`: of the normal equations, prior included, in units of the noise; `deviations` of the priors.
     - `effective`: how many unknowns the data determine. `converged`: whether steps had become small.
+    - `place`: where it is, for a search that goes on from there.
     """
 
     family: Family
@@ -178,6 +186,7 @@ class Optimum(NamedTuple):
     effective: float
     converged: bool
     rows: int
+    place: Place | None = None
 
     @property
     def bic(self) -> float:
@@ -198,44 +207,25 @@ def covariance_of(
     return np.linalg.pinv(normal / both, rcond=1e-15, hermitian=True) / both
 
 
-class Place(NamedTuple):
-    """Residuals over the noise's deviation at some unknowns, and their derivatives."""
-
-    left: Float[np.ndarray, " rows"]
-    jacobian: Float[np.ndarray, "rows unknowns"]
-
-
 def levenberg_marquardt(
     setting: Setting,
     family: Family,
     q: Float[np.ndarray, " unknowns"],
     *,
     deviations: Sequence[float] = (),
-    **how: Any,
-) -> Optimum:
-    """Least squares of the displacement from a start, with a Gaussian prior of each group: `steps` at most,
-    until one would gain less than `tolerance` of the sum, with so much `damping` at first."""
-    deviations = tuple(deviations) or tuple(d for _, d in family.groups)
-    return _descended(setting, family, q, deviations, **how)[0]
-
-
-def _descended(
-    setting: Setting,
-    family: Family,
-    q: Float[np.ndarray, " unknowns"],
-    deviations: tuple[float, ...],
     here: Place | None = None,
     steps: int = 25,
     tolerance: float = 1e-3,
     damping: float = 1e-2,
-) -> tuple[Optimum, Place | None]:
-    """Levenberg-Marquardt from q, where residuals may be known already, and the place where it ends.
+) -> Optimum:
+    """Least squares of the displacement from q, whose place may be known, with a prior of each group.
 
     Each unknown is damped in its own size. The search has converged where an undamped step would gain less
     than `tolerance` of the sum of squares, or where `PATIENCE` steps in a row have gained no more. The loop
     of `parametric` is compiled for each number of unknowns, of which a search has eight: that takes 0.8 to
     1.3 s each where the whole search takes 26.
     """
+    deviations = tuple(deviations) or tuple(d for _, d in family.groups)
     y, sigma = setting.motion.displacement, setting.motion.sigma
     root, count = family.prior_root(deviations), len(q)
 
@@ -252,7 +242,7 @@ def _descended(
 
     here = here or look(q)
     if here is None:
-        return Optimum(family, q, np.inf, np.eye(count), deviations, count, False, len(y)), None
+        return Optimum(family, q, np.inf, np.eye(count), deviations, count, False, len(y))
     cost, still, converged = cost_of(here, q), 0, False
     for step_number in range(steps + 1):
         normal = here.jacobian.T @ here.jacobian + np.diag(root**2)
@@ -282,7 +272,7 @@ def _descended(
         held = np.concatenate([group for group, _ in family.groups])
         effective = count - float(np.sum(np.diag(covariance_of(normal))[held] * root[held] ** 2))
     chi = float(here.left @ here.left) / len(y)
-    return Optimum(family, q, chi, normal, deviations, effective, converged, len(y)), here
+    return Optimum(family, q, chi, normal, deviations, effective, converged, len(y), here)
 
 
 def with_evidence(
@@ -297,22 +287,15 @@ def with_evidence(
     damping: float = 1e-2,
 ) -> Optimum:
     """Least squares with the deviation of each prior where the evidence is greatest (MacKay 1992)."""
-    deviations = tuple(deviations) or tuple(d for _, d in family.groups)
-    found, here = None, None
-    for _ in range(rounds if family.groups else 1):
-        found, here = _descended(
-            setting, family, q, deviations, here, steps=steps, tolerance=tolerance, damping=damping
-        )
-        if not np.isfinite(found.chi):
-            return found
-        q = found.q
-        variances = np.diag(covariance_of(found.normal))
-        new = []
-        for (group, least), deviation in zip(family.groups, deviations, strict=True):
+    how: dict[str, Any] = {"steps": steps, "tolerance": tolerance}
+    found = levenberg_marquardt(setting, family, q, deviations=deviations, damping=damping, **how)
+    for _ in range(rounds - 1 if family.groups and np.isfinite(found.chi) else 0):
+        variances, new = np.diag(covariance_of(found.normal)), []
+        for (group, least), deviation in zip(family.groups, found.deviations, strict=True):
             gamma = len(group) - float(np.sum(variances[group])) / deviation**2
-            size = float(np.sum(q[group] ** 2))
+            size = float(np.sum(found.q[group] ** 2))
             new.append(float(np.clip(np.sqrt(size / max(gamma, 0.5)), 1e-6 * least, 1e3 * least)))
-        deviations = tuple(new)
-        damping = 1e-3
-    assert found is not None
-    return found
+        found = levenberg_marquardt(
+            setting, family, found.q, deviations=new, here=found.place, damping=1e-3, **how
+        )
+    return found._replace(place=None)

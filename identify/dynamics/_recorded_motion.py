@@ -1,5 +1,6 @@
 """A fitted oscillator and its recorder over new records: from rest, in steady state, or going on."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -49,23 +50,18 @@ class RecordedMotion:
         """The displacements of a record that starts at rest, as a recorder keeps them that low-passes in
         one stage."""
         found = np.empty(len(record.input))
-        for _, rows in record.sequences():
-            part = np.asarray(record.input, float)[rows]
-            substeps, dt = self._steps(record, rows)
+        for rows, part, substeps, dt in self._sequences(record):
             stages = (substeps,) if self.stages and substeps > 1 else ()
-            fine = self._moved(part, substeps, dt, False)[0]
-            found[rows] = self._kept(fine, substeps, stages, False)
+            fine = self._run(interpolated(part, substeps), dt / substeps)[0]
+            found[rows] = _kept(fine, substeps, stages)
         return found
 
     def steady(self, record: Record) -> Float[np.ndarray, " samples"]:
         """The displacements in steady state: of a force whose period is in the record, or is the record."""
         found = np.empty(len(record.input))
-        for _, rows in record.sequences():
-            part = np.asarray(record.input, float)[rows]
-            substeps, dt = self._steps(record, rows)
+        for rows, part, substeps, dt in self._sequences(record):
             period = period_of(part) or len(part)
-            once = self._period(part[:period], substeps, dt)
-            found[rows] = np.resize(once, len(part))
+            found[rows] = np.resize(self._period(part[:period], substeps, dt), len(part))
         return found
 
     def as_fitted(self, record: Record) -> Float[np.ndarray, " samples"]:
@@ -73,40 +69,38 @@ class RecordedMotion:
         part = np.asarray(record.input, float)
         if self.period:
             return np.resize(self._period(part[: self.period], self.substeps, self.dt), len(part))
-        fine = self._moved(part, self.substeps, self.dt, True)[0]
-        return self._kept(fine, self.substeps, self.stages, False)
+        return self._moving(part)
 
     def going_on(self, record: Record) -> Float[np.ndarray, " samples"] | None:
         """A record that follows the fitted one: its phase of the period, or the motion that goes on; None
         where its force is no part of the period."""
         part = np.asarray(record.input, float)
         if not self.period:
-            whole = np.concatenate([self.force, part])
-            fine = self._moved(whole, self.substeps, self.dt, True)[0]
-            return self._kept(fine, self.substeps, self.stages, False)[len(self.force) :]
+            return self._moving(np.concatenate([self.force, part]))[len(self.force) :]
         once = self.force[: self.period]
-        shifts = np.arange(self.period)
         some = part[: min(len(part), self.period)]
         spectrum = np.fft.rfft(once) * np.conj(np.fft.rfft(some, self.period))
-        shift = int(shifts[np.argmax(np.fft.irfft(spectrum, self.period))])
+        shift = int(np.argmax(np.fft.irfft(spectrum, self.period)))
         wanted = np.resize(np.roll(once, -shift), len(part))
         if np.std(wanted - part) > 5 * REPEATED * np.std(once):
             return None
         found = self._period(once, self.substeps, self.dt)
         return np.resize(np.roll(found, -shift), len(part))
 
-    def _steps(self, record: Record, rows: slice) -> tuple[int, float]:
-        """Steps and time of a sample; of another clock steps about as long as the fitted ones."""
-        time = None if record.time is None else record.time[rows]
-        dt = even_clock(time, record.line[rows], record.time_unit)
-        if abs(dt / self.dt - 1) < EVEN:
-            return self.substeps, self.dt
-        return max(1, round(self.substeps * dt / self.dt)), dt
+    def _sequences(self, record: Record) -> Iterator[tuple[slice, np.ndarray, int, float]]:
+        """Rows and force of each sequence, the steps and the time of a sample: of another clock steps about
+        as long as the fitted ones."""
+        for _, rows in record.sequences():
+            time = None if record.time is None else record.time[rows]
+            dt = even_clock(time, record.line[rows], record.time_unit)
+            own = abs(dt / self.dt - 1) < EVEN
+            steps = self.substeps if own else max(1, round(self.substeps * dt / self.dt))
+            yield rows, np.asarray(record.input, float)[rows], steps, self.dt if own else dt
 
     def _period(self, once: np.ndarray, substeps: int, dt: float) -> np.ndarray:
         """One period in steady state: the motion is run until it repeats itself."""
         fine = interpolated(once, substeps, "band-limited", True)
-        found, state = self._run(fine, dt / substeps, None, periodic=True)
+        found, state = self._run(fine, dt / substeps, periodic=True)
         for _ in range(MOST_PERIODS):
             state = state._replace(t=jnp.zeros_like(state.t))
             new, state = self._run(fine, dt / substeps, state, periodic=True)
@@ -114,16 +108,13 @@ class RecordedMotion:
             found = new
             if not apart > SETTLED * float(np.abs(found).max()):
                 break
-        return self._kept(found, substeps, self.stages, True)
+        return _kept(found, substeps, self.stages, True)
 
-    def _moved(
-        self, force: np.ndarray, substeps: int, dt: float, as_fitted: bool
-    ) -> tuple[np.ndarray, Any]:
-        fine = interpolated(force, substeps, "band-limited")
-        start = None
-        if as_fitted and any(self.initial):
-            start = self.model.moving(*self.initial)
-        return self._run(fine, dt / substeps, start)
+    def _moving(self, force: np.ndarray) -> np.ndarray:
+        """The displacements under a force that begins with the fitted one."""
+        start = self.model.moving(*self.initial) if any(self.initial) else None
+        fine = self._run(interpolated(force, self.substeps), self.dt / self.substeps, start)[0]
+        return _kept(fine, self.substeps, self.stages)
 
     def _run(
         self, fine: np.ndarray, h: float, state: Any = None, periodic: bool = False
@@ -136,12 +127,11 @@ class RecordedMotion:
         after, found = model.stream(h * np.arange(len(fine)), fine, state)
         return np.asarray(found)[:count], after
 
-    @staticmethod
-    def _kept(
-        fine: np.ndarray, substeps: int, stages: tuple[int, ...], periodic: bool
-    ) -> np.ndarray:
-        if stages and int(np.prod(stages)) == substeps:
-            return decimated(fine, stages, periodic)
-        if stages and substeps > 1:
-            return decimated(fine, (substeps,), periodic)
-        return fine[::substeps]
+
+def _kept(
+    fine: np.ndarray, substeps: int, stages: tuple[int, ...], periodic: bool = False
+) -> np.ndarray:
+    """What a recorder keeps: in one stage where those of the fitted clock do not fit."""
+    if stages and int(np.prod(stages)) != substeps:
+        stages = (substeps,) if substeps > 1 else ()
+    return decimated(fine, stages, periodic) if stages else fine[::substeps]

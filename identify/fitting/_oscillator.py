@@ -18,6 +18,7 @@ from hysteresis import (
     Note,
     Oscillator,
     Record,
+    parameters,
 )
 from hysteresis._format import quantity
 from hysteresis._verdict import Verdict
@@ -124,7 +125,7 @@ def fit_oscillator(
         (digest_of(record), digest_of(test)), best.name == "BoucWen",
         found.chi2,
     )  # fmt: skip
-    parameters, covariance = _parameters(model, best, optimum, record)
+    listed, covariance = _parameters(model, best, optimum, record)
     predicted = recorded.as_fitted(record)
     used = np.zeros(len(predicted), bool)
     used[motion.rows[0] : motion.rows[1]] = True
@@ -138,7 +139,7 @@ def fit_oscillator(
     fitted = FitResult(
         name=f"{OSCILLATOR}({best.name})",
         model=model,
-        parameters=parameters,
+        parameters=listed,
         covariance=covariance,
         residuals=residuals,
         used=used,
@@ -196,25 +197,16 @@ def _parameters(
     chi2 = optimum.chi * optimum.rows / max(optimum.rows - optimum.effective, 1.0)
     covariance = covariance_of(optimum.normal) * chi2
     unit = np.eye(len(optimum.q))
-    rows = [*unit[:3]]
-    force, displacement = record.input_unit, record.output_unit
-    per = f"{force} / {displacement}"
-    words = model.unit_words(force, displacement, record.time_unit)
-    named = [
-        ("mass", float(model.mass), words["mass"]),
-        ("damping", float(model.damping), f"{force} * {record.time_unit} / {displacement}"),
-        ("stiffness", float(model.stiffness), per),
-    ]
+    rows = [*unit[:PLANT]]
     if tried.name == "BoucWen":
         first = optimum.family.words["first"]
-        own = model.hysteresis
-        assert isinstance(own, BoucWenForce)
         rows += [unit[first], -unit[first + 1], -unit[first + 2]]
-        named += [
-            ("hysteresis.alpha", float(own.alpha), per),
-            ("hysteresis.beta_gamma", float(own.beta_gamma), f"1 / {displacement}"),
-            ("hysteresis.beta_delta", float(own.beta_delta), f"1 / {displacement}"),
-        ]
+    words = model.unit_words(record.input_unit, record.output_unit, record.time_unit)
+    named = [
+        (name, float(value), info.in_units(words))
+        for name, info, value in parameters(model)
+        if not info.fixed and np.ndim(value) == 0
+    ]
     picked = np.array(rows)
     among = picked @ covariance @ picked.T
     errors = np.sqrt(np.diag(among))
@@ -223,7 +215,7 @@ def _parameters(
             name, value, unit, float(error), "free",
             value - NORMAL_95 * float(error), value + NORMAL_95 * float(error),
         )
-        for (name, value, unit), error in zip(named, errors, strict=True)
+        for (name, value, unit), error in zip(named, errors, strict=False)
     )  # fmt: skip
     return listed, among
 
@@ -248,28 +240,23 @@ def _held_out(
     of a single period."""
     y = np.asarray(record.output, float)
     coarse = max(1, found.setting.substeps // 4)
-    warm = max(found.setting.warm, 1)
     if motion.periodic:
         first, end = motion.rows
         parts = y[first:end].reshape(-1, motion.period)
         if len(parts) < 2:
             return None
         own = replace(motion, displacement=parts[:-1].mean(0))
-        setting = Setting.of(own, coarse, (), warm)
-        new = levenberg_marquardt(
-            setting, optimum.family, optimum.q, deviations=optimum.deviations, steps=2, damping=1e-6
+        whole = setting = Setting.of(own, coarse, (), max(found.setting.warm, 1))
+        y, cut, how = parts[-1], 0, {"steps": 2, "damping": 1e-6}
+    else:
+        whole, how = Setting.of(motion, coarse, (), 0), {"steps": 4, "damping": 1e-4}
+        y, cut = y[: len(motion.force)], int(len(motion.force) * (1 - HELD_OUT))
+        part = replace(
+            motion, force=motion.force[:cut], displacement=motion.displacement[:cut], rows=(0, cut)
         )
-        predicted, _ = setting.simulated(new.family, new.q, jacobian=False)
-        return np.array(block_errors(predicted - parts[-1]))
-    y = y[: len(motion.force)]
-    whole = Setting.of(motion, coarse, (), 0)
-    cut = int(len(y) * (1 - HELD_OUT))
-    part = replace(
-        motion, force=motion.force[:cut], displacement=motion.displacement[:cut], rows=(0, cut)
-    )
-    setting = replace(whole, motion=part, force=whole.force[: (cut - 1) * coarse + 1])
+        setting = replace(whole, motion=part, force=whole.force[: (cut - 1) * coarse + 1])
     new = levenberg_marquardt(
-        setting, optimum.family, optimum.q, deviations=optimum.deviations, steps=4, damping=1e-4
+        setting, optimum.family, optimum.q, deviations=optimum.deviations, **how
     )
     predicted, _ = whole.simulated(new.family, new.q, jacobian=False)
     return np.array(block_errors((predicted - y)[cut:]))
@@ -286,24 +273,16 @@ def _linear_baseline(
     detail = fit.detail
     assert isinstance(detail, Motion)
     own = replace(detail.recorded, model=plain)
+    tested = _tested(replace(fit, model=plain, detail=replace(detail, recorded=own)))
     predicted = own.as_fitted(fit.train)
-    figures: dict[str, Metrics | None] = {
-        "train": metrics(fit.train.output, predicted, fit.used),
-        "test": None,
-    }
+    figures = tested.metrics | {"train": metrics(fit.train.output, predicted, fit.used)}
     error = (predicted - np.asarray(fit.train.output, float))[fit.used]
     rows = motion.period if motion.periodic else int(HELD_OUT * len(error))
     blocks = np.array(block_errors(error[-rows:]))
     blocks = blocks if fit.blocks is not None and len(fit.blocks) == len(blocks) else np.array([])
-    test_blocks = None
-    if fit.test is not None:
-        found = replace(detail, recorded=own).outputs(fit.test)
-        assert found is not None
-        figures["test"] = metrics(fit.test.output, found, fit.test.mask)
-        test_blocks = np.array(block_errors((found - fit.test.output)[fit.test.mask]))
     span = float(np.ptp(fit.train.output[fit.used]))
     score = 100 * float(np.sqrt(blocks.mean())) / span if len(blocks) else np.nan
-    return Baseline("linear oscillator", score, figures, blocks, test_blocks)
+    return Baseline("linear oscillator", score, figures, blocks, tested.test_blocks)
 
 
 def _notes(motion: MeasuredMotion, found: Search, detail: Motion) -> tuple[str, ...]:
