@@ -14,10 +14,10 @@ from .._model import AbstractModel, AbstractSteppedModel
 from .._parameter import is_concrete, parameter
 from .._registry import register
 from ..models._compose import Sum
+from ..numerics._newton import root_of
 from ._rate_form import AbstractRateForm
 from ._runge_kutta import runge_kutta
 
-NEWTON_STEPS = 4
 INTEGRATORS = ("newmark", "runge-kutta")
 
 Matrix = Float[Array, "masses masses"] | Any
@@ -249,41 +249,21 @@ class CoupledOscillators(AbstractSteppedModel[CoupledState]):
     def _newmark(
         self, system: System, at: CoupledState, t: Array, h: Array, force: Vector
     ) -> CoupledState:
-        """One step of average acceleration: Newton's method for the accelerations after it.
+        """One step of average acceleration."""
+        M, C, K, L = system
 
-        Each link's force depends on the acceleration of its own stretch alone, so that one derivative of
-        all links gives the Jacobian. The last of the steps carries the derivatives.
-        """
-
-        def motion(model: Any, system: System, at: CoupledState, a1: Array) -> Any:
-            """After the step, and the links then where their stretches accelerate by more."""
+        def motion(a1: Array) -> tuple[Array, Array, Any]:
             y1 = at.displacement + h * at.velocity + 0.25 * h * h * (at.acceleration + a1)
             v1 = at.velocity + 0.5 * h * (at.acceleration + a1)
-            L = system.links
+            return y1, v1, self._links(at.parts, t, L @ y1, (L @ at.velocity, L @ v1, h))
 
-            def links(more: Any) -> Any:
-                rates = L @ at.velocity, L @ v1 + 0.5 * h * more, h
-                return model._links(at.parts, t, L @ y1 + 0.25 * h * h * more, rates)
+        def off(a1: Array) -> Array:
+            y1, v1, (_, z) = motion(a1)
+            return M @ a1 + C @ v1 + K @ y1 + L.T @ z - force
 
-            return y1, v1, links
-
-        def newton(model: Any, system: System, at: CoupledState, force: Any, a1: Any) -> Array:
-            M, C, K, L = system
-            y1, v1, links = motion(model, system, at, a1)
-            none = jnp.zeros(L.shape[0], a1.dtype)
-            z, by = jax.jvp(lambda more: links(more)[1], (none,), (jnp.ones_like(none),))
-            off = M @ a1 + C @ v1 + K @ y1 + L.T @ z - force
-            slope = M + 0.5 * h * C + 0.25 * h * h * K + L.T @ (by[:, None] * L)
-            return a1 - jnp.linalg.solve(jax.lax.stop_gradient(slope), off)
-
-        frozen: Any = jax.lax.stop_gradient((self, system, at, force))
-        # A loop: its step is compiled once, and so is that after it, which has the derivatives.
-        a1 = jax.lax.fori_loop(
-            0, NEWTON_STEPS - 1, lambda _, a1: newton(*frozen, a1=a1), frozen[2].acceleration
-        )
-        a1 = newton(self, system, at, force, jax.lax.stop_gradient(a1))
-        y1, v1, links = motion(self, system, at, a1)
-        return at._replace(displacement=y1, velocity=v1, acceleration=a1, parts=links(0.0)[0])
+        a1 = root_of(off, at.acceleration)
+        y1, v1, (parts, _) = motion(a1)
+        return at._replace(displacement=y1, velocity=v1, acceleration=a1, parts=parts)
 
     def _runge_kutta(
         self, system: System, at: CoupledState, t: Array, h: Array, force: Vector

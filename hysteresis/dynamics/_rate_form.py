@@ -13,9 +13,9 @@ from .._errors import InputError
 from .._model import AbstractSteppedModel
 from .._parameter import Scalar, is_concrete, parameter
 from .._registry import register
+from ..numerics._newton import root_of
 from ._runge_kutta import runge_kutta
 
-NEWTON_STEPS = 4
 RUNGE_KUTTA_STEPS = 4
 
 
@@ -56,22 +56,12 @@ class AbstractRateForm(AbstractSteppedModel[RateState]):
         return z
 
     def after(self, z: Array, v: Array, v1: Array, h: Array) -> Array:
-        """z one step later by the trapezoidal rule, z1 = z + h/2 (z'(v, z) + z'(v1, z1)).
-
-        Newton's method finds z1; the last of its steps carries the derivatives.
-        """
+        """z one step later by the trapezoidal rule, z1 = z + h/2 (z'(v, z) + z'(v1, z1))."""
         before = z + 0.5 * h * v * self.slope(z, v < 0)
-
-        def newton(model: Any, z1: Array, before: Array, v1: Array, h: Array) -> Array:
-            f, by_z = jax.jvp(lambda x: model.slope(x, v1 < 0), (z1,), (jnp.ones_like(z1),))
-            by_z = jax.lax.stop_gradient(by_z)
-            return z1 - (z1 - before - 0.5 * h * v1 * f) / (1 - 0.5 * h * v1 * by_z)
-
-        frozen = jax.lax.stop_gradient((self, before, v1, h))
-        z1 = jax.lax.stop_gradient(before + 0.5 * h * v1 * self.slope(z, v1 < 0))
-        for _ in range(NEWTON_STEPS - 1):
-            z1 = newton(frozen[0], z1, *frozen[1:])
-        return newton(self, z1, before, v1, h)
+        found = root_of(
+            lambda z1: z1 - before - 0.5 * h * v1 * self.slope(z1, v1 < 0), before[None]
+        )
+        return found[0]
 
 
 @register
