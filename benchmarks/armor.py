@@ -11,8 +11,8 @@ import sys
 from collections.abc import Callable, Sequence
 
 from hysid.reproduction._armor import Rig
-from hysid.reproduction._armor_rows import PUBLISHED
-from hysid.reproduction._published import compared
+from hysid.reproduction._armor_paper import PAPER
+from hysid.reproduction._frame import compared
 
 from ._armor.ageing import ageing_rows
 from ._armor.classes import class_rows
@@ -27,7 +27,7 @@ RIGS = 60
 def reproduced_rows(quick: bool) -> list[Row]:
     """Every published number beside the virtual rigs', with its label."""
     count = 10 if quick else RIGS
-    found = compared(PUBLISHED, [Rig(seed) for seed in range(count)], with_ours=False)
+    found = compared(PAPER.published, [Rig(seed) for seed in range(count)], with_ours=False)
     labelled = sum(bool(row["label"] and row["where"] and row["differs"]) for row in found)
     rows = [
         judged(

@@ -15,7 +15,7 @@ import scipy.stats
 from jaxtyping import Bool, Float
 
 from compensate.armor import UncertainContact
-from hysid.reproduction._armor_ours import calibrated, covariances, followed
+from hysid.reproduction._armor import calibrated, covariances, followed
 from hysteresis.rigs import INWARD, ArmorPresses, ArmorRig
 
 from .._measure import Row, judged, noted

@@ -4,8 +4,16 @@ import numpy as np
 
 from compensate.armor import Armor, Box, ContactSolver, Cover, WristSensor
 from hysid.armor._calibration import CalibratedArmor, calibrate_armor
-from hysid.reproduction._armor import METHODS, OURS, Method, Rig, errors_of, following
-from hysid.reproduction._armor_ours import foam, twenty_presses
+from hysid.reproduction._armor import (
+    METHODS,
+    OURS,
+    Method,
+    Rig,
+    body_errors,
+    foam,
+    following,
+    twenty_presses,
+)
 from hysteresis import AbstractModel
 
 from .._measure import Row, judged, noted
@@ -35,7 +43,7 @@ def split_rows(quick: bool) -> list[Row]:
     count, rows, found = 3 if quick else 20, [], {}
     for where in ("outside", "inside"):
         rigs = [Rig(seed, inside=where == "inside") for seed in range(count)]
-        means = [np.mean([errors_of(rig, method) for rig in rigs]) for method in STEPS.values()]
+        means = [np.mean([body_errors(rig, method) for rig in rigs]) for method in STEPS.values()]
         first, *_, last = found[where] = [float(mean) for mean in means]
         for step, mean in zip(STEPS, found[where], strict=True):
             gain = f"{100 * (first - mean) / (first - last):.0f} % of the gain"

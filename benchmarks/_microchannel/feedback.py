@@ -20,8 +20,7 @@ from compensate.microchannel import (
     MultiContactEstimator,
 )
 from compensate.runtime import load
-from hysid.reproduction._skin import FORCE
-from hysid.reproduction._skin_networks import train_staircase
+from hysid.reproduction._skin import FORCE, train_staircase
 from hysteresis import AbstractModel, GeneralizedKelvinVoigt, Record, Series
 from hysteresis.networks import StaircaseNetwork
 from hysteresis.rigs import ChannelStream, MicrochannelRig

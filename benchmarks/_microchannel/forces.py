@@ -10,9 +10,16 @@ import numpy as np
 from jaxtyping import Array
 
 from compensate.microchannel import EverettNetwork
-from hysid.reproduction._skin import DELAY, HIGH_N, Series, Skin, records
-from hysid.reproduction._skin_electronics import converted_record
-from hysid.reproduction._skin_networks import Learnt, decaying_over, learnt_of
+from hysid.reproduction._skin import (
+    DELAY,
+    HIGH_N,
+    Learnt,
+    Series,
+    Skin,
+    converted_record,
+    decaying_over,
+    records,
+)
 from hysid.reproduction._skin_pair import SkinPair, error, found_peaks
 from hysteresis.rigs import MicrochannelRig, ResistiveReadout
 from identify import train
@@ -154,7 +161,7 @@ def _train_everett(
         start, _sequence_squares, (t, z, F), batch=5, epochs=epochs,
         optimizer=decaying_over(2e-2, epochs, len(times), 5),
     )  # fmt: skip
-    return learnt_of(found)
+    return Learnt.of(found)
 
 
 def _sequence_squares(network: EverettNetwork, rows: Any, key: Any) -> Array:

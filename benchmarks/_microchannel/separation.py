@@ -16,8 +16,8 @@ import numpy as np
 from jaxtyping import Float
 
 from compensate.microchannel import ForceEstimator, MultiContactEstimator, gains_in_use
-from hysid.reproduction._skin import FORCE, HIGH_N, NOISE_V, rms
-from hysid.reproduction._skin_networks import train_channels, train_staircase
+from hysid.reproduction._skin import FORCE, HIGH_N, NOISE_V, rms, train_staircase
+from hysid.reproduction._skin_pair import train_channels
 from hysid.soft_sensor._force_records import ForceRecord
 from hysteresis import InputError
 from hysteresis.rigs import MicrochannelRig

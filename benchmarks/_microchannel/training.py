@@ -7,8 +7,7 @@ import jax
 import numpy as np
 
 from hysid.reproduction._skin import READING
-from hysid.reproduction._skin_networks import BATCH
-from hysid.soft_sensor._force_networks import staircase_squares
+from hysid.soft_sensor._force_networks import BATCH, staircase_squares
 from hysteresis.networks import StaircaseNetwork
 from hysteresis.rigs import MicrochannelRig
 from identify import train

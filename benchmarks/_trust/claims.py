@@ -20,10 +20,8 @@ from hysid.armor._touches import VIRTUAL, save_touches, shell_of
 from hysid.armor._view import view
 from hysid.cli._app import app
 from hysid.reproduction._armor import nonlinearity
-from hysid.reproduction._armor_rows import STRONGLY
-from hysid.reproduction._published import PREDICTED
-from hysid.reproduction._skin_paper import TRAINED
-from hysid.reproduction._skin_rows import PUBLISHED
+from hysid.reproduction._armor_paper import STRONGLY
+from hysid.reproduction._skin_paper import PAPER
 from hysteresis import BoucWen, LinearSponge, PrandtlIshlinskii
 from hysteresis.rigs import ArmorRig, FoamBlock, ForceSensor, GaugeSensor, force_path
 from hysteresis.rigs._foam_block import _State
@@ -173,12 +171,12 @@ def no_false_phrase() -> bool:
 
 def time_is_no_prediction() -> bool:
     """A training time on another computer is not called predicted."""
-    return all(row.label != PREDICTED for row in PUBLISHED if not row.judged)
+    return all(row.label != "predicted" for row in PAPER.published if not row.judged)
 
 
 def epochs_are_told() -> bool:
     """`kim2018` says how long the networks of one contact, the paper's of two and ours of two train."""
-    return TRAINED.count("{") == 3
+    return PAPER.said["trained"].count("{") == 3
 
 
 def armor_page_is_virtual() -> bool:
@@ -193,7 +191,7 @@ def armor_page_is_virtual() -> bool:
             Path(out), shell_of(solver.shape), presses.time, force, moment, found, title=title
         )
         page = Path(view(Path(out))["file"]).read_text(encoding="utf-8")
-    source = (ROOT / "hysid/reproduction/_armor_touches.py").read_text(encoding="utf-8")
+    source = (ROOT / "hysid/reproduction/_armor_paper.py").read_text(encoding="utf-8")
     return "virtual" in page.partition("</h1>")[0] and "{VIRTUAL}" in source
 
 

@@ -1,5 +1,4 @@
 """A paper's experiments made anew on virtual laboratories."""
 
-from ._frame import PAPERS as PAPERS
 from ._frame import reproduce as reproduce
 from ._frame import terminal as terminal

@@ -1,8 +1,9 @@
-"""The experiments of Tsuji et al. (2014) on one virtual rig, and the methods that find a contact."""
+"""The experiments of Tsuji et al. (2014) on one virtual rig, and the methods that find a contact: the
+paper's, and ours, by a foam model with memory and a calibration by twenty presses."""
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cached_property, lru_cache, partial
+from functools import cache, cached_property, lru_cache, partial
 from typing import NamedTuple
 
 import equinox as eqx
@@ -12,24 +13,52 @@ import numpy as np
 import scipy
 from jaxtyping import Array, Float
 
-from compensate.armor import Armor, Box, Contact, ContactSolver
-from hysteresis import LinearSponge
-from hysteresis.rigs import ArmorPresses, ArmorRig, FoamBlock, ForceSensor, SpongeCycles
+from compensate.armor import (
+    Armor,
+    Box,
+    Bumps,
+    Contact,
+    ContactSolver,
+    Cover,
+    Presses,
+    UncertainArmor,
+    UncertainContact,
+    WristSensor,
+    planned_presses,
+)
+from hysteresis import AbstractModel, LinearSponge, Record
+from hysteresis.rigs import (
+    INWARD,
+    ArmorPresses,
+    ArmorRig,
+    FoamBlock,
+    ForceSensor,
+    SpongeCycles,
+    SpongeRig,
+    force_path,
+)
+from identify import fit
 
-from ..armor._calibration import CalibratedArmor
-from ._armor_ours import Block, calibrated
+from ..armor._calibration import CalibratedArmor, calibrate_armor, choose_presses
 
 READING = 0.05
 """mm, standard deviation of one reading of the stage."""
 
 OURS = "ours"
 
-AGED = 1_000_000
-"""Added to a rig's seed for its second record, half a year later."""
+AGED, WORN = 1_000_000, 0.05
+"""Added to a rig's seed for its second record, half a year later; the part of the struts that a sponge
+loses until then, where it ages."""
 
-WORN = 0.05
-"""Part of the struts that a sponge loses in half a year, where it ages."""
+PRESSES, CANDIDATES = 20, 200
 
+STAGE = 5e-5
+"""m, deviation of one reading of the stage that measures d."""
+
+TURNS = (0.0, 20.0, 4.0, 15.0)
+"""N, of the presses that the choice looks at: up, down and up again."""
+
+Block = SpongeRig | FoamBlock
 Errors = Float[np.ndarray, " points"]
 
 
@@ -59,12 +88,11 @@ class Rig:
         make = partial(ArmorRig, sensor=ForceSensor()) if inside else ArmorRig.of_foam
         self.soft, self.rigid = make(seed=seed), make(seed=seed, soft=False)
         self.block = self.soft.cover
-
         self._errors: dict[str, Errors] = {}
 
-    def width(self, method: str) -> float:
-        """Of the box of an entry of `METHODS`, mm."""
-        return 2e3 * (self.soft if METHODS[method].soft else self.rigid).size.dx
+    def width(self, method: "Method") -> float:
+        """Of the box of a method, mm."""
+        return 2e3 * (self.soft if method.soft else self.rigid).size.dx
 
     @cached_property
     def fresh(self) -> SpongeCycles:
@@ -97,10 +125,7 @@ class Rig:
         """Approximations 1, 2 and 3."""
         found = self.fresh.statistics()
         named = {"1": found.loading, "2": found.both, "3": found.unloading}
-        return {
-            name: LinearSponge(K=jnp.asarray(K), b=jnp.asarray(b), threshold=jnp.asarray(1.5))
-            for name, (K, b) in named.items()
-        }
+        return {name: LinearSponge(K=K, b=b, threshold=1.5) for name, (K, b) in named.items()}
 
     @cached_property
     def calibrated(self) -> CalibratedArmor:
@@ -134,18 +159,92 @@ def _read(cycles: SpongeCycles, seed: int) -> SpongeCycles:
     return cycles._replace(displacement=cycles.displacement + noise)
 
 
+def calibrated(rig: ArmorRig) -> CalibratedArmor:
+    """The armor of one rig, after presses at the chosen points and a look at what they leave."""
+    full = np.repeat([rig.sensor.full_scale_n, rig.sensor.full_scale_nm], 3)
+    return calibrate_armor(nominal(rig), twenty_presses(rig), seed=rig.seed, full_scale=full)
+
+
+def twenty_presses(rig: ArmorRig) -> Presses:
+    """What a person with a gauge records at the chosen points."""
+    made = rig.calibrate(*chosen_points())
+    noise = np.random.default_rng([rig.seed, 7]).normal(0, STAGE, made.displacement.shape)
+    depth, normal = made.displacement + noise, INWARD[made.surface - 1]
+    return Presses(made.time, made.wrench, made.force, normal, made.touched, made.surface, depth)
+
+
+def nominal(rig: ArmorRig) -> Armor:
+    """What is known before any calibration: the drawing and the foam."""
+    box = Box(*rig.size)
+    frame = Bumps(box.centres(), 0.0, 0.25 * rig.size.dx)
+    cover = Cover(foam(rig.cover), factor=1.0, compliance=frame)
+    return Armor(WristSensor(), ContactSolver(box, cover))
+
+
+@cache
+def foam(block: Block) -> AbstractModel:
+    """A Preisach model of the foam's first touch, from eight blocks pressed up and down at random."""
+    random = np.random.default_rng(2014)
+    force, depth = [], []
+    for _ in range(8):
+        turns = random.uniform(0, 7, random.integers(4, 9))
+        turns[::2] += 13
+        path = force_path((0.0, 0.0, *turns), 0.5)
+        force.append(path)
+        depth.append(block.follow(path, dt=1.0) + random.normal(0, 1e3 * STAGE, len(path)))
+    lengths = [len(path) for path in force]
+    time, label = np.concatenate([*map(np.arange, lengths)]), np.repeat([*"01234567"], lengths)
+    f, d = map(np.concatenate, (force, depth))
+    record = Record.from_arrays(f, d, 1.0 * time, label, input_unit="N", output_unit="mm")
+    return fit(record, "Preisach").model
+
+
+@cache
+def chosen_points() -> tuple[Float[np.ndarray, "presses 3"], np.ndarray]:
+    """Twenty places, after which contacts anywhere on the body are known best, and their surfaces."""
+    rig = ArmorRig(seed=0)  # of which the size alone is used
+    points, surface = rig.random_points(CANDIDATES, seed=1)
+    points = np.concatenate([points, np.asarray(Box(*rig.size).centres())])
+    surface = np.append(surface, np.arange(1, 6))
+    armor, path = nominal(rig), force_path(TURNS, 2.0)
+
+    def planned(points: np.ndarray, surface: np.ndarray) -> Presses:
+        force = np.tile(path, (len(points), 1))
+        time = 2.0 * np.arange(1, len(path) + 1)
+        return planned_presses(armor, time, force, INWARD[surface - 1], points, surface)
+
+    goals = planned(*rig.random_points(60, seed=2))
+    choice = choose_presses(armor, planned(points, surface), goals, PRESSES)
+    return points[choice.chosen], surface[choice.chosen]
+
+
+@eqx.filter_jit
+def followed(
+    armor: UncertainArmor,
+    time: Float[Array, " samples"],
+    readings: Float[Array, "presses samples 6"],
+) -> UncertainContact:
+    """The contacts of presses, every one a stream of its own: arrays (presses, ...)."""
+    return jax.lax.map(lambda each: armor.simulate(time, each), readings)
+
+
+@jax.jit
+def covariances(found: UncertainContact) -> Float[Array, "presses samples 3 3"]:
+    """Of P^e of all of them, m^2."""
+    return jax.vmap(lambda one: one.covariance)(found)
+
+
 Locate = Callable[[Rig, ArmorPresses], Float[np.ndarray, "presses 3"]]
 """P^e in m of every press of a record."""
 
 
 class Method(NamedTuple):
-    """A way to find the contact from the wrench."""
+    """A way to find the contact from the wrench; `published`: mm, mean of the 45 points."""
 
     label: str
     soft: bool
     locate: Locate
     published: float | None = None
-    """mm, mean of the 45 points"""
 
 
 def solving(solver: Callable[[Rig], ContactSolver]) -> Locate:
@@ -185,23 +284,11 @@ METHODS = {
 }  # fmt: skip
 """The conditions of fig 14, and ours; a new method is one more entry."""
 
-DISPLACEMENTS: dict[str, Callable[[Rig, ArmorPresses], Errors]] = {
-    "none": lambda rig, presses: np.zeros(len(presses.force)),
-    **{
-        name: lambda rig, presses, name=name: np.asarray(
-            rig.lines[name].simulate(None, presses.force[:, -1])
-        )
-        for name in "123"
-    },
-    OURS: lambda rig, presses: (
-        1e3 * np.asarray(_followed(rig.calibrated, presses).displacement)[:, -1]
-    ),
-}
-"""How fig 12 takes the displacement from the gauge's force, and ours from the readings: in mm, for every
-press of a record."""
+DISPLACEMENTS = ("none", "1", "2", "3", OURS)
+"""By what fig 12 takes the displacement: none, lines over the gauge's force, ours from the readings."""
 
 
-def errors_of(rig: Rig, method: Method) -> Errors:
+def body_errors(rig: Rig, method: Method) -> Errors:
     """Distances in mm between the contact found and the true one, at the 45 points; found once."""
     if method.label not in rig._errors:
         presses = rig.on_soft if method.soft else rig.on_rigid
@@ -210,15 +297,14 @@ def errors_of(rig: Rig, method: Method) -> Errors:
     return rig._errors[method.label]
 
 
-def body_errors(rig: Rig, name: str) -> Errors:
-    """The same by an entry of `METHODS`."""
-    return errors_of(rig, METHODS[name])
-
-
 def surface_errors(rig: Rig, name: str) -> Errors:
     """Errors in z in mm at the 76 points, by an entry of `DISPLACEMENTS`."""
-    presses = rig.surface_1
-    return np.abs(DISPLACEMENTS[name](rig, presses) - 1e3 * presses.displacement[:, -1])
+    presses, found = rig.surface_1, 0.0
+    if name == OURS:
+        found = 1e3 * np.asarray(_followed(rig.calibrated, presses).displacement)[:, -1]
+    elif name != "none":
+        found = np.asarray(rig.lines[name].simulate(None, presses.force[:, -1]))
+    return np.abs(found - 1e3 * presses.displacement[:, -1])
 
 
 class Range(NamedTuple):

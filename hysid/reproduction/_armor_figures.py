@@ -1,15 +1,16 @@
 """Pictures of the virtual experiments, drawn as the paper of Tsuji et al. (2014) draws its own."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 from matplotlib.figure import Figure
 
 from hysteresis.rigs import SpongeCycles
 
 from ..figures._base import BLUE, DIM, GREEN, GREY, INK, SIZE, VERMILLION, styled
-from ._armor import METHODS, Rig, body_errors, linear_range, surface_errors
+from ._armor import METHODS, Rig, body_errors, linear_range
 
 WIDE = (9.6, 3.7)
 FORCE, DISPLACEMENT = "force (N)", "displacement (mm)"
@@ -86,9 +87,8 @@ def thickness(records: dict[float, SpongeCycles]) -> Figure:
 
 
 @styled
-def surface_1(rigs: Sequence[Rig], names: Sequence[str]) -> Figure:
-    """Fig 12: errors in z at 76 points by entries of `DISPLACEMENTS`, one rig's as dots, the mean of all as
-    lines."""
+def surface_1(by_name: Mapping[str, Float[np.ndarray, "rigs points"]]) -> Figure:
+    """Fig 12: errors (rigs, 76) in z by `DISPLACEMENTS`, one rig's as dots, the mean of all as lines."""
     figure = Figure(figsize=(9.6, 4.6), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(1, 2.2))
     figure.suptitle("Fig 12. Error in z at the 76 points of surface 1, 15 N", fontsize=10)
@@ -97,9 +97,8 @@ def surface_1(rigs: Sequence[Rig], names: Sequence[str]) -> Figure:
         name: (colour, f"approximation {name}, {branch}")
         for name, (colour, branch) in LINES.items()
     }
-    for name in names:
+    for name, errors in by_name.items():
         colour, label = styles.get(name, (INK, name))
-        errors = np.array([surface_errors(rig, name) for rig in rigs])
         axes = above if name == "none" else below
         axes.plot(number, errors[0], ls="", marker="o", ms=2.6, mew=0, color=colour, alpha=0.55)
         for line in range(4):  # the four lines of points
@@ -134,14 +133,13 @@ def body(rigs: Sequence[Rig], names: Sequence[str]) -> Figure:
     beside = axes.twinx()
     beside.spines["right"].set_visible(True)
     beside.grid(False)
-    size = {True: 2e3 * rigs[0].soft.size.dx, False: 2e3 * rigs[0].rigid.size.dx}
-    for n, (name, method) in enumerate(methods.items()):
-        means = np.array([body_errors(rig, name).mean() for rig in rigs])
-        part = 100 / size[method.soft]
-        for on, at, scale, colour in (
+    for n, method in enumerate(methods.values()):
+        means = np.array([body_errors(rig, method).mean() for rig in rigs])
+        sides = (
             (axes, n - 0.2, 1.0, BLUE),
-            (beside, n + 0.2, part, "#bcd9ea"),
-        ):
+            (beside, n + 0.2, 100 / rigs[0].width(method), "#bcd9ea"),
+        )
+        for on, at, scale, colour in sides:
             on.bar(at, scale * means.mean(), 0.38, color=colour, yerr=scale * means.std(),
                    error_kw={"lw": 1.0, "capsize": 3, "ecolor": INK})  # fmt: skip
             if method.published is not None:

@@ -1,25 +1,71 @@
-"""Tsuji et al. (2014): sponge, 76 points of surface 1, 45 points of the body."""
+"""Tsuji et al. (2014): sponge, 76 points of surface 1, 45 points of the body, and a record to look at."""
 
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 
-from hysteresis._atomic_file import write_figure
+from compensate.armor import Box, ContactSolver
+from hysteresis.rigs import force_path
 
+from ..armor._touches import VIRTUAL, save_touches, shell_of
 from . import _armor_figures as figures
-from ._armor import DISPLACEMENTS, METHODS, OURS, Rig, surface_errors
-from ._armor_rows import PUBLISHED, findings
-from ._armor_touches import write_touches
-from ._frame import Asked, Paper
-from ._published import compared
-
-RIG = (
-    "All rigs are virtual: every number beside a published one is computed from synthetic records, none "
-    "from a measurement. The foam is a stack of layers with friction and flow (its air moves it by some "
-    "micrometres at these rates), the frame sags in many modes, and the sensor is made of strain gauges. "
-    "None of them is one of our models as a whole; the friction inside foam and gauges is Bouc-Wen's with "
-    "n = 1 and gamma = 0, which is one."
+from ._armor import (
+    DISPLACEMENTS,
+    METHODS,
+    OURS,
+    WORN,
+    Rig,
+    body_errors,
+    changed,
+    covariances,
+    followed,
+    linear_range,
+    nonlinearity,
+    surface_errors,
 )
+from ._frame import Asked, Measure, Paper, compared
+
+NEEDS: dict[str, str] = {}
+STRONGLY = 1.5
+"""Times the nonlinearity of the others from which that of a thin sponge is seen in a figure."""
+MIDDLE = np.array([10, 29, 48, 67]) - 1
+"""Rows of the 76 points that lie in the middle of the surface."""
+STEP, SECONDS = 1.5, 0.1
+"""N and s from sample to sample of the record to look at."""
+
+
+def _sponge(read: Any) -> Measure:
+    return lambda rig, _: float(read(rig.fresh.statistics()))
+
+
+def _body(method: str) -> Measure:
+    return lambda rig, ours: float(np.mean(body_errors(rig, METHODS[OURS if ours else method])))
+
+
+def _surface(name: str) -> Measure:
+    return lambda rig, ours: float(np.mean(surface_errors(rig, OURS if ours else name)))
+
+
+def _largest(rig: Rig, ours: bool) -> float:
+    return max(float(np.max(surface_errors(rig, k))) for k in ((OURS,) if ours else "123"))
+
+
+PAPER = Paper("tsuji2014", {
+    "mean_gap": _sponge(lambda s: s.mean_gap),
+    "largest_gap": _sponge(lambda s: s.largest_gap),
+    "largest_gap_force": _sponge(lambda s: s.largest_gap_force),
+    "largest_gap_test": _sponge(lambda s: s.largest_gap_cycle),
+    "linear_limit": lambda rig, _: linear_range(rig.to_40).limit,
+    "aged_K": lambda rig, _: rig.aged.statistics().both.K,
+    "aged_b": lambda rig, _: rig.aged.statistics().both.b,
+    **{f"error_{k}": _surface(k) for k in "123"},
+    "error_largest": _largest,
+    **{f"body_{k}": _body(k) for k in "abc"},
+})  # fmt: skip
 
 
 def carry_out(asked: Asked) -> dict[str, Any]:
@@ -32,49 +78,88 @@ def carry_out(asked: Asked) -> dict[str, Any]:
         if done % 10 == 0 or done == asked.rigs:
             asked.say(f"rig {done} of {asked.rigs}")
 
+    def some(names: Any) -> list[str]:
+        return [name for name in names if asked.with_ours or name != OURS]
+
     document = {
-        "rig": RIG,
-        "rows": compared(PUBLISHED, rigs, asked.with_ours, progress),
-        "findings": findings(rigs),
-        "points": _points(rigs, asked.with_ours),
+        "rig": PAPER.said["rig"],
+        "rows": compared(PAPER.published, rigs, asked.with_ours, progress),
+        "findings": _findings(rigs),
     }
+    errors = {n: np.array([surface_errors(rig, n) for rig in rigs]) for n in some(DISPLACEMENTS)}
+    document["points"] = {n: {"mean": e.mean(0), "sd": e.std(0, ddof=1)} for n, e in errors.items()}
     asked.say("drawing")
-    drawn = _draw(rigs, asked)
-    document["touches"] = write_touches(rigs[0], asked.out, asked.with_ours)
-    return document | {"files": {"touches": "touches.json", **drawn}}
-
-
-def _points(rigs: list[Rig], with_ours: bool) -> dict[str, Any]:
-    """Errors in z at the 76 points, mm: mean and standard deviation over the rigs."""
-    names = _some(DISPLACEMENTS, with_ours)
-    errors = {name: np.array([surface_errors(rig, name) for rig in rigs]) for name in names}
-    return {name: {"mean": e.mean(0), "sd": e.std(0, ddof=1)} for name, e in errors.items()}
-
-
-def _some(table: dict[str, Any], with_ours: bool) -> list[str]:
-    return [name for name in table if with_ours or name != OURS]
-
-
-def _draw(rigs: list[Rig], asked: Asked) -> dict[str, str]:
     one = rigs[0]
-    blocks = {h: one.of_thickness(h) for h in (50.0, 30.0, 10.0)}
     drawn = {
         "fig6": figures.loops(one.fresh, one.lines),
         "fig7": figures.force_range(one.to_40),
         "fig9": figures.aging(one.fresh, one.aged),
-        "fig10": figures.thickness(blocks),
-        "fig12": figures.surface_1(rigs, _some(DISPLACEMENTS, asked.with_ours)),
-        "fig14": figures.body(rigs, _some(METHODS, asked.with_ours)),
+        "fig10": figures.thickness({h: one.of_thickness(h) for h in (50.0, 30.0, 10.0)}),
+        "fig12": figures.surface_1(errors),
+        "fig14": figures.body(rigs, some(METHODS)),
     }
-    for name, figure in drawn.items():
-        write_figure(figure, asked.out / f"{name}.png", dpi=160)
-    return {name: f"{name}.png" for name in drawn}
+    files = asked.write(drawn)
+    document["touches"] = _write_touches(one, asked.out, asked.with_ours)
+    return document | {"files": {"touches": "touches.json", **files}}
 
 
-PAPER = Paper(
-    "Tsuji et al. (2014) on virtual rigs",
-    60,
-    6,
-    "seconds each, by our methods some twenty",
-    carry_out,
-)
+def _findings(rigs: Sequence[Rig]) -> list[dict[str, Any]]:
+    """What the paper says in words, and whether the sentence is true of every or the mean rig."""
+    count = len(rigs)
+    changes = [changed(rig.fresh, rig.aged) for rig in rigs]
+    seen = sum(change.p < 0.05 for change in changes)
+    told = sum(changed(rig.fresh, rig.worn).p < 0.05 for rig in rigs)
+    K, b = (2 * float(np.mean([getattr(c, f) for c in changes])) for f in ("K_error", "b_error"))
+    bent = {h: nonlinearity(rigs[0].of_thickness(h, noise=False)) for h in (50.0, 30.0, 10.0)}
+    errors = [[float(np.mean(surface_errors(rig, k))) for k in "123"] for rig in rigs]
+    first, averages = [np.argmin(row) == 0 for row in errors], np.mean(errors, axis=0)
+    around = np.array([surface_errors(rig, "1") for rig in rigs])
+    middle, rest = around[:, MIDDLE].mean(1), np.delete(around, MIDDLE, axis=1).mean(1)
+    more = middle - rest
+    chance = float(np.std(more, ddof=1) / np.sqrt(count)) if count > 1 else np.inf
+    largest = np.array([_largest(rig, False) for rig in rigs])
+    part = {
+        k: 100 * float(np.mean([body_errors(rig, METHODS[k]) for rig in rigs])) / rigs[0].width(METHODS[k])
+        for k in "abc"
+    }  # fmt: skip
+    true = {
+        "aging": seen <= 0.05 * count + 2 * np.sqrt(0.05 * 0.95 * count) and told == count,
+        "thickness": bent[10.0] > STRONGLY * max(bent[50.0], bent[30.0]),
+        "approximation": all(first),
+        "middle": more.mean() > 2 * chance,
+        "largest": np.max(averages) < 5 and largest.mean() <= 10,
+        "relative": abs(part["b"] - part["c"]) < 0.25 * (part["a"] - part["c"]),
+    }
+    return PAPER.findings(
+        true, False, count=count, seen=seen, told=told, lost=100 * WORN, K=K, b_mm=b,
+        by_chance=0.05 * count,
+        bent=", ".join(f"{x:.2f} % at {h:g} mm" for h, x in bent.items()), strongly=STRONGLY,
+        first=sum(first), middle=middle.mean(), rest=rest.mean(), more=more.mean(), chance=chance,
+        averages=", ".join(f"{x:.1f}" for x in averages), below=sum(max(row) < 5 for row in errors),
+        largest=largest.mean(), up_to_10=sum(largest <= 10), **part,
+    )  # fmt: skip
+
+
+def _write_touches(rig: Rig, folder: Path, with_ours: bool) -> dict[str, Any]:
+    """The 45 points, pressed and let go one after another: touches.json by our method with covariances, or
+    by condition (b) without any."""
+    points, surface = rig.soft.points_of_the_body()
+    path = force_path((0.0, 15.0, 0.0), STEP)
+    presses = rig.soft.press(points, surface, path, dt=SECONDS, session=2)
+    wrench = presses.wrench.reshape(-1, 6)
+    force, moment = wrench[:, :3], wrench[:, 3:]
+    solver = ContactSolver(Box(*rig.soft.size), rig.lines["2"])
+    contact, covariance, title = None, None, "approximation 2"
+    if with_ours:
+        time, readings = jnp.asarray(presses.time), jnp.asarray(presses.wrench)
+        found = followed(rig.calibrated.uncertain, time, readings)
+        covariance = np.asarray(covariances(found)).reshape(-1, 3, 3)
+        contact = jax.tree.map(lambda leaf: leaf.reshape(-1, *leaf.shape[2:]), found.contact)
+        title = "calibrated by twenty presses"
+    save_touches(
+        folder, shell_of(solver.shape), SECONDS * np.arange(1, len(wrench) + 1), force, moment,
+        contact or solver.solve(force, moment), covariance=covariance,
+        truth=presses.contact.reshape(-1, 3),
+        title=f"Haptic armour: 45 presses of 15 N, {title}{VIRTUAL}",
+    )  # fmt: skip
+    return {"presses": len(points), "rows": len(wrench), "rig": rig.seed}

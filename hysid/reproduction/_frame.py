@@ -1,29 +1,44 @@
-"""`hysid reproduce`: a paper's numbers beside what virtual laboratories and our methods make of them."""
+"""`hysid reproduce`: a paper's numbers beside what virtual laboratories and our methods make of them.
+
+What a paper prints is in PAPER.toml: its numbers, its sentences, and how the virtual rigs differ. The
+module of a paper measures each number in one laboratory, and tells which sentences are true there.
+"""
 
 import math
 import time
-from collections.abc import Callable
+import tomllib
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+import scipy
+from matplotlib.figure import Figure
+
 import identify
 from hysteresis import InputError
-from hysteresis._atomic_file import write_whole
+from hysteresis._atomic_file import write_figure, write_whole
 from hysteresis._show import aligned
 from identify.internal import versions
 
 from ..intake._folders import check_writable
 
 RESULT = "reproduction.json"
-
+MODULES = {"tsuji2014": "_armor_paper", "kim2018": "_skin_paper"}
+"""Of each paper: `carry_out(asked, paper)`, and the packages that it `NEEDS` with the extra of each."""
 
 TOLERANCE = (
     "Virtual: mean and standard deviation over synthetic laboratories. Tolerance: what the paper's own n "
     "repeats leave open of a count (95 %), else its printed digits. Within: the mean of the virtual "
     "laboratories is within that tolerance, however much they scatter."
 )
+COVERAGE = 0.95
+"""Of the interval of a count."""
+
+Measure = Callable[[Any, bool], float | None]
+"""Of one laboratory, by the paper's method or by ours; None where it has not made that experiment."""
 
 
 class Asked(NamedTuple):
@@ -42,24 +57,124 @@ class Asked(NamedTuple):
     quick: bool
     say: Callable[[str], None]
 
+    def write(self, drawn: Mapping[str, Figure]) -> dict[str, str]:
+        """Write pictures, and return their files by name."""
+        for name, figure in drawn.items():
+            write_figure(figure, self.out / f"{name}.png", dpi=160)
+        return {name: f"{name}.png" for name in drawn}
 
-class Paper(NamedTuple):
-    """A paper: `carry_out` makes its experiments and pictures and returns what the document says of them.
 
-    The entries `rows`, `findings` and `files` {name: file}, and, if any, `tables` {title: text}, are shown.
+class Published(NamedTuple):
+    """One number of a paper, or None for a quantity of which the paper prints no number.
+
+    - `where`: it is printed. `unit`: "1" for none.
+    - `label`: what the row is worth: the virtual rig was "tuned to this number"; the number itself is
+      "inferred" from the paper; "predicted", as nothing was chosen for it; "not printed"; or "not
+      comparable", as a time on another computer. `differs`: how the virtual rig differs for this number.
+    - `measure`: the same number, of one virtual laboratory. `both`: our method has one, too.
+    - `half_digit`: what its printing leaves open: half of its last digit, or of the step it was read in.
+    - `repeats`: the number counts successes in so many of the paper's own trials; `percent`: of them.
+    - `at_most`: the paper says no more than that it is not exceeded.
+    - `judged`: whether the virtual rig can be within or outside; a time on another computer is neither.
     """
 
-    title: str
-    laboratories: int
-    quick_laboratories: int
-    seconds_a_laboratory: str
-    carry_out: Callable[[Asked], dict[str, Any]]
-    needs: tuple[tuple[str, str], ...] = ()
-    """packages that it imports on the way, and the extra of each"""
+    key: str
+    what: str
+    where: str
+    unit: str
+    label: str
+    differs: str
+    measure: Measure
+    value: float | None = None
+    half_digit: float = 0.0
+    repeats: int = 0
+    percent: bool = False
+    at_most: bool = False
+    judged: bool = True
+    both: bool = False
+
+    def tolerance(self) -> list[float] | None:
+        """What the paper's own repeats, or else its printed digits, leave open.
+
+        Of a count it is Clopper and Pearson's interval of the chance, times the trials. The spread of
+        the virtual rigs is not in it, so a worse rig does not pass more easily.
+        """
+        if self.value is None or not self.judged:
+            return None
+        if self.at_most:
+            return [-math.inf, self.value + self.half_digit]
+        if not self.repeats:
+            return [self.value - self.half_digit, self.value + self.half_digit]
+        scale = (100 if self.percent else self.repeats) / self.repeats
+        seen = round(self.value / scale)
+        interval = scipy.stats.binomtest(seen, self.repeats).proportion_ci(COVERAGE)
+        return [float(end) * self.repeats * scale for end in interval]
+
+    def row(self, found: list[float], ours: list[float] | None = None) -> dict[str, Any]:
+        """The number beside those of the laboratories, by the paper's method and by ours.
+
+        `within`: the laboratories' mean is within the tolerance.
+        """
+        named = (
+            "key",
+            "what",
+            "where",
+            "unit",
+            "at_most",
+            "half_digit",
+            "repeats",
+            "label",
+            "differs",
+        )
+        (mean, sd), tolerance = _spread(found), self.tolerance()
+        within = None if tolerance is None else bool(tolerance[0] <= mean <= tolerance[1])
+        row = {name: getattr(self, name) for name in named} | {"published": self.value}
+        row |= {"reproduced": mean, "sd": sd, "count": len(found)}
+        row["ours"], row["ours_sd"] = _spread(ours) if ours else (None, None)
+        return row | {"tolerance": tolerance, "within": within}
 
 
-PAPERS = {"tsuji2014": "_armor_paper", "kim2018": "_skin_paper"}
-"""The module of each, with its `PAPER`."""
+class Paper:
+    """What PAPER.toml says of a paper."""
+
+    def __init__(self, name: str, measures: Mapping[str, Measure]):
+        self.said = tomllib.loads(Path(__file__).with_name(f"{name}.toml").read_text("utf-8"))
+        rows = self.said["rows"]
+        self.published = tuple(Published(measure=measures[row["key"]], **row) for row in rows)
+
+    def findings(
+        self, true: Mapping[str, Any], with_ours: bool = False, **numbers: Any
+    ) -> list[dict[str, Any]]:
+        """What the paper says in words, and whether the sentence is literally `true` here."""
+        found = []
+        for key, said in self.said["findings"].items():
+            text = said["reproduced"] + (said.get("ours", "") if with_ours else "")
+            reproduced = text.format_map(numbers)
+            found.append(
+                {"published": said["published"], "reproduced": reproduced, "holds": bool(true[key])}
+            )
+        return found
+
+
+def compared(
+    published: Sequence[Published],
+    laboratories: Sequence[Any],
+    with_ours: bool,
+    progress: Callable[[int], None] = lambda done: None,
+) -> list[dict[str, Any]]:
+    """One row for each number, which `with_ours` has the same by our method beside it."""
+    found: dict[tuple[str, bool], list[float]] = {}
+    for n, laboratory in enumerate(laboratories):
+        for ours in (False, True) if with_ours else (False,):
+            for p in published:
+                if (p.both or not ours) and (value := p.measure(laboratory, ours)) is not None:
+                    found.setdefault((p.key, ours), []).append(value)
+        progress(n + 1)
+    return [p.row(found[p.key, False], found.get((p.key, True))) for p in published]
+
+
+def _spread(values: list[float]) -> tuple[float, float]:
+    return float(np.mean(values)), float(np.std(values, ddof=1)) if len(values) > 1 else 0.0
 
 
 def reproduce(
@@ -72,68 +187,54 @@ def reproduce(
     Raises `InputError` `missing-extra` before any work where a package that it needs is not installed.
     """
     begin = time.perf_counter()
-    of = _paper(paper)
-    _check_packages(of.needs, paper)
+    module = import_module(f"{__package__}.{MODULES[paper]}")
+    if missing := [name for name in module.NEEDS if find_spec(name) is None]:
+        extras = ",".join(sorted({module.NEEDS[name] for name in missing}))
+        raise InputError(
+            "missing-extra", f"{paper} needs {', '.join(missing)}, which is not installed.",
+            fix=f"pip install 'hysid[{extras}]'",
+        )  # fmt: skip
     identify.internal.check_free(out, overwrite, RESULT)
     check_writable(out)
-    rigs = rigs or (of.quick_laboratories if quick else of.laboratories)
-    say(f"{rigs} virtual laboratories, {of.seconds_a_laboratory}")
+    said = module.PAPER.said
+    rigs = int(rigs or said["quick_laboratories" if quick else "laboratories"])
+    say(f"{rigs} virtual laboratories, {said['seconds_a_laboratory']}")
     out.mkdir(parents=True, exist_ok=True)
     document = {"schema": 1, "paper": paper, "rigs": rigs, "seed": seed, "quick": quick}
-    document |= of.carry_out(Asked(out, rigs, seed, with_ours, epochs, quick, say))
+    document |= module.carry_out(Asked(out, rigs, seed, with_ours, epochs, quick, say))
     document["files"] = {"table": "table.md"} | document["files"]
     document["seconds"] = round(time.perf_counter() - begin, 3)
     document["versions"] = versions(("hysid", "jax", "numpy"))
-    write_whole(out / "table.md", _markdown(document, of.title))
+    write_whole(out / "table.md", _markdown(document, said["title"]))
     identify.internal.write_json(out / RESULT, document)
     return document
-
-
-def _check_packages(needs: tuple[tuple[str, str], ...], paper: str) -> None:
-    missing = {extra: name for name, extra in needs if find_spec(name) is None}
-    if missing:
-        extras = ",".join(sorted(missing))
-        raise InputError(
-            "missing-extra", f"{paper} needs {', '.join(missing.values())}, which is not installed.",
-            fix=f"pip install 'hysid[{extras}]'",
-        )  # fmt: skip
-
-
-def _paper(name: str) -> Paper:
-    return import_module(f"{__package__}.{PAPERS[name]}").PAPER
 
 
 def terminal(document: dict[str, Any]) -> list[str]:
     """The tables, and below them what the paper says in words."""
     lines = aligned(rows := _cells(document), range(2, len(rows[0]) - 2))
-    said = [f"{'Yes' if f['holds'] else 'No'}: {_finding(f)}" for f in document["findings"]]
     tables = [
         line for name, text in document.get("tables", {}).items() for line in (name, text, "")
     ]
-    return [document.get("rig", ""), "", *lines, "", TOLERANCE, "", *said, "", *tables]
+    said = [line[:1].upper() + line[1:] for line in _said(document)]
+    return [document["rig"], "", *lines, "", TOLERANCE, "", *said, "", *tables]
 
 
 def _cells(document: dict[str, Any]) -> list[list[str]]:
     with_ours = any(row["ours"] is not None for row in document["rows"])
     header = ["quantity", "printed in", "published", "tolerance"]
     header += [f"virtual, {document['rigs']} rigs"] + ["ours"] * with_ours
-    header += ["unit", "within", "label", "how the virtual rig differs"]
-    table = [header]
+    table = [[*header, "unit", "within", "label", "how the virtual rig differs"]]
     for row in document["rows"]:
-        cells = [row["what"], row["where"], _printed(row), _tolerance(row)]
+        sign, published = "<" * row["at_most"], row["published"]
+        cells = [row["what"], row["where"], "" if published is None else f"{sign}{published:g}"]
         fewer = "" if row["count"] == document["rigs"] else f" (of {row['count']})"
-        cells.append(_with_error(row["reproduced"], row["sd"]) + fewer)
+        cells += [_tolerance(row), _with_error(row["reproduced"], row["sd"]) + fewer]
         if with_ours:
             cells.append("" if row["ours"] is None else _with_error(row["ours"], row["ours_sd"]))
         cells += ["" if row["unit"] == "1" else row["unit"], _yes(row["within"])]
         table.append([*cells, row["label"], row["differs"]])
     return table
-
-
-def _printed(row: dict[str, Any]) -> str:
-    if row["published"] is None:
-        return ""
-    return f"{'<' if row['at_most'] else ''}{row['published']:g}"
 
 
 def _tolerance(row: dict[str, Any]) -> str:
@@ -157,28 +258,20 @@ def _with_error(mean: float, sd: float) -> str:
 
 def _markdown(document: dict[str, Any], title: str) -> str:
     header, *rows = (f"| {' | '.join(row)} |" for row in _cells(document))
-    columns = header.count("|") - 1
-    lines = [f"# {title}", "", document.get("rig", ""), ""]
-    lines += [header, "|" + " --- |" * columns, *rows, ""]
-    lines += [
-        TOLERANCE,
-        "",
-        "## What the paper says in words",
-        "",
-        "Yes: the sentence is literally true on the virtual rigs.",
-        "",
-        *(f"- {_yes(f['holds'])}: {_finding(f)}" for f in document["findings"]),
-        "",
-    ]
+    lines = [f"# {title}", "", document["rig"], "", header]
+    lines += ["|" + " --- |" * (header.count("|") - 1), *rows, "", TOLERANCE, ""]
+    lines += ["## What the paper says in words", ""]
+    lines += ["Yes: the sentence is literally true on the virtual rigs.", ""]
+    lines += [*(f"- {line}" for line in _said(document)), ""]
     for name, text in document.get("tables", {}).items():
         lines += [f"## {name}", "", "```", text, "```", ""]
     pictures = [name for name in document["files"].values() if name.endswith(".png")]
-    lines += [f"![{Path(name).stem}]({name})\n" for name in pictures]
-    return "\n".join(lines)
+    return "\n".join(lines + [f"![{Path(name).stem}]({name})\n" for name in pictures])
 
 
-def _finding(finding: dict[str, Any]) -> str:
-    return f"{finding['published']} {finding['reproduced']}"
+def _said(document: dict[str, Any]) -> Iterable[str]:
+    for one in document["findings"]:
+        yield f"{_yes(one['holds'])}: {one['published']} {one['reproduced']}"
 
 
 def _yes(holds: bool | None) -> str:

@@ -6,7 +6,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Final, NamedTuple
 
+import jax
 import numpy as np
+import optax
 from jaxtyping import Float
 
 from compensate.microchannel import (
@@ -17,11 +19,20 @@ from compensate.microchannel import (
     LogicTable,
     MotionFilter,
     MultiContactEstimator,
+    Readout,
 )
-from hysteresis.rigs import AbstractSkinRig, ChannelGeometryRig, ChannelRecord, MicrochannelRig
+from hysteresis.networks import StaircaseNetwork
+from hysteresis.rigs import (
+    AbstractSkinRig,
+    ChannelGeometryRig,
+    ChannelRecord,
+    MicrochannelRig,
+    ResistiveReadout,
+)
+from identify import Trained, train
 
-from ._skin_electronics import converted, converted_record
-from ._skin_networks import Learnt, train_staircase
+from ..soft_sensor._force_networks import BATCH, decaying, staircase_squares
+from ..soft_sensor._sensor import lengthened
 
 SESSIONS, LENGTH = 28, 2025
 """56,700 readings in records that begin with the sensor at rest, as the loops to be judged on do."""
@@ -53,14 +64,25 @@ class Records(NamedTuple):
 
 
 class Followed(NamedTuple):
-    """A filter's estimates of records' forces, N."""
+    """A filter's estimates of records' forces, N: as the readings come, of the force `DELAY` readings
+    before, and the deviation of the first."""
 
     now: list[Series]
-    """as the readings come"""
     late: list[Series]
-    """of the force `DELAY` readings before"""
     deviation: list[Series]
-    """of `now`"""
+
+
+class Learnt(NamedTuple):
+    """A network, its RMSE on the tenth of the rows it did not learn from, and how it learnt."""
+
+    model: Any
+    off: float
+    trained: Trained
+
+    @classmethod
+    def of(cls, found: Trained) -> "Learnt":
+        """What `identify.train` found."""
+        return cls(found.module, float(np.sqrt(found.validation[found.best])), found)
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,25 +157,21 @@ class Skin:
     @cached_property
     def by_filter(self) -> Followed:
         """The same by the filter."""
-        whole = (_padded(self.loops.time), _padded(self.loops.reading))
-        found = [self.filter.simulate(t, z[:, None]) for t, z in zip(*whole, strict=True)]
-        lengths = [len(t) for t in self.loops.time]
-
-        def each(values: list[Any]) -> list[Series]:
-            return [np.asarray(v)[:n, 0] for v, n in zip(values, lengths, strict=True)]
-
-        return Followed(
-            each([one.value for one in found]),
-            each([one.late for one in found]),
-            each([one.deviation for one in found]),
-        )
+        pairs = zip(self.loops.time, self.loops.reading, strict=True)
+        found = [
+            (len(t), self.filter.simulate(lengthened(t), lengthened(z[:, None]))) for t, z in pairs
+        ]
+        parts = ("value", "late", "deviation")
+        return Followed(*([np.asarray(getattr(f, k))[:n, 0] for n, f in found] for k in parts))
 
     def by(self, learnt: Learnt, loops: Records | None = None) -> list[Series]:
         """Forces of the loops by a network from reading to force, N."""
-        estimator = ForceEstimator(learnt.model, learnt.off, HIGH_N)
-        loops = self.loops if loops is None else loops
-        whole = zip(_padded(loops.time), _padded(loops.reading), loops.time, strict=True)
-        return [np.asarray(estimator.simulate(t, z).value)[: len(own)] for t, z, own in whole]
+        estimator, loops = ForceEstimator(learnt.model, learnt.off, HIGH_N), loops or self.loops
+        pairs = zip(loops.time, loops.reading, strict=True)
+        return [
+            np.asarray(estimator.simulate(lengthened(t), lengthened(z)).value)[: len(t)]
+            for t, z in pairs
+        ]
 
     def rms(self, found: Sequence[Series]) -> float:
         """Error of the loops' forces, N."""
@@ -270,13 +288,37 @@ def read(made: ChannelRecord, rig: AbstractSkinRig, inside: bool) -> ChannelReco
     return made if inside else converted_record(made, rig.readout)
 
 
+def converted_record(
+    made: ChannelRecord, electronics: ResistiveReadout, current: float | None = None
+) -> ChannelRecord:
+    """A record with `converted` readings."""
+    return made._replace(reading=converted(made.reading, electronics, current))
+
+
+def converted(
+    volts: Float[np.ndarray, "samples channels"],
+    electronics: ResistiveReadout,
+    current: float | None = None,
+) -> Float[np.ndarray, "samples channels"]:
+    """What is left of volts after the converter and the way back through a `Readout` that knows them.
+
+    `current`, A: what the `Readout` takes for theirs; all changes are off by the factor between the two.
+    The changes of resistance are multiplied by the V_0 of the usual electronics, so that a network sees the
+    same numbers whatever the current is.
+    """
+    back = Readout(
+        volts.shape[1], resistance=electronics.resistance_ohm,
+        current=electronics.current_a if current is None else current, gain=electronics.gain,
+        low=electronics.low, high=electronics.high, bits=electronics.bits,
+    )  # fmt: skip
+    changes = back.simulate(np.arange(float(len(volts))), electronics.counts(volts)).value
+    return ResistiveReadout().scale * np.asarray(changes)
+
+
 def records(found: Sequence[ChannelRecord]) -> Records:
     """Of location A in layer 1."""
-    return Records(
-        [one.time for one in found],
-        [one.force[:, 0] for one in found],
-        [one.reading[:, 0] for one in found],
-    )
+    parts = ([one.time, one.force[:, 0], one.reading[:, 0]] for one in found)
+    return Records(*map(list, zip(*parts, strict=True)))
 
 
 def level(rig: AbstractSkinRig, force: float) -> float:
@@ -291,7 +333,36 @@ def rms(errors: Sequence[np.ndarray]) -> float:
     return float(np.sqrt(np.mean(np.concatenate([e.ravel() for e in errors]) ** 2)))
 
 
-def _padded(series: Sequence[Series]) -> list[Series]:
-    """Repeated at the end, so that one length is compiled."""
-    longest = max(map(len, series))
-    return [np.pad(one, (0, longest - len(one)), mode="edge") for one in series]
+def train_staircase(
+    times: Sequence[Series],
+    inputs: Sequence[Series],
+    outputs: Sequence[Series],
+    *,
+    thresholds: Sequence[float],
+    lags: Sequence[float],
+    epochs: int = 1000,
+    rate: float = 2e-3,
+    every: int = 1,
+) -> Learnt:
+    """`StaircaseNetwork` from inputs to outputs, one array for each record.
+
+    `every`: it learns from every so many rows; its memory has seen them all.
+    """
+    start = StaircaseNetwork.random(
+        inputs, outputs, times, jax.random.key(0), thresholds=thresholds, lags=lags
+    )
+    pairs = zip(times, inputs, strict=True)
+    x = np.concatenate([np.asarray(start.prepare(t, u))[::every] for t, u in pairs])
+    y = np.concatenate([one[::every] for one in outputs])
+    found = train(
+        start, staircase_squares, (x, y), epochs=epochs, batch=BATCH, float32=True,
+        optimizer=decaying_over(rate, epochs, len(y)),
+    )  # fmt: skip
+    return Learnt.of(found)
+
+
+def decaying_over(
+    rate: float, epochs: int, rows: int, batch: int = BATCH
+) -> optax.GradientTransformation:
+    """Adam over all epochs of the nine tenths of the rows that are not held out."""
+    return decaying(epochs * (9 * rows // (10 * batch)), rate=rate)

@@ -1,21 +1,32 @@
 """(D) of Kim and Park (2018) on one virtual skin: the forces on B and D at once, and each one's alone."""
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 import scipy
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
-from compensate.microchannel import MultiContactEstimator, SearchEstimator
+from compensate.microchannel import (
+    ForceNetwork,
+    MotionFilter,
+    MultiContactEstimator,
+    SearchEstimator,
+    windows,
+)
 from hysteresis.rigs import AbstractSkinRig, ChannelRecord
+from identify import train
 
+from ..soft_sensor._contacts import train_contacts
+from ..soft_sensor._force_networks import BATCH, updates_of
 from ..soft_sensor._force_records import ForceRecord
-from ._skin import FORCE, HIGH_N, NOISE_V, read, rig_of, rms
-from ._skin_networks import train_channels, train_recurrent
+from ._skin import FORCE, HIGH_N, NOISE_V, Learnt, decaying_over, read, rig_of, rms
 
 OURS_FOR_ONE = 6
 """Epochs of our networks for each one of the paper's recurrent networks."""
@@ -87,18 +98,14 @@ class SkinPair:
     @cached_property
     def taught(self) -> list[list[ForceRecord]]:
         """A machine's presses of B, and of D."""
-        every = []
-        for place, count in zip(PAIR, SAMPLES, strict=True):
-            made = [
-                self._read(
-                    self.rig.cnc_loops(
-                        count // PARTS, location=place, dt=DT, session=10 * place + k
-                    )
-                )
-                for k in range(PARTS)
-            ]
-            every.append([ForceRecord(one.time, one.reading, one.force[:, place]) for one in made])
-        return every
+
+        def press(place: int, count: int, k: int) -> ForceRecord:
+            made = self.rig.cnc_loops(count, location=place, dt=DT, session=10 * place + k)
+            one = self._read(made)
+            return ForceRecord(one.time, one.reading, one.force[:, place])
+
+        places = zip(PAIR, SAMPLES, strict=True)
+        return [[press(place, n // PARTS, k) for k in range(PARTS)] for place, n in places]
 
     @cached_property
     def paper(self) -> SearchEstimator:
@@ -112,21 +119,14 @@ class SkinPair:
     @cached_property
     def ours(self) -> MultiContactEstimator:
         """A small network of each location, and Gauss-Newton steps through both."""
-        return train_channels(
-            self.taught,
-            high_force=HIGH_N,
-            noise=NOISE_V,
-            epochs=OURS_FOR_ONE * self.epochs,
-            **FORCE,
-        )
+        epochs = OURS_FOR_ONE * self.epochs
+        return train_channels(self.taught, **FORCE, high_force=HIGH_N, noise=NOISE_V, epochs=epochs)
 
     @cached_property
     def alone(self) -> tuple[Pressed, Pressed]:
         """A finger on B alone, and on D alone."""
-        return (
-            self._found(locations=PAIR[:1], session=10),
-            self._found(locations=PAIR[1:], session=11),
-        )
+        b, d = ((place,) for place in PAIR)
+        return self._found(locations=b, session=10), self._found(locations=d, session=11)
 
     @cached_property
     def together(self) -> Pressed:
@@ -150,6 +150,39 @@ class SkinPair:
 
     def _found(self, **presses: Any) -> Pressed:
         return Pressed(self, self._read(self.rig.simultaneous(**presses)))
+
+
+def train_recurrent(records: Sequence[ForceRecord], *, epochs: int = 100, seed: int = 0) -> Learnt:
+    """The paper's `ForceNetwork` from the last forces on one location to all layers' readings."""
+    forces = np.concatenate([windows(one.force) for one in records])
+    readings = np.concatenate([one.reading for one in records])
+    found = train(
+        ForceNetwork.random(jax.random.key(seed)), _window_squares, (forces, readings),
+        epochs=epochs, batch=BATCH, float32=True, patience=10,
+        optimizer=decaying_over(2e-3, epochs, len(forces)),
+    )  # fmt: skip
+    return Learnt.of(found._replace(module=eqx.nn.inference_mode(found.module)))
+
+
+def train_channels(
+    places: Sequence[Sequence[ForceRecord]],
+    *,
+    thresholds: Sequence[float],
+    lags: Sequence[float],
+    high_force: float,
+    noise: float,
+    epochs: int = 600,
+) -> MultiContactEstimator:
+    """`train_contacts` of records of one location each, with thresholds in N."""
+    rows = min(sum(len(one.time) for one in records) for records in places)
+    learnt = train_contacts(
+        {str(k): records for k, records in enumerate(places)},
+        noise=noise, high_force=high_force, lags=lags,
+        thresholds=[r / high_force for r in thresholds],
+        motion=MotionFilter(high_force, acceleration=10.0, turn=10.0, turns=1.0),
+        updates=updates_of(epochs, rows),
+    )  # fmt: skip
+    return learnt.estimator
 
 
 def peaks(truth: Forces, found: Forces) -> list[Peak]:
@@ -190,3 +223,7 @@ def _us(estimator: SearchEstimator | MultiContactEstimator, record: ChannelRecor
         jax.block_until_ready(estimator.simulate(record.time, record.reading))
         spent.append(time.perf_counter() - begin)
     return 1e6 * min(spent) / len(record.time)
+
+
+def _window_squares(network: ForceNetwork, rows: Any, key: Any) -> Array:
+    return jnp.mean((network(rows[0], key) - rows[1]) ** 2)

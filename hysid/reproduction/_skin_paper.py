@@ -1,78 +1,154 @@
 """Kim and Park (2018): force, place, several places, and several forces, from a skin's few readings."""
 
-from pathlib import Path
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
-from matplotlib.figure import Figure
 
-from hysteresis._atomic_file import write_figure
+from compensate.microchannel import Confusion
+from identify import Trained
 
 from . import _skin_figures as figures
-from ._frame import Asked, Paper
-from ._published import compared
-from ._skin import Skin
-from ._skin_pair import OURS_FOR_ONE, SkinPair, of_pair
-from ._skin_rows import PUBLISHED, Laboratory, findings
+from ._frame import Asked, Measure, Paper, compared
+from ._skin import DELAY, PLACES, Skin
+from ._skin_pair import OURS_FOR_ONE, SkinPair, error, found_peaks, of_pair
 
+NEEDS = {"sklearn": "microchannel"}
 EPOCHS, PAIRS = 1000, 3
 """Of the network of (A), a tenth of them of those of (D); sensors of which (D) is made."""
-
-QUICK_EPOCHS, QUICK_PAIRS, QUICK_SENSORS = 60, 1, 2
+QUICK_EPOCHS, QUICK_PAIRS = 60, 1
 """The same in five minutes on two cores."""
 
-RIG = (
-    "All sensors are virtual: every number beside a published one is computed from synthetic records, "
-    "none from a measurement."
-)
 
-TRAINED = (
-    "The networks of (A) are trained for {0:,} epochs, those of the paper for 1,000; in (D) the paper's "
-    "recurrent ones for {1:,} at most, of which it prints no number, and ours for {2:,}."
-)
+class Laboratory(NamedTuple):
+    """A virtual skin, and its experiments with two contacts where they are made."""
+
+    skin: Skin
+    pair: SkinPair | None
+
+
+def _skin(measure: Callable[[Skin, bool], Any]) -> Measure:
+    return lambda one, ours: float(measure(one.skin, ours))
+
+
+def _pair(measure: Callable[[SkinPair, bool], Any]) -> Measure:
+    return lambda one, ours: None if one.pair is None else float(measure(one.pair, ours))
+
+
+def _network(skin: Skin, ours: bool) -> Trained:
+    return (skin.network if ours else skin.timeless).trained
+
+
+def _places(skin: Skin, ours: bool) -> Confusion:
+    """By five nearest neighbours, or by ours."""
+    return skin.likeliest if ours else skin.votes
+
+
+def _taken(place: str, other: str) -> Measure:
+    at = PLACES.index(place), PLACES.index(other)
+    return _skin(lambda skin, ours: _places(skin, ours).counts[at])
+
+
+def _found(pressed: str) -> Measure:
+    return _skin(lambda skin, _: sum(p == found for p, found in getattr(skin, pressed)))
+
+
+PAPER = Paper("kim2018", {
+    "mse_start": _skin(lambda skin, _: np.mean(np.square(skin.taught.force))),
+    "mse_end": _skin(lambda skin, ours: _network(skin, ours).train[-1]),
+    "training": _skin(lambda skin, ours: _network(skin, ours).seconds),
+    "loops": _skin(lambda skin, ours: skin.rms(skin.by_network if ours else skin.by_timeless)),
+    **{f"right_{place}": _taken(place, place) for place in PLACES},
+    "accuracy": _skin(lambda skin, ours: 100 * _places(skin, ours).accuracy),
+    "b_for_c": _taken("B", "C"),
+    "d_for_e": _taken("D", "E"),
+    "logic": _found("decisions"),
+    "logic_unequal": _found("unequal"),
+    "logic_ranks": _found("by_ranks"),
+    "peaks": _pair(lambda pair, ours: found_peaks(pair.together, ours)),
+    "peaks_placed": _pair(lambda pair, ours: found_peaks(pair.placed, ours)),
+    "alone": _pair(lambda pair, ours: np.mean([error(one, ours) for one in pair.alone])),
+    "together": _pair(lambda pair, ours: error(pair.together, ours)),
+    "placed": _pair(lambda pair, ours: error(pair.placed, ours)),
+    "step": _pair(lambda pair, ours: pair.ours_us if ours else pair.paper_us),
+})  # fmt: skip
 
 
 def carry_out(asked: Asked) -> dict[str, Any]:
     """(A) to (C) over all sensors, (D) over three; tables and pictures of the first."""
     epochs = asked.epochs or (QUICK_EPOCHS if asked.quick else EPOCHS)
     pairs = QUICK_PAIRS if asked.quick else PAIRS
-    of_two = max(1, epochs // 10)
-    seeds = range(asked.seed, asked.seed + asked.rigs)
+    of_two, with_ours = max(1, epochs // 10), asked.with_ours
     laboratories = [
         Laboratory(Skin(seed, epochs), SkinPair(seed, of_two) if n < pairs else None)
-        for n, seed in enumerate(seeds)
+        for n, seed in enumerate(range(asked.seed, asked.seed + asked.rigs))
     ]
 
     def progress(done: int) -> None:
         two = " with two contacts" if done <= pairs else ""
         asked.say(f"sensor {done} of {asked.rigs}{two}")
 
+    trained = PAPER.said["trained"].format(epochs, of_two, OURS_FOR_ONE * of_two)
     document = {
-        "rig": f"{RIG} {TRAINED.format(epochs, of_two, OURS_FOR_ONE * of_two)}",
+        "rig": f"{PAPER.said['rig']} {trained}",
         "epochs": epochs,
-        "rows": compared(PUBLISHED, laboratories, asked.with_ours, progress),
-        "findings": findings(laboratories, asked.with_ours),
+        "rows": compared(PAPER.published, laboratories, with_ours, progress),
+        "findings": _findings(laboratories, with_ours),
     }
     asked.say("drawing")
     one, pair = laboratories[0].skin, laboratories[0].pair
     assert pair is not None  # the first always is
-    document["peaks"] = {
-        name: [peak._asdict() for peak in of_pair(pair.together, ours)]
-        for name, ours in (("paper", False), ("ours", True))
-        if asked.with_ours or not ours
-    }
-    document["tables"] = _tables(one, document["peaks"], asked.with_ours)
+    ways = {"paper": False} | ({"ours": True} if with_ours else {})
+    peaks = {name: [p._asdict() for p in of_pair(pair.together, o)] for name, o in ways.items()}
+    document |= {"peaks": peaks, "tables": _tables(one, peaks, with_ours)}
     drawn = {
-        "fig6": figures.loops(one, asked.with_ours),
+        "fig6": figures.loops(one, with_ours),
         "fig7": figures.places(one),
-        "fig8": figures.together(pair, asked.with_ours),
+        "fig8": figures.together(pair, with_ours),
     }
-    return document | {"files": {name: _save(f, asked.out / name) for name, f in drawn.items()}}
+    return document | {"files": asked.write(drawn)}
 
 
-def _save(figure: Figure, path: Path) -> str:
-    write_figure(figure, path.with_suffix(".png"), dpi=160)
-    return f"{path.name}.png"
+def _findings(laboratories: Sequence[Laboratory], with_ours: bool) -> list[dict[str, Any]]:
+    """What the paper says in words, and whether the sentence is true of all virtual sensors."""
+    skins = [one.skin for one in laboratories]
+    pairs = [one.pair for one in laboratories if one.pair is not None]
+    network = float(np.mean([skin.rms(skin.by_timeless) for skin in skins]))
+    curve = float(np.mean([_static_error(skin) for skin in skins]))
+    wrong = np.array([20 - np.diag(skin.votes.counts[:, :5]) for skin in skins])
+    missing = zip(PLACES, wrong.mean(axis=0), strict=True)
+    sound = sum(all(p == found for p, found in skin.decisions) for skin in skins)
+    late = np.array([peak.late for pair in pairs for peak in of_pair(pair.together)])
+    missed, peaks, late = int(np.isnan(late).sum()), len(late), late[np.isfinite(late)]
+    together = float(np.mean([error(pair.together) for pair in pairs]))
+    numbers: dict[str, float] = {}
+    if with_ours:
+        for name in ("together", "placed"):
+            both = [getattr(pair, name) for pair in pairs]
+            numbers[f"ratio_{name}"] = float(np.mean([error(x, True) / error(x) for x in both]))
+        steps = np.mean([(pair.paper_us, pair.ours_us) for pair in pairs], axis=0)
+        numbers["late"] = float(np.mean([skin.rms_late for skin in skins]))
+        numbers["steps"] = steps[0] / steps[1]
+    true = {
+        "network": network < 0.5 * curve,
+        "places": not wrong[:, [0, 2, 4]].any() and wrong[:, [1, 3]].any(),
+        "combinations": sound == len(skins),
+        "peaks": not missed and late.min() < 0 < late.max(),
+        "contacts": together > network,
+    }
+    return PAPER.findings(
+        true, with_ours, network=network, curve=curve, delay=DELAY, sound=sound, count=len(skins),
+        wrong=", ".join(f"{p} {n:.2g}" for p, n in missing), missed=missed, peaks=peaks,
+        early=-1e3 * late.min(), latest=1e3 * late.max(), mean=1e3 * late.mean(), together=together,
+        **numbers,
+    )  # fmt: skip
+
+
+def _static_error(skin: Skin) -> float:
+    """Of a curve of the fifth order from reading to force, N."""
+    z, F = (np.concatenate(part) for part in (skin.taught.reading, skin.taught.force))
+    curve = np.polynomial.Polynomial.fit(z, F, 5)
+    return skin.rms([curve(z) for z in skin.loops.reading])
 
 
 def _tables(skin: Skin, found: dict[str, Any], with_ours: bool) -> dict[str, str]:
@@ -90,16 +166,16 @@ def _tables(skin: Skin, found: dict[str, Any], with_ours: bool) -> dict[str, str
 
 
 def _logic(skin: Skin) -> str:
-    named = {places: "+".join(sorted(map(str, places))) for places in skin.logic.combinations}
     lines = [
         f"{'found, of 3':12}{'all fingers':>15}{'unequal forces':>18}{'the same, by':>18}",
         f"{'':12}{'press with 4 N':>15}{'of 1.5 to 8 N':>18}{'published ranks':>18}",
     ]
-    for places, name in named.items():
+    for places in skin.logic.combinations:
         right = [
             sum(found == places for pressed, found in every if pressed == places)
             for every in (skin.decisions, skin.unequal, skin.by_ranks)
         ]
+        name = "+".join(sorted(map(str, places)))
         lines.append(f"{name:12}{right[0]:15d}{right[1]:18d}{right[2]:18d}")
     return "\n".join(lines)
 
@@ -107,16 +183,7 @@ def _logic(skin: Skin) -> str:
 def _peaks(peaks: list[dict[str, Any]]) -> str:
     lines = [f"{'place':6}{'time, s':>9}{'force, N':>10}{'found, N':>10}{'late, ms':>10}"]
     for one in peaks:
-        line = f"{one['location']:6}{one['time']:9.2f}{one['force']:10.2f}"
-        missed = np.isnan(one["found"])
-        lines.append(
-            line + (f"{'none':>10}" if missed else f"{one['found']:10.2f}{1e3 * one['late']:10.0f}")
-        )
+        found = f"{one['found']:10.2f}{1e3 * one['late']:10.0f}"
+        found = f"{'none':>10}" if np.isnan(one["found"]) else found
+        lines.append(f"{one['location']:6}{one['time']:9.2f}{one['force']:10.2f}{found}")
     return "\n".join(lines)
-
-
-PAPER = Paper(
-    "Kim and Park (2018) on virtual sensors", 20, QUICK_SENSORS,
-    "a minute each, and minutes more for two contacts on the first, or the first three", carry_out,
-    (("sklearn", "microchannel"),),
-)  # fmt: skip

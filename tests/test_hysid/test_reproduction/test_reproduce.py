@@ -17,8 +17,8 @@ from hysid.reproduction._armor import (
     linear_range,
     surface_errors,
 )
-from hysid.reproduction._armor_rows import PUBLISHED
-from hysid.reproduction._published import PREDICTED, Published, compared, row_of
+from hysid.reproduction._armor_paper import PAPER
+from hysid.reproduction._frame import Published, compared
 from hysteresis.rigs import SpongeCycles, SpongeRig
 from tests.test_hysid.command import Result, refused, run, tree
 from tests.test_hysid.test_cli.test_cli import fits
@@ -33,19 +33,8 @@ SEED = 100
 @pytest.fixture(scope="module")
 def made(tmp_path_factory) -> tuple[Result, object]:
     out = tmp_path_factory.mktemp("reproduced") / "out"
-    asked = (
-        "reproduce",
-        "tsuji2014",
-        "--out",
-        out,
-        "--rigs",
-        4,
-        "--seed",
-        SEED,
-        "--no-ours",
-        "--json",
-    )
-    return run(*asked), out
+    asked = ("--rigs", 4, "--seed", SEED, "--no-ours", "--json")
+    return run("reproduce", "tsuji2014", "--out", out, *asked), out
 
 
 @pytest.mark.thorough
@@ -55,7 +44,7 @@ def test_one_object_on_stdout_and_the_same_in_the_folder(made):
     assert json.loads((out / "reproduction.json").read_text()) == document
     assert all(fits(row, ROW) and isinstance(row["within"], bool) for row in document["rows"])
     assert all(fits(finding, FINDING) for finding in document["findings"])
-    assert [row["key"] for row in document["rows"]] == [p.key for p in PUBLISHED]
+    assert [row["key"] for row in document["rows"]] == [p.key for p in PAPER.published]
     assert {len(points["mean"]) for points in document["points"].values()} == {76}
     assert "4 of 4" in result.err
     written = set(tree(out))
@@ -103,10 +92,8 @@ def test_a_worse_rig_does_not_pass_more_easily():
     """The tolerance is the paper's: of its digits, or of its own trials; the rigs' scatter is not in it."""
 
     def row(published: float, found: list[float], **others: Any) -> dict:
-        one = Published(
-            "k", "k", "II", "mm", published, 0.5, lambda rig, _: 0, PREDICTED, "?", **others
-        )
-        return row_of(one, found, None)
+        words = ("k", "k", "II", "mm", "predicted", "?")
+        return Published(*words, lambda rig, _: 0, published, 0.5, **others).row(found)
 
     assert row(10.4, [9.9, 10.1])["within"]
     assert not row(10.6, [9.9, 10.1])["within"]
@@ -122,17 +109,16 @@ def test_a_worse_rig_does_not_pass_more_easily():
     assert (low, high) == pytest.approx((86.11, 97.14), abs=0.01)
 
 
-def test_a_method_of_ours_stands_beside(monkeypatch):
-    """The seam: one more entry in each table."""
+def test_a_method_of_ours_stands_beside():
+    """The seam: one more method."""
     rig = Rig(SEED)
     known = Method("told the truth", True, lambda rig, presses: presses.contact[:, -1])
-    monkeypatch.setitem(METHODS, "known", known)
 
     def measure(rig: Rig, ours: bool) -> float:
-        return float(body_errors(rig, "known" if ours else "b").mean())
+        return float(body_errors(rig, known if ours else METHODS["b"]).mean())
 
-    assert np.all(body_errors(rig, "known") == 0)
-    only = [p._replace(measure=measure) for p in PUBLISHED if p.key == "body_b"]
+    assert np.all(body_errors(rig, known) == 0)
+    only = [p._replace(measure=measure) for p in PAPER.published if p.key == "body_b"]
     row = compared(only, [rig, Rig(SEED + 1)], with_ours=True)[0]
     assert (row["ours"], row["ours_sd"]) == (0, 0)
     assert row["reproduced"] > 5

@@ -10,9 +10,9 @@ import pytest
 from compensate.microchannel import SearchEstimator
 from hysid.reproduction import _frame, _skin, _skin_paper, terminal
 from hysid.reproduction._frame import reproduce
-from hysid.reproduction._skin_electronics import converted
+from hysid.reproduction._skin import converted
 from hysid.reproduction._skin_pair import DT, PAIR, SkinPair, peaks
-from hysid.reproduction._skin_rows import PUBLISHED
+from hysid.reproduction._skin_paper import PAPER
 from hysteresis import InputError
 from hysteresis.rigs import ResistiveReadout
 
@@ -63,7 +63,7 @@ def document(tmp_path_factory):
 def test_every_printed_number_has_a_row(document):
     made, out = document
     rows = {row["key"]: row for row in made["rows"]}
-    assert list(rows) == [p.key for p in PUBLISHED]
+    assert list(rows) == [p.key for p in PAPER.published]
     printed = {key: row["published"] for key, row in rows.items() if row["published"] is not None}
     assert printed == PRINTED
     assert all(
