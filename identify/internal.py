@@ -31,7 +31,7 @@ from .spectra._of_record import is_moduli as is_moduli
 from .spectra._of_record import is_survey as is_survey
 from .spectra._of_record import runs_of as runs_of
 from .spectra._of_record import sizes_of as sizes_of
-from .storage._file_set import check_unedited as check_unedited
+from .storage._file_set import read_checked as read_checked
 from .storage._file_set import sealed as sealed
 from .storage._file_set import whole_files as whole_files
 from .storage._file_set import write_set as write_set

@@ -159,15 +159,11 @@ def load_calibration(
 
     Raises `InputError` where the folder holds none, or it is damaged.
     """
-    if not (folder / DOCUMENT).is_file():
-        raise InputError(
-            "file-not-found", f"This folder has no {DOCUMENT}.", place=str(folder),
-            fix="Make one: hysid armor calibrate PRESSES.csv --sponge DIR --shape FILE --out DIR.",
-        )  # fmt: skip
+    make = "make one: hysid armor calibrate PRESSES.csv --sponge DIR --shape FILE --out DIR."
+    document = identify.internal.read_checked(
+        folder, DOCUMENT, SCHEMA, make=make, again="calibrate again."
+    )
     with damage_told(DOCUMENT, folder, "Calibrate again."):
-        document = identify.internal.read_json(folder / DOCUMENT)
-        if document["schema"] != SCHEMA:
-            raise ValueError(f"schema {document['schema']}, and this version reads {SCHEMA}")
         arrays = load_arrays(identify.internal.whole_files(folder, document)[ARRAYS])
         material = rebuilt(document["structure"], arrays)
         words: dict[str, Any] = {

@@ -44,17 +44,19 @@ def _compare(folders: Sequence[Path]) -> dict[str, Any]:
     }
 
 
+def _check_two(folders: Sequence[Any], problem: str, fix: str) -> None:
+    if len(folders) != 2:
+        code = "too-few-fits" if len(folders) < 2 else "bad-option"
+        raise InputError(code, problem, place=str(folders[0]), fix=fix)
+
+
 def _change(folders: Sequence[Path], margin: float) -> dict[str, Any]:
     """One model on two data sets: what changed from the first to the second."""
     places = _places(folders)
     names, fits = list(places), list(places.values())
-    if len(fits) != 2:
-        raise InputError(
-            "too-few-fits" if len(fits) < 2 else "bad-option",
-            f"A change is between two fits; {', '.join(names)} {'is' if len(fits) < 2 else 'are'} given.",
-            place=str(folders[0]),
-            fix="Name two folders in order of time: before, after.",
-        )
+    given = f"{', '.join(names)} {'is' if len(fits) < 2 else 'are'} given"
+    fix = "Name two folders in order of time: before, after."
+    _check_two(fits, f"A change is between two fits; {given}.", fix)
     found = identify.change(*fits, margin=margin)
     return {
         "models": names,
@@ -67,13 +69,8 @@ def _change(folders: Sequence[Path], margin: float) -> dict[str, Any]:
 
 def _groups(folders: Sequence[Path]) -> dict[str, Any]:
     """Two groups of specimens, by the measured loops of their fits."""
-    if len(folders) != 2:
-        raise InputError(
-            "too-few-fits" if len(folders) < 2 else "bad-option",
-            "Loops are compared between two groups of specimens.",
-            place=str(folders[0]),
-            fix="Name two folders of hysid fit --each.",
-        )
+    fix = "Name two folders of hysid fit --each."
+    _check_two(folders, "Loops are compared between two groups of specimens.", fix)
     groups = [[identify.load(place).loops() for place in _places([f]).values()] for f in folders]
     found = identify.compare_loops(*groups)
     rows = [row._asdict() | {"clear": row.clear} for row in found]
@@ -85,23 +82,17 @@ def _group_lines(document: dict[str, Any]) -> list[str]:
     told = [row for row in document["figures"] if row["p"] is not None]
     columns = {
         "figure": [row["name"] for row in told],
-        "unit": [pretty(row["unit"]) or "1" for row in told],
-        "first": [number(row["one"], row["error"]) for row in told],
-        "second": [number(row["other"], row["error"]) for row in told],
-        "difference": [f"{number(row['difference'])} ± {row['error']:.2g}" for row in told],
-        "p": ["< 0.0001" if row["p"] < 1e-4 else f"{row['p']:.2g}" for row in told],
+        **_differences(told, {"first": "one", "second": "other"}),
+        "p": [_chance(row["p"]) for row in told],
         "needed": [DASH if row["needed"] is None else str(row["needed"]) for row in told],
     }
     clear = "; ".join(row["name"] for row in told if row["clear"]) or "no figure"
-    head = " and ".join(
-        f"{n} of {name}" for name, n in zip(document["groups"], document["specimens"], strict=True)
-    )
+    groups = zip(document["groups"], document["specimens"], strict=True)
+    head = " and ".join(f"{n} of {name}" for name, n in groups)
     if not told:
         return [f"{head}: nothing is told. {document['figures'][0]['reason'].capitalize()}."]
-    said = (
-        f"Clearly different: {clear}. Needed: specimens a group that would show such a difference."
-    )
-    return [head, "", *_table(columns, left=2), "", said]
+    needed = "Needed: specimens a group that would show such a difference."
+    return [head, "", *_table(columns), "", f"Clearly different: {clear}. {needed}"]
 
 
 def _comparison_lines(document: dict[str, Any]) -> list[str]:
@@ -119,7 +110,7 @@ def _comparison_lines(document: dict[str, Any]) -> list[str]:
         "log evidence": _from_best(models, "log_evidence", max),
     }
     lines = [f"Ranked by {where}: error in per cent of the output's range.", ""]
-    lines += [*_table(columns, left=2), ""]
+    lines += [*_table(columns), ""]
     lines += [said for pair in document["pairs"] for said in pair["words"]]
     return lines + [f"Note: {note}" for note in document["notes"]]
 
@@ -129,14 +120,24 @@ def _change_lines(document: dict[str, Any]) -> list[str]:
     listed = document["parameters"]
     columns = {
         "parameter": [p["name"] for p in listed],
-        "unit": [pretty(p["unit"]) or "1" for p in listed],
-        "before": [number(p["before"], p["error"]) for p in listed],
-        "after": [number(p["after"], p["error"]) for p in listed],
-        "difference": [f"{number(p['difference'])} ± {p['error']:.2g}" for p in listed],
+        **_differences(listed, {"before": "before", "after": "after"}),
         "": [_part(p["difference"], p["before"]) for p in listed],
-        "p": ["< 0.0001" if p["p_holm"] < 1e-4 else f"{p['p_holm']:.2g}" for p in listed],
+        "p": [_chance(p["p_holm"]) for p in listed],
     }
-    return [" -> ".join(document["models"]), "", *_table(columns, left=2), "", *document["words"]]
+    return [" -> ".join(document["models"]), "", *_table(columns), "", *document["words"]]
+
+
+def _differences(rows: list[dict[str, Any]], sides: dict[str, str]) -> dict[str, list[str]]:
+    """Units, both sides and their difference with its error."""
+    return {
+        "unit": [pretty(row["unit"]) or "1" for row in rows],
+        **{name: [number(row[key], row["error"]) for row in rows] for name, key in sides.items()},
+        "difference": [f"{number(row['difference'])} ± {row['error']:.2g}" for row in rows],
+    }
+
+
+def _chance(p: float) -> str:
+    return "< 0.0001" if p < 1e-4 else f"{p:.2g}"
 
 
 def _places(folders: Sequence[Path]) -> dict[str, Path]:
@@ -154,16 +155,9 @@ def _places(folders: Sequence[Path]) -> dict[str, Path]:
 
 
 def _figures(model: identify.Compared) -> dict[str, Any]:
-    return {
-        "name": model.name,
-        "model": model.model,
-        "held_out_percent": model.held_out,
-        "test_percent": model.test,
-        "numbers": model.numbers,
-        "aic": model.aic,
-        "bic": model.bic,
-        "log_evidence": model.log_evidence,
-    }
+    said = {"held_out": "held_out_percent", "test": "test_percent"}
+    kept = {k: v for k, v in model._asdict().items() if not k.endswith("blocks")}
+    return {said.get(name, name): value for name, value in kept.items()}
 
 
 def _pair(pair: identify.Pair) -> dict[str, Any]:
@@ -195,7 +189,7 @@ def _signed(x: float) -> str:
     return f"{x:+.1f}".replace("-", "−") if round(x, 1) else "0"
 
 
-def _table(columns: dict[str, list[str]], left: int) -> list[str]:
-    """Columns under their names, the first `left` of them to the left; those without a figure left out."""
+def _table(columns: dict[str, list[str]]) -> list[str]:
+    """Columns under their names, the first two to the left; those without a figure left out."""
     kept = {name: cells for name, cells in columns.items() if set(cells) != {DASH}}
-    return aligned([list(kept), *zip(*kept.values(), strict=True)], range(left, len(kept)))
+    return aligned([list(kept), *zip(*kept.values(), strict=True)], range(2, len(kept)))

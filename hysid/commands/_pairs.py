@@ -214,10 +214,9 @@ def is_contacts(folder: Path) -> bool:
 
 def load_contact_training(folder: Path) -> tuple[dict[str, Any], MultiContactEstimator]:
     """What `train_pairs` wrote. Raises `InputError` where it is damaged."""
+    known = {"make": "", "again": "train again."}
+    document = identify.internal.read_checked(folder, DOCUMENT, SCHEMA, **known)
     with damage_told(DOCUMENT, folder, "Train again."):
-        document = identify.internal.read_json(folder / DOCUMENT)
-        if document["schema"] != SCHEMA:
-            raise ValueError(f"schema {document['schema']}, and this version reads {SCHEMA}")
         arrays = load_arrays(identify.internal.whole_files(folder, document)[ARRAYS])
         return document, rebuilt(document["structure"], arrays)
 

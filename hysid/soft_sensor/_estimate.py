@@ -13,12 +13,12 @@ from jaxtyping import Bool, Float
 import identify
 from hysteresis import InputError, Table, parse_condition
 from hysteresis._atomic_file import write_table
-from hysteresis._limits import damage_told, parse_json
 from hysteresis._show import aligned
+from identify.internal import read_checked
 
 from ..intake._selection import Selection
 from ._sensor import SoftSensor
-from ._sensor_file import load_sensor, no_sensor
+from ._sensor_file import MAKE, load_sensor
 from ._sessions import NOWHERE, Targets
 
 TRAINING = "training.json"
@@ -138,18 +138,6 @@ def confusion_lines(table: dict[str, Any]) -> list[str]:
     return aligned(cells, range(1, len(cells[0])))
 
 
-def read_training(folder: str | Path) -> dict[str, Any]:
-    """training.json of a folder. Raises `InputError` where there is none, or it is no such thing."""
-    file = Path(folder) / TRAINING
-    if not file.is_file():
-        raise no_sensor(Path(folder), TRAINING)
-    with damage_told(TRAINING, Path(folder), "Train again."):
-        document = parse_json(file.read_bytes())
-        if document["schema"] != 1:
-            raise ValueError(f"schema {document['schema']}, and this version reads 1")
-    return document
-
-
 def estimate(
     folder: Path,
     file: Path,
@@ -165,7 +153,8 @@ def estimate(
 
     Raises `InputError` for a folder without a sensor, a file without one of its channels.
     """
-    document, sensor = read_training(folder), load_sensor(folder)
+    document = read_checked(folder, TRAINING, 1, make=MAKE, again="train again.")
+    sensor = load_sensor(folder)
     selection = Selection.from_json(document["selection"])
     selection = replace(selection, na_values=(*selection.na_values, *na_values))
     words = document["targets"]

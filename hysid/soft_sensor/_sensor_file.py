@@ -4,20 +4,18 @@ soft_sensor.json   channels, names, settings       soft_sensor.npz   all arrays
 """
 
 from pathlib import Path
-from typing import Any
 
-from compensate.runtime._file import checksum
-from hysteresis import InputError
-from hysteresis._limits import damage_told, load_arrays, parse_json
+from hysteresis._limits import damage_told, load_arrays
 from hysteresis._serialisation import Arrays, described, rebuilt
-from identify.internal import check_unedited, plain, whole_files, write_set
+from identify.internal import read_checked, whole_files, write_set
 
 from ._sensor import Quantity, SoftSensor
 
 SCHEMA = 1
 KIND = "hysid soft sensor"
 WORDS, ARRAYS = "soft_sensor.json", "soft_sensor.npz"
-AGAIN = "Train again (--overwrite)."
+AGAIN = "train again (--overwrite)."
+MAKE = "train a sensor: hysid microchannel train FILE --input COL --force COL --out DIR."
 
 PARTS = ("readout", "force", "localizer", "position")
 
@@ -61,11 +59,11 @@ def load_sensor(folder: str | Path) -> SoftSensor:
         ['layer 1', 'layer 2']
     """
     folder = Path(folder)
-    document = _document(folder)
-    with damage_told(ARRAYS, folder, AGAIN):
-        files = {"files": {ARRAYS: document["files"][ARRAYS]}}
-        arrays = load_arrays(whole_files(folder, files, AGAIN)[ARRAYS])
+    document = read_checked(folder, WORDS, SCHEMA, make=MAKE, again=AGAIN)
     with damage_told(WORDS, folder, AGAIN):
+        if document["kind"] != KIND:
+            raise ValueError("it holds something else")
+        arrays = load_arrays(whole_files(folder, document, AGAIN)[ARRAYS])
         return SoftSensor(
             tuple(Quantity(**words) for words in document["channels"]),
             step=float(document["step"]), time_unit=document["time_unit"],
@@ -73,34 +71,3 @@ def load_sensor(folder: str | Path) -> SoftSensor:
             position_in=tuple(Quantity(**words) for words in document["position_in"]),
             **{name: rebuilt(document[name], arrays) for name in PARTS},
         )  # fmt: skip
-
-
-def _document(folder: Path) -> dict[str, Any]:
-    file = folder / WORDS
-    if not file.is_file():
-        raise no_sensor(folder, WORDS)
-    with damage_told(WORDS, folder, AGAIN):
-        document = parse_json(file.read_bytes())
-        if not isinstance(document, dict) or document.get("kind") != KIND:
-            raise ValueError("it holds something else")
-        if document.get("schema") != SCHEMA:
-            raise InputError(
-                "newer-schema",
-                f"{WORDS} has schema {document.get('schema')}, but this version reads {SCHEMA}.",
-                place=str(folder), fix="Update hysid, or train again.",
-            )  # fmt: skip
-        # Earlier versions wrote one checksum of the whole.
-        if "checksum" in document or "checksums" not in document:
-            said = document.get("checksum")
-            if said != checksum(plain(document)):
-                raise ValueError("its checksum does not agree")
-    check_unedited(folder, WORDS, document)
-    return document
-
-
-def no_sensor(folder: Path, name: str) -> InputError:
-    """What to say where the file `name` of a sensor is not there."""
-    return InputError(
-        "file-not-found", f"This folder has no {name}.", place=str(folder),
-        fix="Train a sensor: hysid microchannel train FILE --input COL --force COL --out DIR.",
-    )  # fmt: skip

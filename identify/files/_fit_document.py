@@ -83,20 +83,6 @@ class RecordWords(TypedDict):
     sigma_name: NotRequired[str]
 
 
-class RecordsWords(TypedDict):
-    """Both records of a fit."""
-
-    train: RecordWords
-    test: NotRequired[RecordWords]
-
-
-class ColumnWords(TypedDict):
-    """A column of the fitted file."""
-
-    name: str
-    unit: str
-
-
 class DataWords(TypedDict):
     """What was fitted."""
 
@@ -107,8 +93,8 @@ class DataWords(TypedDict):
     rows_train: int
     rows_test: int
     sequences: int
-    input: ColumnWords
-    output: ColumnWords
+    input: dict[Literal["name", "unit"], str]
+    output: dict[Literal["name", "unit"], str]
     time_unit: str
     history: list[str]
 
@@ -146,13 +132,6 @@ class BandWords(TypedDict):
     motions: MotionWords | None
 
 
-class AfterWords(TypedDict):
-    """Where a compensator has run in."""
-
-    cycles: float | None
-    time: float | None
-
-
 class CompensatorWords(TypedDict, total=False):
     """The compensator of a fit, judged."""
 
@@ -166,7 +145,7 @@ class CompensatorWords(TypedDict, total=False):
     band: BandWords
     band_of: str
     ok_share: float
-    ok_after: AfterWords
+    ok_after: dict[Literal["cycles", "time"], float | None]
     start: str
 
 
@@ -189,7 +168,7 @@ class ResultWords(FigureWords):
 class FitWords(ResultWords):
     """fit.json of one fit."""
 
-    records: RecordsWords
+    records: dict[Literal["train", "test"], RecordWords]
     structure: dict[str, Any]
     files: dict[str, str]
 

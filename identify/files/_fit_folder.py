@@ -30,8 +30,8 @@ from ..records._clocks import Clocks
 from ..results._baseline import Baseline
 from ..results._detail import detail_of
 from ..results._fit_result import Candidate, FitResult, Starts
-from ..storage._file_set import check_unedited, whole_files, write_set
-from ..storage._json import check_free, read_json
+from ..storage._file_set import read_checked, whole_files, write_set
+from ..storage._json import check_free
 from ..storage._provenance import versions
 from ._fit_document import checked
 
@@ -227,25 +227,8 @@ def _figures(saved: dict[str, Any]) -> dict[str, Any]:
 
 def read_document(folder: str | Path) -> dict[str, Any]:
     """fit.json of a folder. Raises `InputError` where it is not one of ours, or of a newer kind."""
-    folder = Path(folder)
-    file = folder / "fit.json"
-    if not file.is_file():
-        raise InputError(
-            "file-not-found",
-            "there is no fit.json.",
-            place=str(folder),
-            fix="make one: hysid fit --out DIR.",
-        )
-    document = read_json(file)
-    schema = document.get("schema")
-    if schema != SCHEMA:
-        raise InputError(
-            "newer-schema",
-            f"fit.json has schema {schema}, and this version reads {SCHEMA}.",
-            place=str(folder),
-            fix="update hysid, or fit again.",
-        )
-    check_unedited(folder, "fit.json", document)
+    folder, make = Path(folder), "make one: hysid fit --out DIR."
+    document = read_checked(folder, "fit.json", SCHEMA, make=make, again="fit again.")
     with damage_told("fit.json", folder, "fit again."):
         checked(document)
     return document

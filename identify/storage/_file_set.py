@@ -16,7 +16,7 @@ import numpy as np
 from hysteresis import InputError
 from hysteresis._format import plain
 
-from ._json import write_json
+from ._json import read_json, write_json
 
 Content = Callable[[Path], None] | Mapping[str, Any] | bytes
 """Of a file: what writes it, the arrays of an .npz, or its bytes."""
@@ -85,6 +85,22 @@ def _put(file: Path, content: Content) -> None:
             for name, array in content.items():
                 with packed.open(f"{name}.npy", "w", force_zip64=True) as member:
                     np.lib.format.write_array(member, np.asanyarray(array), allow_pickle=False)
+
+
+def read_checked(folder: Path, name: str, schema: int, *, make: str, again: str) -> dict[str, Any]:
+    """The document of a set as it was written.
+
+    Raises `InputError` where it is missing (`make` it), damaged, edited, or of another schema (`again`).
+    """
+    if not (folder / name).is_file():
+        raise InputError("file-not-found", f"there is no {name}.", place=str(folder), fix=make)
+    document = read_json(folder / name)
+    if (found := document.get("schema")) != schema:
+        said = f"{name} has schema {found}, and this version reads {schema}."
+        fix = f"update hysid, or {again}"
+        raise InputError("newer-schema", said, place=str(folder), fix=fix)
+    check_unedited(folder, name, document)
+    return document
 
 
 def whole_files(
