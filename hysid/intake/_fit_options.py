@@ -4,6 +4,7 @@ No import of this module loads JAX: `hysid --help` reads the fields.
 """
 
 from dataclasses import dataclass, fields
+from functools import partial
 
 from ._option import option
 
@@ -14,6 +15,9 @@ MODELS = (
     "LorentzianPreisach", "LogNormalPreisach", "Oscillator",
 )  # fmt: skip
 """Our own names of `--model`, written here because `--help` does not wait for JAX; a test compares them."""
+
+
+_auto_or_keep = partial(option, default="auto", choices=("auto", "keep"))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,21 +36,15 @@ class FitOptions:
         "auto",
         choices=("auto", "negative", "positive", "demagnetised", "fit"),
     )
-    conditioning: str = option(
-        "auto: exclude the first cycle where that predicts better; keep: never exclude it.",
-        "auto",
-        choices=("auto", "keep"),
+    conditioning: str = _auto_or_keep(
+        "auto: exclude the first cycle where that predicts better; keep: never exclude it."
     )
-    clocks: str = option(
-        "auto: correct a lag between input and output and smooth a staircase; keep: change nothing.",
-        "auto",
-        choices=("auto", "keep"),
+    clocks: str = _auto_or_keep(
+        "auto: correct a lag between input and output and smooth a staircase; keep: change nothing."
     )
-    drift: str = option(
+    drift: str = _auto_or_keep(
         "auto: a drift explains the training rows and is not in the model; keep: it is in the model, and"
-        " stops at its last value.",
-        "auto",
-        choices=("auto", "keep"),
+        " stops at its last value."
     )
     score: str = option(
         "What is to be least: rms, the error of all rows; sre, that of each sequence in parts of the rms of"

@@ -117,30 +117,22 @@ def toml(file: Path, found: Guess) -> str:
     if not any(key.startswith("test_") for key in found.selection):
         lines += ["# held out: nothing", f"#   {toml_comment(held.why)}", "# test_tail = 0.2"]
     if not {"time", "dt"} & set(found.selection):
-        lines += [
-            "# no clock was found: without one, models that depend on speed are left out",
-            "# dt = 0.01",
-        ]
+        lines += ["# no clock was found: without one, models that depend on speed are left out"]
+        lines += ["# dt = 0.01"]
     if found.alternatives:
         lines += ["# other choices:", *(f"#   {toml_comment(a)}" for a in found.alternatives)]
     lines += ["", "[fit]"]
     is_step = selection_of(found.selection).is_step
     if not is_step:
-        lines += [
-            '# auto, or names with commas between: "LinearSponge,Preisach,Burgers"',
-            'model = "auto"',
-        ]
+        lines += ['# auto, or names with commas between: "LinearSponge,Preisach,Burgers"']
+        lines += ['model = "auto"']
     for key, value in found.fit.items():
         why = said[key].why if key in said else ""
         lines += [f"# {toml_comment(why)}", f"{key} = {_value(value)}"]
     lines += ["seed = 0"]
     if not is_step:
-        lines += [
-            "",
-            "# What is known of parameters, as in",
-            "# [parameters]",
-            "# E1 = {start = 2.0, bounds = [0.1, 100.0]}",
-        ]
+        lines += ["", "# What is known of parameters, as in", "# [parameters]"]
+        lines += ["# E1 = {start = 2.0, bounds = [0.1, 100.0]}"]
     return "\n".join(lines) + "\n"
 
 

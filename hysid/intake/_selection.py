@@ -15,7 +15,7 @@ from hysteresis.records._known import with_known
 from ._constant_input import CONSTANT, at_hold, with_constant
 from ._lines import check_lines, on_lines
 from ._runs import RUN, with_moduli, with_runs
-from ._selection_options import FIELDS, OF_READING, SelectionOptions
+from ._selection_options import FIELDS, HELD_OUT, OF_READING, SelectionOptions
 
 Pair = tuple[Record, Record | None]
 """What is fitted, and what is held out of it."""
@@ -34,58 +34,46 @@ class Selection(SelectionOptions):
     """
 
     def __post_init__(self) -> None:
-        if sum(given is not None for given in (self.input, self.step, self.frequency)) != 1:
-            raise InputError(
-                "conflicting-options",
-                "Give one of the input column (--input COL), the constant value of the input (--step VALUE)"
-                " and the frequency column of moduli (--frequency COL).",
-            )
-        if self.loss is not None and self.frequency is None:
-            raise InputError(
-                "conflicting-options",
-                "--loss COL needs the frequency of its rows.",
-                fix="Give --frequency COL as well.",
-            )
-        if self.step is not None and not (np.isfinite(self.step) and self.step):
-            raise InputError(
-                "not-a-step",
-                f"A constant input of {self.step:g} has no effect.",
-                fix="Give the constant force or displacement (--step VALUE).",
-            )
-        if self.hold and not isinstance(self.input, str):
-            raise InputError(
-                "no-hold",
-                "--hold needs exactly one input column.",
-                fix="Name it (--input COL), or leave out --hold.",
-            )
-        held_out = (self.test_where, self.test_cycles, self.test_tail, self.test_lines)
-        if sum(h not in (None, ()) for h in held_out) > 1:
-            raise InputError(
-                "conflicting-options",
-                "Give only one of --test-where, --test-cycles, --test-tail and --test-lines.",
-            )
-        if self.range and not (len(self.range) == 2 and self.range[0] <= self.range[1]):
-            raise InputError(
-                "zero-range",
-                f"No input is within the range {', '.join(f'{end:g}' for end in self.range)}.",
-                fix="Give --range LOW,HIGH, such as --range 2,20.",
-            )
-        if self.time is not None and self.dt is not None:
-            raise InputError("conflicting-options", "Give --time COL or --dt SECONDS, not both.")
-        if self.input_time is not None and (self.time is None or self.is_step):
-            raise InputError(
-                "no-time",
-                "--input-time COL needs the clock of the output too.",
-                fix="Give --time COL as well.",
-            )
+        driving, hold_out = (
+            (self.input, self.step, self.frequency),
+            [getattr(self, n) for n in HELD_OUT],
+        )
+        low, high = self.range if len(self.range) == 2 else (1.0, 0.0)
+        checks = (
+            (sum(given is not None for given in driving) == 1,
+             "conflicting-options", "Give one of the input column (--input COL), the constant value of the"
+             " input (--step VALUE) and the frequency column of moduli (--frequency COL).", ""),
+            (self.loss is None or self.frequency is not None,
+             "conflicting-options", "--loss COL needs the frequency of its rows.",
+             "Give --frequency COL as well."),
+            (self.step is None or (np.isfinite(self.step) and self.step),
+             "not-a-step", f"A constant input of {self.step or 0:g} has no effect.",
+             "Give the constant force or displacement (--step VALUE)."),
+            (not self.hold or isinstance(self.input, str),
+             "no-hold", "--hold needs exactly one input column.",
+             "Name it (--input COL), or leave out --hold."),
+            (sum(h not in (None, ()) for h in hold_out) <= 1,
+             "conflicting-options",
+             "Give only one of --test-where, --test-cycles, --test-tail and --test-lines.", ""),
+            (not self.range or low <= high,
+             "zero-range", f"No input is within the range {', '.join(f'{x:g}' for x in self.range)}.",
+             "Give --range LOW,HIGH, such as --range 2,20."),
+            (self.time is None or self.dt is None,
+             "conflicting-options", "Give --time COL or --dt SECONDS, not both.", ""),
+            (self.input_time is None or not (self.time is None or self.is_step),
+             "no-time", "--input-time COL needs the clock of the output too.",
+             "Give --time COL as well."),
+        )  # fmt: skip
+        for good, code, problem, fix in checks:
+            if not good:
+                raise InputError(code, problem, fix=fix)
 
     @classmethod
     def from_json(cls, document: Any) -> "Selection":
         """A selection that `as_json` wrote. Raises `InputError` `damaged-file` where it did not."""
-        given = document if isinstance(document, dict) else {}
-        options: dict[str, Any] = {
-            k: tuple(v) if isinstance(v, list) else v for k, v in given.items()
-        }
+        given: dict[str, Any] = document if isinstance(document, dict) else {}
+        pairs = given.items()
+        options: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in pairs}
         odd = [k for k, v in options.items() if k not in FIELDS or not fits_option(k, v)]
         odd += [k for k in ("input", "output") if k not in options]
         if odd:
@@ -120,27 +108,20 @@ class Selection(SelectionOptions):
 
     def without_hold_out(self) -> "Selection":
         """The same rows with none held out."""
-        return replace(self, test_where=(), test_cycles=None, test_tail=None, test_lines=())
+        return replace(self, **{name: FIELDS[name].default for name in HELD_OUT})
 
     def check_columns(self) -> None:
         """Raise `InputError` where one column is to be both the input and the output."""
-        inputs = (
-            self.input if isinstance(self.input, tuple) else (self.input, self.frequency, self.loss)
-        )
-        if twice := [name for name in self.condition if name in (*inputs, self.time)]:
-            raise InputError(
-                "given-twice",
-                f"{twice[0]!r} is given as condition and as input or time.",
-                fix="Name another column (--condition COL).",
-            )
-        if self.output in (*inputs, *self.condition, self.time):
-            role = "input" if self.output in inputs else "condition"
-            role = "time" if self.output == self.time else role
-            raise InputError(
-                "given-twice",
-                f"{self.output!r} is given as {role} and as output.",
-                fix=f"Name another column (--{role} COL, or --output COL).",
-            )
+        inputs = (self.input, self.frequency, self.loss)
+        inputs = self.input if isinstance(self.input, tuple) else inputs
+        roles = {"time": [self.time], "input": inputs, "condition": self.condition}
+        said = [
+            (n, "condition", "input or time") for n in self.condition if n in (*inputs, self.time)
+        ]
+        said += [(self.output, r, "output") for r, names in roles.items() if self.output in names]
+        for name, role, other in said[:1]:
+            fix = f"Name another column (--{role} COL{', or --output COL' * (other == 'output')})."
+            raise InputError("given-twice", f"{name!r} is given as {role} and as {other}.", fix=fix)
 
     def read(self, file: Path) -> Table:
         """The whole file."""
@@ -183,9 +164,7 @@ class Selection(SelectionOptions):
         return good, faults
 
     def _read(self, table: Table, where: dict[str, list[str]]) -> Record:
-        held_out_by = {
-            condition.split("=")[0].split("%")[0].strip() for condition in self.test_where
-        }
+        held_out_by = {one.split("=")[0].split("%")[0].strip() for one in self.test_where}
         changed: dict[str, Any] = {}
         if self.frequency is not None:
             table = with_moduli(table, self.frequency, self.output, self.loss, *self.runs, where)

@@ -15,6 +15,8 @@ ASIDE = re.compile(r"\s*\((?=[^()]*--[a-z])[^()]*\)")
 
 
 _words = partial(option, default=(), joined=True)
+_column = partial(option, default=None, metavar="COL")
+_unit = partial(option, default=None, metavar="UNIT")
 
 
 @dataclass(frozen=True)
@@ -27,29 +29,23 @@ class SelectionOptions:
         metavar="COL",
     )
     output: str = option("Output column: its exact header.", metavar="COL")
-    time: str | None = option("Time column.", None, metavar="COL")
+    time: str | None = _column("Time column.")
     dt: float | None = option(
         "Time between samples in seconds, where there is no time column.", None, metavar="SECONDS"
     )
-    input_time: str | None = option(
-        "Time column of the input, where it has a clock of its own; --time is the output's.",
-        None,
-        metavar="COL",
+    input_time: str | None = _column(
+        "Time column of the input, where it has a clock of its own; --time is the output's."
     )
     step: float | None = option(
         "Fit creep or relaxation under this constant input, instead of --input.",
         None,
         metavar="VALUE",
     )
-    frequency: str | None = option(
+    frequency: str | None = _column(
         "Frequency column: fit a spectrum to moduli over frequency, --output being the storage modulus,"
-        " instead of --input.",
-        None,
-        metavar="COL",
+        " instead of --input."
     )
-    loss: str | None = option(
-        "Column of the loss modulus, or of tan delta, beside --frequency.", None, metavar="COL"
-    )
+    loss: str | None = _column("Column of the loss modulus, or of tan delta, beside --frequency.")
     hold: bool = option(
         "Fit creep or relaxation over the longest stretch in which --input is constant.", False
     )
@@ -73,13 +69,11 @@ class SelectionOptions:
         None,
         metavar="N|COL",
     )
-    sigma: str | None = option(
+    sigma: str | None = _column(
         "Column of the output's standard deviation: fit, noise, errors and verdict weigh each row by its"
-        " inverse square. Only ratios from row to row count.",
-        None,
-        metavar="COL",
+        " inverse square. Only ratios from row to row count."
     )
-    each: str | None = option("Fit one model for each value of this column.", None, metavar="COL")
+    each: str | None = _column("Fit one model for each value of this column.")
     where: tuple[str, ...] = option(
         "Use only these rows; repeatable.", (), repeated=True, metavar="COL=VALUE[,VALUE]"
     )
@@ -135,12 +129,10 @@ class SelectionOptions:
     dialects: str | None = option(
         "TOML file of further layouts of rig files.", None, metavar="FILE"
     )
-    input_unit: str | None = option(
-        "Unit of the input or of --step, where the header does not give it.", None, metavar="UNIT"
+    input_unit: str | None = _unit(
+        "Unit of the input or of --step, where the header does not give it."
     )
-    output_unit: str | None = option(
-        "Unit of the output, where the header does not give it.", None, metavar="UNIT"
-    )
+    output_unit: str | None = _unit("Unit of the output, where the header does not give it.")
 
 
 FIELDS: dict[str, Field[Any]] = {one.name: one for one in fields(SelectionOptions)}

@@ -11,13 +11,15 @@ from ._quantities import Kind, kind_of, unit_of
 
 _PLAIN = ("N", "mm", "V", "A", "Pa")
 SENSED = ("voltage", "resistance", "capacitance", "sensor", "current")
+TRANSDUCED = {
+    "force": 0.9, "stress": 0.9, "torque": 0.8, "strain": 0.85, "displacement": 0.8, "angle": 0.8,
+}  # fmt: skip
+"""How usual it is that a sensor reads a quantity."""
 
 PAIRS: dict[tuple[str, str], float] = {
     ("force", "displacement"): 1.0,
-    (
-        "stress",
-        "strain",
-    ): 0.97,  # which a machine computes from force and displacement, where it has both
+    # Which a machine computes from force and displacement, where it has both.
+    ("stress", "strain"): 0.97,
     ("torque", "angle"): 0.97,
     ("rate", "stress"): 0.95,
     ("force", "strain"): 0.9,
@@ -36,12 +38,7 @@ PAIRS: dict[tuple[str, str], float] = {
     ("current", "displacement"): 0.8,
     ("field", "strain"): 0.8,
     ("stress", "force"): 0.7,
-    **{("force", sensed): 0.9 for sensed in SENSED[:4]},
-    **{("stress", sensed): 0.9 for sensed in SENSED[:4]},
-    **{("torque", sensed): 0.8 for sensed in SENSED[:4]},
-    **{("strain", sensed): 0.85 for sensed in SENSED[:4]},
-    **{("displacement", sensed): 0.8 for sensed in SENSED[:4]},
-    **{("angle", sensed): 0.8 for sensed in SENSED[:4]},
+    **{(one, sensed): usual for one, usual in TRANSDUCED.items() for sensed in SENSED[:4]},
 }
 """Input, output, and how usual the pair is. The output lags the input."""
 

@@ -43,6 +43,8 @@ SPECTRUM = (
     "each row is the result of an oscillation, with its storage and loss modulus (a spectrum over frequency"
     " or temperature), and no sample over time"
 )
+HELD = ("force", "stress", "strain", "displacement", "torque")
+"""Kinds of columns that a creep or relaxation test holds constant."""
 DEFORMED = ("displacement", "strain", "angle")
 """Kinds of columns that answer a load, and by which a rig moves as well."""
 USUAL, SURELY = 1.0, 4.0
@@ -98,16 +100,9 @@ def choose(seen: Seen, columns: list[Column], still: list[Column]) -> Choice:
         usable = by_shape(table, usable, time, {asked_in, asked_out} - {None})
     clock = table.columns[time] if time else None
     every = pairs(usable, clock)
-    found = [
-        p for p in every
-        if asked_in in (None, p.input.name) and asked_out in (None, p.output.name)
-    ]  # fmt: skip
     turned = [Pair(p.output, p.input, p.score) for p in every]
-    if not found and (asked_in or asked_out):
-        found = [
-            p for p in turned
-            if asked_in in (None, p.input.name) and asked_out in (None, p.output.name)
-        ]  # fmt: skip
+    wanted = lambda p: asked_in in (None, p.input.name) and asked_out in (None, p.output.name)  # noqa: E731
+    found = [*filter(wanted, every)] or [*filter(wanted, turned if asked_in or asked_out else ())]
     if asked_in and asked_out:
         by_name = {c.name: c for c in columns}
         why = {"input": "given", "output": "given"}
@@ -115,21 +110,13 @@ def choose(seen: Seen, columns: list[Column], still: list[Column]) -> Choice:
     if not found:
         return _unknown(seen, usable)
     best = found[0]
-    second = next(
-        (
-            p
-            for p in found[1:]
-            if {p.input.name, p.output.name} != {best.input.name, best.output.name}
-        ),
-        None,
-    )
-    if best.score < FAINT and second is not None and second.score > 0.8 * best.score:
+    own = {best.input.name, best.output.name}
+    second = next((p.score for p in found if {p.input.name, p.output.name} != own), -np.inf)
+    if best.score < FAINT and second > 0.8 * best.score:
         raise _undecided(columns, place)
-    clear = second is None or second.score < 0.8 * best.score
     read = best.input.kind.sure == best.output.kind.sure == 1.0  # by name and by unit
-    sure = (
-        "sure" if clear and read and best.score > 0.7 else "likely" if best.score > 0.3 else "guess"
-    )
+    sure = "likely" if best.score > 0.3 else "guess"
+    sure = "sure" if second < 0.8 * best.score and read and best.score > 0.7 else sure
     best = _reading(table, best, found, asked_out)
     choice = _directed(seen, best, asked_in, asked_out)
     if sure == "sure":
@@ -177,7 +164,9 @@ def _sampled(table: Table, columns: list[Column], asked: set[str | None]) -> lis
     """
     every, results = columns_of(table).values(), _results(table)
     flow = [c for c in columns if c.kind.name == "rate"]
-    field = any(c.kind.name == "field" for c in every)
+    magnet = any(c.kind.name == "field" for c in every) and any(
+        c.kind.name == "moment" for c in columns
+    )
     found, spectrum = [], 0
     for c in columns:
         good = np.isfinite(c.x)
@@ -186,10 +175,7 @@ def _sampled(table: Table, columns: list[Column], asked: set[str | None]) -> lis
             continue
         step = np.diff(c.x[good])
         adds_up = bool(flow) and c.kind.name in ("strain", "angle") and np.mean(step < 0) < 0.05
-        supply = (
-            field and c.kind.name == "current" and any(d.kind.name == "moment" for d in columns)
-        )
-        if c.name in asked or not (adds_up or supply):
+        if c.name in asked or not (adds_up or (magnet and c.kind.name == "current")):
             found.append(c)
     if spectrum and not found:
         raise NothingDrivenError(SPECTRUM)
@@ -265,9 +251,8 @@ def _votes(seen: Seen, a: Column, b: Column, record: Record, other: Record) -> l
     bits = float(np.clip(np.log2(ours / theirs), -2.0, 2.0))
     one, rest = (b, a) if bits > 0 else (a, b)
     said = f"{one.name!r} determines {rest.name!r} better than the other way round"
-    found.append(
-        _Vote(bits, f"{said} (unexplained: {min(ours, theirs):.1%}, {max(ours, theirs):.1%})")
-    )
+    left = f"unexplained: {min(ours, theirs):.1%}, {max(ours, theirs):.1%}"
+    found.append(_Vote(bits, f"{said} ({left})"))
     quiet = [max(unsteadiness(c.x), LEAST) for c in (a, b)]
     bits = float(np.clip(np.log2(quiet[0] / quiet[1]) / 2, -1.5, 1.5))
     one, rest = (b, a) if bits > 0 else (a, b)
@@ -292,9 +277,8 @@ def _record(seen: Seen, a: Column, b: Column) -> Record:
     keys = [*(options.get("group") or ()), *([options["each"]] if options.get("each") else [])]
     keys = [k for k in keys if k in table.text]
     good = np.flatnonzero(np.isfinite(a.x) & np.isfinite(b.x))[:MOST]
-    cells = [
-        table.text[k][good].tolist() for k in keys
-    ]  # text is read anew whenever it is asked for
+    # Text is read anew whenever it is asked for.
+    cells = [table.text[k][good].tolist() for k in keys]
     parts = np.array(["/".join(row) for row in zip(*cells, strict=True)]) if keys else None
     return Record.from_arrays(a.x[good], b.x[good], groups=parts)
 
@@ -302,10 +286,8 @@ def _record(seen: Seen, a: Column, b: Column) -> Record:
 def _step(seen: Seen, columns: list[Column], still: list[Column]) -> Choice:
     """Creep or relaxation: a constant input, and the output over time."""
     table, time, _, given = seen
-    asked = given.get("output")
-    found = [c for c in columns if asked in (None, c.name) and c.kind.name != "unknown"] or [
-        c for c in columns if asked in (None, c.name)
-    ]
+    found = [c for c in columns if given.get("output") in (None, c.name)]
+    found = [c for c in found if c.kind.name != "unknown"] or found
     every = columns_of(table)
     sides = {"unknown", *chain(*PAIRS)} - {"temperature"}
     aside = len(every) > 2 and not sides & {column.kind.name for column in every.values()}
@@ -324,22 +306,13 @@ def _step(seen: Seen, columns: list[Column], still: list[Column]) -> Choice:
     output = found[0]
     why = {"output": "the only column that changes over time"}
     value, unit, sure = given.get("step"), given.get("input_unit"), "sure"
-    kept = next(
-        (
-            c
-            for c in still
-            if c.kind.name in ("force", "stress", "strain", "displacement", "torque")
-        ),
-        None,
-    )
+    kept = next((c for c in still if c.kind.name in HELD), None)
     if value is not None:
         why["step"] = "given"
     elif kept is not None and float(np.nanmax(kept.x)):
-        value, unit = float(np.nanmax(kept.x)), kept.unit
-        why["step"] = (
-            f"{kept.name!r} is {value:g} in every row, so this is a creep or relaxation test"
-        )
-        unit = None if unit == "1" else unit
+        value, unit = float(np.nanmax(kept.x)), None if kept.unit == "1" else kept.unit
+        said = f"{kept.name!r} is {value:g} in every row"
+        why["step"] = f"{said}, so this is a creep or relaxation test"
     elif output.kind.name in ("compliance", "modulus"):
         value, sure = 1.0, "likely"
         why["step"] = f"a {output.kind.name} is the response to a unit step"
@@ -352,12 +325,8 @@ def _step(seen: Seen, columns: list[Column], still: list[Column]) -> Choice:
             said = f"{output.name!r} changes over time, and nothing says which column drives it: "
             said += f"{', '.join(others[:20])}."
             both = "or name both columns (--input COL --output COL)."
-        raise InputError(
-            "cannot-decide",
-            said,
-            place=table.path,
-            fix=f"Give the constant input (hysid init FILE --step VALUE), {both}",
-        )
+        fix = f"Give the constant input (hysid init FILE --step VALUE), {both}"
+        raise InputError("cannot-decide", said, place=table.path, fix=fix)
     options = {"step": value} | ({"input_unit": unit} if unit else {})
     return Choice(None, output, sure, why, options, [])
 
@@ -365,15 +334,10 @@ def _step(seen: Seen, columns: list[Column], still: list[Column]) -> Choice:
 def _channels(
     columns: list[Column], inputs: list[str], given: Mapping[str, Any], place: str
 ) -> Choice:
-    by_name = {c.name: c for c in columns}
-    output = given.get("output")
+    by_name, output = {c.name: c for c in columns}, given.get("output")
     if output is None:
-        raise InputError(
-            "cannot-decide",
-            "There are several inputs but no output.",
-            place=place,
-            fix="Name the output (--output COL).",
-        )
+        said, fix = "There are several inputs but no output.", "Name the output (--output COL)."
+        raise InputError("cannot-decide", said, place=place, fix=fix)
     why = {"input": f"one of {len(inputs)} channels", "output": "given"}
     return Choice(by_name[inputs[0]], by_name[output], "sure", why, {"input": inputs}, [])
 

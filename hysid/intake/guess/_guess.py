@@ -156,7 +156,7 @@ def _guess(file: Path, given: Mapping[str, Any]) -> Guess:
     table = _head(table, file)  # its rows follow one another, as those of an excerpt do not
     _hold(table, out)
     kept, why = hold_out(table, out.selection, sequences.split)
-    out.selection |= {k: v for k, v in kept.items() if not _held_out(given)}
+    out.selection |= {} if any(given.get(key) for key in HELD_OUT) else kept
     why += ", as far as the part that was read shows" if table.share < 1 else ""
     out.says("held out", _words(kept) or "nothing", LIKELY, why)
     _memory(table, columns, choice, out)
@@ -235,16 +235,11 @@ def _time(
         if clocks and list(columns).index(clocks[0].name):
             clocks = []  # a clock without its name stands first
     if not clocks:
-        out.says(
-            "time",
-            "none",
-            LIKELY,
-            "no column rises like a clock; give --dt SECONDS if speed matters",
-        )
+        why = "no column rises like a clock; give --dt SECONDS if speed matters"
+        out.says("time", "none", LIKELY, why)
         return None
-    best = max(
-        clocks, key=lambda c: (len(words_of(c.name)) <= 2, c.missing == 0, -len(words_of(c.name)))
-    )
+    count = lambda c: len(words_of(c.name))  # noqa: E731
+    best = max(clocks, key=lambda c: (count(c) <= 2, c.missing == 0, -count(c)))
     sure = LIKELY if best.kind.name == "time" else GUESS
     sure = SURE if best.kind.name == "time" and best.kind.sure == 1.0 else sure
     out.selection["time"] = best.name
@@ -349,13 +344,8 @@ def _clocks(
     own = {}
     for role, column in (("input", choice.input), ("output", choice.output)):
         words = set(words_of(column.name))
-        own[role] = next(
-            (
-                c.name for c in columns.values()
-                if c.kind.name == "time" and set(words_of(c.name)) & words and _rises(c.x) > 0.9
-            ),
-            None,
-        )  # fmt: skip
+        clocks = [c for c in columns.values() if c.kind.name == "time" and _rises(c.x) > 0.9]
+        own[role] = next((c.name for c in clocks if words & {*words_of(c.name)}), None)
     if own["output"] and own["output"] != time:
         out.selection["time"] = own["output"]
         out.found = [f for f in out.found if f.what != "time"]
@@ -401,10 +391,6 @@ def _each_of_group(out: Guess) -> bool:
 def _goes_and_stays(record: Record) -> bool:
     one_way = all(np.ptp(record.branch[rows]) == 0 for _, rows in record.sequences())
     return one_way and np.ptp(record.input) > 0 and held(record.input) > STAYS
-
-
-def _held_out(given: Mapping[str, Any]) -> bool:
-    return any(given.get(key) for key in HELD_OUT)
 
 
 def _memory(table: Table, columns: Mapping[str, Column], choice: Choice, out: Guess) -> None:

@@ -41,10 +41,8 @@ def _proposals(table: Table, options: Mapping[str, Any], split: tuple[str, str] 
     good, _ = selection_of(options).records(table)
     if selection_of(options).is_step:
         if any(_far(record) for record, _ in good.values()):
-            yield (
-                {},
-                "the last fifth of its rows lasts many times as long as all before, which do not tell it",
-            )
+            long = "the last fifth of its rows lasts many times as long as all before"
+            yield {}, f"{long}, which do not tell it"
         yield {"test_tail": 0.2}, "the last fifth, which tests the prediction of later times"
         return
     record = next(iter(good.values()))[0]
@@ -56,26 +54,17 @@ def _proposals(table: Table, options: Mapping[str, Any], split: tuple[str, str] 
     counts = min(int(r.cycle_counts.min()) for r, _ in good.values())
     if counts >= 2:
         n = max(1, counts // 3)
-        yield (
-            {"test_cycles": n},
-            f"the last of {counts} cycles" if n == 1 else f"the last {n} of {counts} cycles",
-        )
+        yield {"test_cycles": n}, f"the last{f' {n}' * (n > 1)} of {counts} cycles"
     if group and len(good) == 1 and 2 <= len(record.labels) <= 3:
-        yield (
-            {"test_where": [f"{group[0]}={list(record.labels)[-1].split('/')[0]}"]},
-            "the last sequence",
-        )
+        last = list(record.labels)[-1].split("/")[0]
+        yield {"test_where": [f"{group[0]}={last}"]}, "the last sequence"
     if counts < 2 and all(held(r.input) > 0.7 and not _far(r) for r, _ in good.values()):
-        yield (
-            {"test_tail": 0.2},
-            "the last fifth of the hold, which tests the prediction of later times",
-        )
+        why = "the last fifth of the hold, which tests the prediction of later times"
+        yield {"test_tail": 0.2}, why
     turns = sum(int(np.count_nonzero(np.diff(r.branch))) for r, _ in good.values())
     if turns >= 3:
-        yield (
-            {"test_tail": SHARE},
-            "the last quarter of the rows, because there are too few complete cycles",
-        )
+        why = "the last quarter of the rows, because there are too few complete cycles"
+        yield {"test_tail": SHARE}, why
     yield {}, "one loop only; a test on unseen rows needs a second one"
 
 
@@ -106,12 +95,9 @@ def _sequences(table: Table, record: Record, column: str) -> str:
     low, high = min(a for a, _ in spans.values()), max(b for _, b in spans.values())
     slack = 0.02 * (high - low)
     widest = max(spans, key=lambda k: spans[k][1] - spans[k][0])
-    inside = [k for k in spans if k != widest and "," not in k]
-    others = {k: v for k, v in spans.items() if k == widest}
+    least, most = spans[widest][0] - slack, spans[widest][1] + slack
     inside = [
-        k for k in inside
-        if min(a for a, _ in others.values()) - slack <= spans[k][0]
-        and spans[k][1] <= max(b for _, b in others.values()) + slack
+        k for k, (a, b) in spans.items() if k != widest and "," not in k and least <= a and b <= most
     ]  # fmt: skip
     count = max(1, int(SHARE * len(spans)))
     chosen = inside[:: max(1, len(inside) // count)][-count:] if inside else []

@@ -46,9 +46,7 @@ def moduli_of(columns: Mapping[str, Column], given: Mapping[str, Any], out: "Gue
     if not sweeps:
         return False
     frequency = max(sweeps, key=lambda c: int((np.isfinite(c.x) & there).sum()))
-    chosen = {"frequency": frequency, "output": storage} | (
-        {"loss": loss} if loss is not None else {}
-    )
+    chosen = {"frequency": frequency, "output": storage} | ({} if loss is None else {"loss": loss})
     hot = next((c for c in columns.values() if _varies(c, there)), None)
     _noted(chosen, hot, given, out)
     return True
@@ -91,12 +89,8 @@ def _noted(
         out.says(key, out.selection[key], "likely", f"{column.kind.name}, {unit}; {why}")
     if hot is not None:
         out.selection["condition"] = [hot.name]
-        out.says(
-            "condition",
-            hot.name,
-            "likely",
-            "it differs between the runs: their times are shifted",
-        )
+        why = "it differs between the runs: their times are shifted"
+        out.says("condition", hot.name, "likely", why)
 
 
 WHY = {

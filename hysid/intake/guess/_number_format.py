@@ -37,9 +37,8 @@ def reading(
     commas = [x for x in texts if _share(x, ",") > 0.8 and _share(x, ".") < 0.8]
     if commas and "decimal" not in options and table.decimal == ".":
         options["decimal"] = ","
-        notes.append(
-            ("decimal", ",", f"{len(commas)} columns contain numbers with a decimal comma")
-        )
+        why = f"{len(commas)} columns contain numbers with a decimal comma"
+        notes.append(("decimal", ",", why))
     decimal = options.get("decimal", table.decimal)
     odd: Counter[str] = Counter()
     for name, x in table.columns.items():
@@ -55,9 +54,8 @@ def reading(
     words = [w for w, n in odd.most_common(6) if n > 0 and "," not in w]
     if words and "na_values" not in options:
         options["na_values"] = tuple(words)
-        notes.append(
-            ("na_values", ", ".join(words), "words among the numbers, read as missing values")
-        )
+        why = "words among the numbers, read as missing values"
+        notes.append(("na_values", ", ".join(words), why))
     return options, notes
 
 

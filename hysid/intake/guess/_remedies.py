@@ -103,10 +103,8 @@ def _even(table: Table, options: Options, fault: InputError) -> tuple[Options, s
     usual = float(np.median(each))
     even = np.mean(np.abs(each - usual) < EVEN * usual) >= 1 - SPARSE
     dt = usual if even else float(step[forward].sum() / rows[forward].sum())
-    dt = float(f"{dt:.4g}")
-    return {
-        "dt": dt
-    }, f"an even clock, because the recorded one is coarser than the sampling: {fault.problem}"
+    why = "an even clock, because the recorded one is coarser than the sampling"
+    return {"dt": float(f"{dt:.4g}")}, f"{why}: {fault.problem}"
 
 
 def _unknown_unit(table: Table, options: Options, fault: InputError) -> tuple[Options, str]:

@@ -54,14 +54,9 @@ def sequences_of(table: Table, time: str | None) -> Sequences:
         if len(values) < 2 or 4 * len(values) > rows:
             continue
         lowered = {v.lower() for v in values.tolist()}
-        if (
-            text
-            and len(lowered) <= 3
-            and lowered <= SPLITS
-            and lowered & {"test", "testing", "holdout"}
-        ):
-            held = next(v for v in values.tolist() if v.lower() in ("test", "testing", "holdout"))
-            split = (name, held)
+        tests = [v for v in values.tolist() if v.lower() in ("test", "testing", "holdout")]
+        if text and tests and len(lowered) <= 3 and lowered <= SPLITS:
+            split = (name, tests[0])
             continue
         kinds = named & (RUNS | SPECIMENS)
         whole = not text and np.all(np.isfinite(x)) and np.all(x == np.round(x))
@@ -101,18 +96,14 @@ def constant_within(table: Table, name: str, keys: tuple[str, ...], within: floa
     """Whether a column has one value in each sequence, to a part of its range: a label, no measurement."""
     if not keys:
         return False
-    parts = np.array(
-        ["/".join(cells) for cells in zip(*(table.text[k].tolist() for k in keys), strict=True)]
-    )
-    _, code = np.unique(parts, return_inverse=True)
+    cells = zip(*(table.text[k].tolist() for k in keys), strict=True)
+    _, code = np.unique(["/".join(row) for row in cells], return_inverse=True)
     x = table.columns[name]
     low, high = np.full(code.max() + 1, np.inf), np.full(code.max() + 1, -np.inf)
     np.fmin.at(low, code, x)
     np.fmax.at(high, code, x)
-    return bool(
-        code.max() > 0
-        and np.mean(high - low <= within * max(float(np.nanmax(x) - np.nanmin(x)), 1e-300)) > 0.9
-    )
+    span = max(float(np.nanmax(x) - np.nanmin(x)), 1e-300)
+    return bool(code.max() > 0 and np.mean(high - low <= within * span) > 0.9)
 
 
 def counts_rows(x: np.ndarray) -> bool:

@@ -23,9 +23,8 @@ def by_shape(
     Raises `InputError` `no-header` where nothing follows anything.
     """
     if len(table.line) < LEAST:
-        raise no_header(
-            table.path, f"{len(table.line)} rows are too few to tell them by their shape."
-        )
+        said = f"{len(table.line)} rows are too few to tell them by their shape."
+        raise no_header(table.path, said)
     kept: list[Column] = []
     # Of copies the one that never stands; values that a logger has scaled follow those it has read.
     stands = [float(np.mean(np.diff(c.x) == 0)) for c in columns]
@@ -39,9 +38,7 @@ def by_shape(
         t = table.columns[time]
         slopes: list[np.ndarray] = []
         moving = []
-        for (
-            c
-        ) in kept:  # of an oscillation each column is the slope of the other: the first one counts
+        for c in kept:  # of an oscillation each column is the slope of the other: the first counts
             if c.name in asked or not any(abs(correlation(s, c.x)) > RATE for s in slopes):
                 moving.append(c)
                 slopes.append(_slope(t, c.x))
