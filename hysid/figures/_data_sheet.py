@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from identify import DataSheet
 
 from . import _base as f
-from ._format import axes_of, label, measured, number, plain_name, pretty
+from ._format import axes_of, label, measured, name_of, number, pretty
 
 PAGE = (8.27, 11.69)
 """A4, in inches."""
@@ -49,9 +49,7 @@ def draw_sheet(sheet: DataSheet) -> Figure:
 
 def title(sheet: DataSheet) -> str:
     """What is measured by what."""
-    r = sheet.record
-    input, output = plain_name(r.input_name, r.input_unit), plain_name(r.output_name, r.output_unit)
-    return f"Data sheet: {output} for {input}"
+    return f"Data sheet: {name_of(sheet.record, 'output')} for {name_of(sheet.record, 'input')}"
 
 
 def subtitle(sheet: DataSheet) -> str:
@@ -63,10 +61,8 @@ def subtitle(sheet: DataSheet) -> str:
         f"{len(sheet.rising)} loops of {runs} run{'s' * (runs != 1)}",
         f"{len(record):,} rows" + (f" of {record.source}" if record.source else ""),
     ]
-    return (
-        "; ".join(told)
-        + ". Per cent are of the full-scale output, unless a line says of the reading."
-    )
+    basis = "Per cent are of the full-scale output, unless a line says of the reading."
+    return f"{'; '.join(told)}. {basis}"
 
 
 def _line(sheet: DataSheet) -> np.ndarray:
@@ -75,9 +71,8 @@ def _line(sheet: DataSheet) -> np.ndarray:
 
 def _curve(sheet: DataSheet, axes: Any) -> None:
     record = sheet.record
-    axes.plot(
-        *f.trace(record.input, record.output, record.mask, record.starts, 1500), lw=0.5, color=f.DIM
-    )
+    path = f.trace(record.input, record.output, record.mask, record.starts, 1500)
+    axes.plot(*path, lw=0.5, color=f.DIM)
     axes.plot(sheet.inputs, _line(sheet), lw=0.9, ls="--", color=f.EDGE, label="terminal line")
     for curves, colour, word in _branches(sheet):
         axes.plot(sheet.inputs, curves.mean(0), lw=1.3, color=colour, label=word)
@@ -108,9 +103,8 @@ def _creep(sheet: DataSheet, axes: Any) -> None:
     unit = sheet.record.time_unit
     axes.set(xlabel=label("time of the hold", unit), ylabel="change in a hold (%)")
     if not sheet.holds:
-        axes.text(
-            0.5, 0.5, "the input is never held", ha="center", transform=axes.transAxes, color=f.EDGE
-        )
+        how = {"ha": "center", "transform": axes.transAxes, "color": f.EDGE}
+        axes.text(0.5, 0.5, "the input is never held", **how)
 
 
 def _branches(sheet: DataSheet) -> tuple[tuple[np.ndarray, str, str], ...]:

@@ -54,6 +54,16 @@ def plain_name(name: str, unit: str) -> str:
     return name
 
 
+def name_of(record: Record, role: str) -> str:
+    """The name of a record's input, output or time, without the unit in it."""
+    return plain_name(getattr(record, f"{role}_name"), getattr(record, f"{role}_unit"))
+
+
+def label_of(record: Record, role: str) -> str:
+    """The label of its axis."""
+    return label(name_of(record, role), getattr(record, f"{role}_unit"))
+
+
 def label(name: str, unit: str) -> str:
     """Of an axis: the name is shortened before the unit."""
     unit = pretty(unit) or "no unit"
@@ -63,6 +73,4 @@ def label(name: str, unit: str) -> str:
 
 def axes_of(record: Record) -> tuple[str, str]:
     """Labels of input and output, with their units."""
-    sides = (record.input_name, record.input_unit), (record.output_name, record.output_unit)
-    x, y = (label(plain_name(name, unit), unit) for name, unit in sides)
-    return x, y
+    return label_of(record, "input"), label_of(record, "output")

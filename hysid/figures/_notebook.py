@@ -61,14 +61,9 @@ def _record(record: Record) -> str:
         minded = check_identifiable(record)
     except InputError as error:
         minded = [f"Cannot be used: {error}"]
-    return _page(
-        f"Record {record.source or 'of arrays'}",
-        [
-            *_listed("Warning: ", minded),
-            _table(("", ""), rows),
-            _image(draw_record(record, MOST_POINTS), "Output against input"),
-        ],
-    )
+    picture = _image(draw_record(record, MOST_POINTS), "Output against input")
+    parts = [*_listed("Warning: ", minded), _table(("", ""), rows), picture]
+    return _page(f"Record {record.source or 'of arrays'}", parts)
 
 
 def _fit(fit: FitResult) -> str:
@@ -83,16 +78,13 @@ def _fit(fit: FitResult) -> str:
          f"{m.r2:.4f}")
         for part, m in fit.metrics.items() if m is not None
     ]  # fmt: skip
-    return _page(
-        fit.name,
-        [
-            *_listed("", reasons),
-            _table(("parameter", "value", "error", "unit", "status"), rows),
-            _table(("rows", "rms error", "of the range", "R²"), errors),
-            _image(draw_fit(fit, MOST_POINTS), f"Measured loops, and the {fit.name} model"),
-        ],
-        badge,
-    )
+    parts = [
+        *_listed("", reasons),
+        _table(("parameter", "value", "error", "unit", "status"), rows),
+        _table(("rows", "rms error", "of the range", "R²"), errors),
+        _image(draw_fit(fit, MOST_POINTS), f"Measured loops, and the {fit.name} model"),
+    ]
+    return _page(fit.name, parts, badge)
 
 
 def _posterior(posterior: Posterior) -> str:
@@ -106,24 +98,16 @@ def _posterior(posterior: Posterior) -> str:
     shown = min(count, 6)
     figure = Figure(figsize=(1.5 * shown, 1.5), layout="constrained")
     _histograms(figure, posterior, shown)
-    return _page(
-        "Posterior",
-        [
-            *_listed("", said),
-            _table(("parameter", "mean", "sd", "5 %", "95 %", "R-hat", "ESS", ""), rows),
-            _image(figure, "Histograms of the draws"),
-        ],
-        "PASS" if posterior.converged else "CAUTION",
-        "converged" if posterior.converged else "not converged",
-    )
+    table = _table(("parameter", "mean", "sd", "5 %", "95 %", "R-hat", "ESS", ""), rows)
+    parts = [*_listed("", said), table, _image(figure, "Histograms of the draws")]
+    badge = ("PASS", "converged") if posterior.converged else ("CAUTION", "not converged")
+    return _page("Posterior", parts, *badge)
 
 
 @f.styled
 def _histograms(figure: Figure, posterior: Posterior, shown: int) -> None:
-    grid = figure.subplots(1, shown, squeeze=False)
-    for axes, name, x in zip(
-        grid[0], posterior.names, np.moveaxis(posterior.draws, -1, 0), strict=False
-    ):
+    grid, draws = figure.subplots(1, shown, squeeze=False), np.moveaxis(posterior.draws, -1, 0)
+    for axes, name, x in zip(grid[0], posterior.names, draws, strict=False):
         axes.hist(x.ravel(), 40, color=f.SKY)
         axes.set(yticks=[], title=name if len(name) < 16 else f"{name[:15]}…")
         axes.grid(False)
@@ -136,27 +120,17 @@ def _compensator(compensator: AbstractCompensator) -> str:
         if value is None:
             continue
         x = np.asarray(value)
-        text = (
-            number(float(x))
-            if x.ndim == 0
-            else f"{x.size:,} numbers, mean {number(float(x.mean()))}"
-        )
+        text = number(float(x.mean()))
+        text = f"{x.size:,} numbers, mean {text}" if x.ndim else text
         rows.append((name, text, pretty(info.unit), info.meaning))
     y, _, status = swept(compensator)
     held = [Status(int(s)).name for s in np.unique(status) if s != Status.OK]
-    said = [
-        f"The readings rise from {number(y.min())} to {number(y.max())}, fall back and rise half way again."
-    ]
-    if held:
-        said.append(f"Some estimates have the status {', '.join(held)}.")
-    return _page(
-        type(compensator).__name__,
-        [
-            *_listed("", said),
-            _table(("parameter", "value", "unit", "meaning"), rows),
-            _image(draw_compensator(compensator), "Estimates of the input against readings"),
-        ],
-    )
+    ends = f"from {number(y.min())} to {number(y.max())}"
+    said = [f"The readings rise {ends}, fall back and rise half way again."]
+    said += [f"Some estimates have the status {', '.join(held)}."] if held else []
+    picture = _image(draw_compensator(compensator), "Estimates of the input against readings")
+    table = _table(("parameter", "value", "unit", "meaning"), rows)
+    return _page(type(compensator).__name__, [*_listed("", said), table, picture])
 
 
 def _page(title: str, parts: Iterable[str], level: str = "", word: str = "") -> str:

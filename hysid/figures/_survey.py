@@ -14,7 +14,7 @@ from identify import DiscreteSpectrum, FitResult
 
 from ._base import INK, SKY, VERMILLION, single, styled
 from ._creep import logarithmic
-from ._format import label, plain_name
+from ._format import label, label_of, name_of
 
 
 class Piece(NamedTuple):
@@ -85,7 +85,7 @@ def clock_of(fit: FitResult) -> str:
     record, shifts = fit.train, _detail(fit).shifts
     moduli = identify.internal.is_moduli(record)
     unit = record.input_unit if moduli else record.time_unit
-    what = "frequency" if moduli else plain_name(record.time_name, record.time_unit)
+    what = "frequency" if moduli else name_of(record, "time")
     return label(what if shifts is None else f"reduced {what}", unit)
 
 
@@ -95,8 +95,7 @@ def master_of(fit: FitResult) -> Figure:
     every = np.concatenate([piece.x for piece in pieces])
     x = np.geomspace(every.min(), every.max(), 300)
     lines = identify.internal.answers_over(_detail(fit), record, x)
-    y_label = label(plain_name(record.output_name, record.output_unit), record.output_unit)
-    return master(pieces, x, lines, clock_of(fit), y_label)
+    return master(pieces, x, lines, clock_of(fit), label_of(record, "output"))
 
 
 def _detail(fit: FitResult) -> DiscreteSpectrum:

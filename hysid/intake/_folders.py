@@ -1,8 +1,7 @@
 """Folders of fits: their names, where those of several fits are, and whether they can be written."""
 
 import os
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -39,16 +38,6 @@ def folder_names(values: Iterable[str]) -> dict[str, str]:
             name += "_"
         names[value] = name or "."
     return names
-
-
-@contextmanager
-def writing(file: Path, fix: str = "") -> Iterator[None]:
-    """Raise `InputError` `cannot-write` where the system refuses a file."""
-    try:
-        yield
-    except OSError as error:
-        said = f"{file.name} cannot be written: {error.strerror}."
-        raise InputError("cannot-write", said, place=str(file.parent), fix=fix) from error
 
 
 def check_writable(out: Path) -> None:

@@ -13,10 +13,10 @@ from hysteresis import InputError, Record
 
 from .._invert import exported
 from ..figures._base import png
-from ..figures._format import label, plain_name
 from ..figures._live import live
 from ._residual_rows import RoundTrip, Rows, residual_rows, round_trip
 
+ROLES = ("input", "output", "time")
 TARGET = "report.html"
 """The report of a fit, in its folder."""
 
@@ -88,38 +88,20 @@ class Section:
         return self.title.lower().replace(" ", "-").rstrip("?")
 
 
-@dataclass(frozen=True)
+@dataclass
 class Case:
-    """A loaded fit with what several sections need, computed once."""
+    """A loaded fit with what several sections need, computed once: the names of its columns, the labels of
+    their axes."""
 
     folder: Path
     document: dict[str, Any]
     fit: identify.FitResult
     posterior: identify.Posterior | None
 
-    @property
-    def input(self) -> str:
-        return plain_name(self.fit.train.input_name, self.fit.train.input_unit)
-
-    @property
-    def output(self) -> str:
-        return plain_name(self.fit.train.output_name, self.fit.train.output_unit)
-
-    @property
-    def input_label(self) -> str:
-        return label(self.input, self.fit.train.input_unit)
-
-    @property
-    def output_label(self) -> str:
-        return label(self.output, self.fit.train.output_unit)
-
-    @property
-    def time(self) -> str:
-        return plain_name(self.fit.train.time_name, self.fit.train.time_unit)
-
-    @property
-    def time_label(self) -> str:
-        return label(self.time, self.fit.train.time_unit)
+    def __post_init__(self) -> None:
+        train = self.fit.train
+        self.input, self.output, self.time = (name_of(train, role) for role in ROLES)
+        self.input_label, self.output_label, self.time_label = (label_of(train, r) for r in ROLES)
 
     @property
     def units(self) -> tuple[str, str]:
@@ -151,15 +133,10 @@ class Case:
     @cached_property
     def rows(self) -> Rows:
         """Residuals of all rows that count."""
-        records = [r for r in (self.fit.train, self.fit.test) if r is not None]
-        masks = [r.mask for r in records]
-        used = self.fit.used
-        return residual_rows(
-            records[:1] if self.same_rows else records,
-            [*self.predicted.values()],
-            used,
-            masks[1] if self.same_rows else None,
-        )
+        train, test = self.fit.train, self.fit.test
+        held_out = test.mask if test is not None and self.same_rows else None
+        records = [train] if test is None or self.same_rows else [train, test]
+        return residual_rows(records, [*self.predicted.values()], self.fit.used, held_out)
 
     @cached_property
     def predicted(self) -> dict[str, np.ndarray]:
@@ -182,12 +159,9 @@ class Case:
     def round_trip(self) -> RoundTrip | InputError:
         """What the compensator makes of the judged record, or why there is none."""
         if self.fit.channels is not None:
-            count = len(self.fit.channels.names)
-            return InputError(
-                "not-invertible", f"{count} inputs cannot be recovered from one output."
-            )
+            said = f"{len(self.fit.channels.names)} inputs cannot be recovered from one output."
+            return InputError("not-invertible", said)
         try:
-            backwards = exported(self.fit)
-            return round_trip(self.outputs, backwards, self.judged[1])
+            return round_trip(self.outputs, exported(self.fit), self.judged[1])
         except InputError as error:
             return error

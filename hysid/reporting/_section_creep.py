@@ -34,7 +34,11 @@ def curve(case: Case) -> Section:
         at = np.unique(np.append(np.linspace(0, len(t) - 1, min(len(t), 300)).astype(int), picks))
         drawn.append(f.Curve(f"measured, {word}", t[at], y[at], colour, "dots"))
     last = max(SHOWN * found.span, *(c.x[-1] for c in drawn))
-    section = Section(WORDS[found.kind], [_span_in_words(case, found)])
+    unit, begin = case.fit.train.time_unit, quantity(step, case.units[0])
+    section = Section(WORDS[found.kind], [
+        f"{case.output} after a step of the input to {begin}, from {quantity(found.step, unit)} to"
+        f" {quantity(found.span, unit)} after the step."
+    ])  # fmt: skip
     # Creep spans decades in both; a range of relaxation may reach down to 0.
     for log in ("", "xy" if found.kind == "creep" and step > 0 else "x"):
         t = np.geomspace(found.step, last, 200) if log else np.linspace(found.step, last, 200)
@@ -56,9 +60,8 @@ def curve(case: Case) -> Section:
         cells = [quantity(float(x), case.units[1]) for x in (step * value, *ends)]
         table.append((quantity(float(when), case.fit.train.time_unit), *cells))
     columns = (case.time.capitalize(), "Model", "At least", "At most")
-    section.tables.append(
-        Table("Predictions of later times with their 90 % range.", columns, table)
-    )
+    said = "Predictions of later times with their 90 % range."
+    section.tables.append(Table(said, columns, table))
     return section
 
 
@@ -91,32 +94,20 @@ def spectrum(case: Case) -> Section:
     section.text.append("In a few numbers, with the ranges that the rows leave:")
     section.text += [f"A {one}." for one in found.fractional()]
     least = min(row.evidence for row in found.table)
-    held_out = {
-        c["model"]: "none"
-        if (t := c["metrics"]["test"]) is None
-        else quantity(t["nrmse_percent"], "%")
-        for c in case.document["candidates"]
-    }
+    tests = {c.name: c.metrics["test"] for c in case.fit.candidates}
+    held_out = {k: quantity(t.nrmse_percent, "%") if t else "none" for k, t in tests.items()}
     rows = [
-        (
-            f"{row.order}",
-            f"{row.parameters}",
-            quantity(100 * row.rms, "%"),
-            number(row.evidence - least),
-            held_out[f"{type(model).__name__} {row.words}"],
-        )
+        (f"{row.order}", f"{row.parameters}", quantity(100 * row.rms, "%"),
+         number(row.evidence - least), held_out[f"{type(model).__name__} {row.words}"])
         for row in found.table
-    ]
-    section.tables.append(
-        Table(
-            "Orders tried. The lowest Bayesian information criterion is best; an order that is ten above"
-            " it has very little support.",
-            ("Time constants", "Parameters", "Relative error, rms", "Criterion above the best",
-             "Held-out error, of the range"),
-            rows,
-            strong=found.table.index(found.row),
-        )
-    )  # fmt: skip
+    ]  # fmt: skip
+    said = (
+        "Orders tried. The lowest Bayesian information criterion is best; an order that is ten above it has"
+        " very little support."
+    )
+    columns = ("Time constants", "Parameters", "Relative error, rms", "Criterion above the best",
+               "Held-out error, of the range")  # fmt: skip
+    section.tables.append(Table(said, columns, rows, strong=found.table.index(found.row)))
     return section
 
 
@@ -197,11 +188,3 @@ def _records(case: Case) -> Iterator[tuple[str, str, np.ndarray, np.ndarray]]:
             rows = record.mask & np.isfinite(record.output)
             assert record.time is not None
             yield word, colour, record.time[rows], record.output[rows]
-
-
-def _span_in_words(case: Case, found: Spectrum) -> str:
-    unit = case.fit.train.time_unit
-    return (
-        f"{case.output} after a step of the input to {quantity(step_of(case), case.units[0])}, from"
-        f" {quantity(found.step, unit)} to {quantity(found.span, unit)} after the step."
-    )

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import identify
-from hysteresis import InputError
+from hysteresis import InputError, parameters
 
 from ..figures import _diagnostics as f
 from ..figures._format import label, number, pretty, quantity
@@ -76,9 +76,11 @@ def _noise(case: Case) -> Section:
         )
         return section
     section.text.append(f"{model.words[:1].upper()}{model.words[1:]}: {counts}.")
+    units: dict[str, str] = dict(zip(("input", "output"), case.units, strict=True))
     rows = [
-        (name, number(float(value)), pretty(_noise_unit(info.unit, case)) or "1", info.meaning)
-        for name, info, value in _noise_parameters(model)
+        (name, number(float(value)), pretty(units.get(info.unit, info.unit)) or "1", info.meaning)
+        for name, info, value in parameters(model)
+        if value is not None
     ]
     section.tables.append(Table("", ("Part", "Value", "Unit", "Meaning"), rows))
     if len(evidence := fit.noise_evidence) > 1:
@@ -89,16 +91,6 @@ def _noise(case: Case) -> Section:
             " A model that is 3 or more below is unlikely."
         )
     return section
-
-
-def _noise_parameters(model: Any) -> list[tuple[str, Any, Any]]:
-    from hysteresis import parameters
-
-    return [(name, info, value) for name, info, value in parameters(model) if value is not None]
-
-
-def _noise_unit(unit: str, case: Case) -> str:
-    return {"output": case.units[1], "input": case.units[0]}.get(unit, unit)
 
 
 def _whiteness(case: Case) -> Section:
@@ -174,10 +166,8 @@ def _starts(case: Case) -> Section:
 
 def _profiles(case: Case) -> Section:
     found = identify.profiles(case.fit)
-    open_ = [p for p in found if p.low is None or p.high is None or p.others]
-    text = "The data bound every parameter from both sides."
-    if open_:
-        text = " ".join(p.said for p in open_)
+    open_ = [p.said for p in found if p.low is None or p.high is None or p.others]
+    text = " ".join(open_) or "The data bound every parameter from both sides."
     section = Section("How precisely is each parameter known?", [text])
     unit = {p.name: pretty(p.unit) or "1" for p in found}
     fitted = {p.name: p for p in case.fit.parameters}
@@ -190,14 +180,8 @@ def _profiles(case: Case) -> Section:
             p.name, number(p.best), *ends, unit[p.name],
             f"± {number(error)}" if error is not None and math.isfinite(error) else status,
         ))  # fmt: skip
-    columns = (
-        "Parameter",
-        "Maximum likelihood",
-        "Low, 90 %",
-        "High, 90 %",
-        "Unit",
-        "Standard error",
-    )
+    columns = ("Parameter", "Maximum likelihood", "Low, 90 %", "High, 90 %", "Unit",
+               "Standard error")  # fmt: skip
     section.tables.append(Table("", columns, rows))
     errors = [fitted[p.name].stderr for p in found]
     caption = (
@@ -249,12 +233,10 @@ def _beliefs(case: Case, aim: identify.Target) -> Section:
         section.text = ["The posterior was not sampled; Laplace's approximation is used instead."]
     if not found:
         return section
-    asked = [f"{n}: {p}" for n, p in priors.items() if not p.default]
+    asked = ", ".join(f"{n}: {p}" for n, p in priors.items() if not p.default)
     caption = "Prior (dashed) and posterior. If they are equally wide, the data add nothing."
-    if asked:
-        caption += f" User-specified priors: {', '.join(asked)}."
-    else:
-        caption += " The priors are weak defaults, scaled to the data."
+    weak = "The priors are weak defaults, scaled to the data."
+    caption += f" User-specified priors: {asked}." if asked else f" {weak}"
     section.draw(f.beliefs(found), "Prior and posterior of each parameter", caption)
     return section
 

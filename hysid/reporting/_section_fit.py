@@ -1,6 +1,7 @@
 """Report sections on the fit: loops, residuals, parameters, candidates, data."""
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -160,9 +161,8 @@ def parameters(case: Case) -> Section:
     hidden = len(fit.parameters) - len(listed)
     further, listed = max(len(listed) - LISTED, 0), listed[:LISTED]
     repeats = any(p.repeatability is not None for p in fit.parameters)
-    listed.append(
-        identify.Parameter("sigma", fit.noise.sigma, case.units[1], None, "free")
-    )  # the noise, which the posterior has too
+    # The noise, which the posterior has too.
+    listed.append(identify.Parameter("sigma", fit.noise.sigma, case.units[1], None, "free"))
     for p in listed:
         unit, interval = pretty(p.unit), "not sampled"
         known = p.value is not None and math.isfinite(p.value)
@@ -195,10 +195,8 @@ def parameters(case: Case) -> Section:
         columns.insert(3, "From cycle to cycle")
     section = Section("Parameters", tables=[Table("", tuple(columns), rows)])
     if hidden:
-        section.notes.append(
-            f"{hidden} further sums are left out: the data do not determine them one by one. fit.json has"
-            " them all."
-        )
+        why = "the data do not determine them one by one. fit.json has them all."
+        section.notes.append(f"{hidden} further sums are left out: {why}")
     if further:
         section.notes.append(f"{further} more are in fit.json.")
     if repeats:
@@ -230,81 +228,57 @@ def parameters(case: Case) -> Section:
     return section
 
 
+COLUMNS = ("Model", "Score", "Training error", "Held-out error", "Held-out rms")
+
+
 def candidates(case: Case) -> Section:
-    document = case.document
-    rows, unit = [], case.units[1]
-    for c in document["candidates"]:
-        test = c["metrics"].get("test")
-        rows.append((
-            c["model"],
-            quantity(c["score_percent"], "%"),
-            quantity(c["metrics"]["train"]["nrmse_percent"], "%"),
-            "none" if test is None else quantity(test["nrmse_percent"], "%"),
-            "none" if test is None else quantity(test["rmse"], unit),
-            c["verdict"]["level"],
-            quantity(c["seconds"], "s"),
-        ))  # fmt: skip
+    fit, unit = case.fit, case.units[1]
+    rows = [
+        (c.name, quantity(c.score, "%"), *_errors(c, unit), c.verdict.level, quantity(c.seconds, "s"))
+        for c in fit.candidates
+    ]  # fmt: skip
     rows += _baseline_rows(case)
-    columns = (
-        "Model",
-        "Score",
-        "Training error",
-        "Held-out error",
-        "Held-out rms",
-        "Verdict",
-        "Time",
-    )
+    columns = (*COLUMNS, "Verdict", "Time")
     said = "Errors in per cent of the measured range."
-    if (case.fit.train.mask & ~case.fit.used).any():
+    if (fit.train.mask & ~fit.used).any():
         said += " The training error leaves out the first cycle, as the fit does."
     section = Section("Candidates", [
         "Models are ranked by their score, the cross-validation error within the training rows."
         " The held-out rows play no part in the choice. Baselines are scored on the same rows."
     ], tables=[Table(said, columns, rows, strong=0)])  # fmt: skip
-    tests = {
-        c["model"]: t["nrmse_percent"]
-        for c in document["candidates"]
-        if (t := c["metrics"].get("test"))
-    }
-    best = min(tests, key=tests.__getitem__, default=case.fit.name)
-    if tests and tests[best] < 0.95 * tests.get(case.fit.name, 0.0):
+    tests = {c.name: t.nrmse_percent for c in fit.candidates if (t := c.metrics["test"])}
+    best = min(tests, key=tests.__getitem__, default=fit.name)
+    if tests and tests[best] < 0.95 * tests.get(fit.name, 0.0):
         section.notes.append(
             f"{best} predicts the held-out rows better ({number(tests[best])} % instead of"
-            f" {number(tests[case.fit.name])} %). With more data the choice may change."
+            f" {number(tests[fit.name])} %). With more data the choice may change."
         )
-    section.notes += [f"{name} was skipped: {why}" for name, why in document["skipped"].items()]
+    section.notes += [f"{name} was skipped: {why}" for name, why in fit.skipped.items()]
     return section
 
 
 def baselines(case: Case) -> Section:
     """Of a hold, whose orders have a table of their own: the fit and its baselines on the same rows."""
-    fit, unit = case.fit, case.units[1]
-    train, test = fit.metrics["train"], fit.metrics["test"]
-    assert train is not None
-    own = (fit.name, "", *_errors(train, test, unit))
-    columns = ("Model", "Score", "Training error", "Held-out error", "Held-out rms")
+    own = (case.fit.name, "", *_errors(case.fit, case.units[1]))
     rows = [own, *(row[:5] for row in _baseline_rows(case))]
     return Section("Baselines", [
         "Baselines predict without a spectrum, on the same rows. Their score is the error on held-out parts"
         " of the training rows."
-    ], tables=[Table("Errors in per cent of the measured range.", columns, rows, strong=0)])  # fmt: skip
+    ], tables=[Table("Errors in per cent of the measured range.", COLUMNS, rows, strong=0)])  # fmt: skip
 
 
 def _baseline_rows(case: Case) -> list[tuple[str, ...]]:
     """Cells of the candidates' table."""
-    found = []
-    for one in case.fit.baselines:
-        train, test = one.metrics["train"], one.metrics["test"]
-        assert train is not None
-        errors = _errors(train, test, case.units[1])
-        found.append((one.name, quantity(one.score, "%"), *errors, "baseline", ""))
-    return found
+    unit = case.units[1]
+    return [
+        (one.name, quantity(one.score, "%"), *_errors(one, unit), "baseline", "")
+        for one in case.fit.baselines
+    ]
 
 
-def _errors(
-    train: identify.Metrics, test: identify.Metrics | None, unit: str
-) -> tuple[str, str, str]:
+def _errors(of: Any, unit: str) -> tuple[str, str, str]:
     """Of the training rows and of the held-out ones, in per cent of their ranges, and the rms error."""
+    train, test = of.metrics["train"], of.metrics["test"]
     percent, rms = "none", "none"
     if test is not None:
         percent, rms = quantity(test.nrmse_percent, "%"), quantity(test.rmse, unit)
@@ -312,7 +286,7 @@ def _errors(
 
 
 def data(case: Case) -> Section:
-    data, document = case.document["data"], case.document
+    data, document, train = case.document["data"], case.document, case.fit.train
     rows = [
         ("File", data["source"] or "arrays"),
         ("SHA-256", data["sha256"]),
@@ -321,22 +295,13 @@ def data(case: Case) -> Section:
         ("Held-out rows", f"{data['rows_test']:,}"),
         ("Input", f"{data['input']['name']}, unit {data['input']['unit']}"),
         ("Output", f"{data['output']['name']}, unit {data['output']['unit']}"),
-        (
-            "Time",
-            "none"
-            if case.fit.train.time is None
-            else f"{case.fit.train.time_name}, unit {data['time_unit']}",
-        ),
-        *((f"Step {k}", said) for k, said in enumerate(_history(case), 1)),
+        ("Time", "none" if train.time is None else f"{train.time_name}, unit {data['time_unit']}"),
+        *((f"Step {k}", said) for k, said in enumerate(train.history or ("nothing",), 1)),
         ("Seed", str(document["seed"])),
         ("Fitted in", quantity(document["seconds"], "s")),
         ("Versions", ", ".join(f"{k} {v}" for k, v in document["versions"].items())),
     ]
     return Section("Data", tables=[Table("", ("Item", "Value"), rows)])
-
-
-def _history(case: Case) -> tuple[str, ...]:
-    return case.fit.train.history or ("nothing",)
 
 
 def _binned(x: np.ndarray, y: np.ndarray, bins: int = 24) -> tuple[np.ndarray, np.ndarray]:

@@ -86,10 +86,8 @@ def density(case: Case) -> Section:
     weights = np.asarray(density.weights)
     area = np.outer(width, width) * np.where(np.eye(n, dtype=bool), 0.5, 1.0)
     excited = excited_cells(model, fit.train, fit.used)
-    labels = (
-        label("switch-down threshold β", input_unit),
-        label("switch-up threshold α", input_unit),
-    )
+    down, up = "switch-down threshold β", "switch-up threshold α"
+    labels = label(down, input_unit), label(up, input_unit)
     said = f"{int(excited.sum())} of {int(lower.sum())} cells switched among the fitted rows."
     if (lower & ~excited).any():
         said += " The data do not determine the hatched cells; the smoothness prior does."
@@ -119,11 +117,8 @@ def density(case: Case) -> Section:
 
     if model.reversible is not None:
         curve = float(model.offset) + np.append(0.0, np.cumsum(np.asarray(model.reversible)))
-        figure = f.chart(
-            [f.Curve("", edges, curve, f.BLUE)],
-            case.input_label,
-            label("memoryless part", output_unit),
-        )
+        drawn, y_label = f.Curve("", edges, curve, f.BLUE), label("memoryless part", output_unit)
+        figure = f.chart([drawn], case.input_label, y_label)
         caption = "Memoryless part of the model; the relays add the loop to it."
         section.draw(figure, "Memoryless part against the input", caption)
     return section
@@ -132,9 +127,8 @@ def density(case: Case) -> Section:
 def compensator(case: Case) -> Section:
     section, trip, unit = Section("Compensator"), case.round_trip, case.units[0]
     if isinstance(trip, InputError):
-        section.text.append(
-            f"This model has no compensator. {trip.problem} {trip.cause} {trip.fix}"
-        )
+        said = f"This model has no compensator. {trip.problem} {trip.cause} {trip.fix}"
+        section.text.append(said)
         return section
     word, whole = case.judged
     record = trip.record
@@ -175,14 +169,10 @@ def compensator(case: Case) -> Section:
     x = record.time if clock and record.time is not None else np.arange(len(u), dtype=float)
     path = f.trace(x, trip.estimate - u, trip.counted, starts)
     x_label = case.time_label if clock else "row"
-    figure = f.chart(
-        [f.Curve(word, *path, colour)], x_label, label("estimated − measured", unit), zero=True
-    )
-    section.draw(
-        figure,
-        "Error of the estimated input in the order of the rows",
-        "Error of the estimated input in the order of the rows.",
-    )
+    y_label = label("estimated − measured", unit)
+    figure = f.chart([f.Curve(word, *path, colour)], x_label, y_label, zero=True)
+    alt = "Error of the estimated input in the order of the rows"
+    section.draw(figure, alt, f"{alt}.")
     return section
 
 
@@ -193,22 +183,17 @@ def _beside(case: Case, section: Section) -> None:
     assert found is not None
     if found["refused"] is not None:
         return
+    figures = {"rmse": unit, "nrmse_percent": "%", "max_abs": unit}
     rows = [
-        (
-            name,
-            quantity(one["rmse"], unit),
-            quantity(one["nrmse_percent"], "%"),
-            quantity(one["max_abs"], unit),
-        )
-        for name, one in (("compensator", found), *((b["name"], b) for b in found["baselines"]))
+        (one.get("name", "compensator"), *(quantity(one[k], u) for k, u in figures.items()))
+        for one in (found, *found["baselines"])
     ]
     caption = "Simple inverses on the same rows, fitted to the training rows."
     columns = ("Inverse", "Error, rms", "Of the range", "At most")
     section.tables.append(Table(caption, columns, rows, strong=0))
     if found["better"]:
-        section.notes.append(
-            f"Backwards, {' and '.join(found['better'])} is better than the model."
-        )
+        better = " and ".join(found["better"])
+        section.notes.append(f"Backwards, {better} is better than the model.")
     if "band" not in found:
         return
     band = error_of(fit)

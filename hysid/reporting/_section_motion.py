@@ -80,21 +80,13 @@ def classes(case: Case) -> Section:
     tried = motion_of(case).classes
     least = min(one["bic"] for one in tried)
     rows = [
-        (
-            str(one["class"]),
-            number(one["chi2"]),
-            number(one["effective_parameters"]),
-            number(one["bic"] - least),
-        )
+        (str(one["class"]), number(one["chi2"]), number(one["effective_parameters"]),
+         number(one["bic"] - least))
         for one in tried
-    ]
-    table = Table(
-        "Classes tried, the chosen one first. It was fitted in finer steps than the others.",
-        ("Class", "chi2 per row", "Effective parameters", "Criterion above the least"),
-        list(rows),
-        strong=0,
-    )
-    return Section("Classes of hysteresis", tables=[table])
+    ]  # fmt: skip
+    said = "Classes tried, the chosen one first. It was fitted in finer steps than the others."
+    columns = ("Class", "chi2 per row", "Effective parameters", "Criterion above the least")
+    return Section("Classes of hysteresis", tables=[Table(said, columns, rows, strong=0)])
 
 
 def motion_of(case: Case) -> Motion:

@@ -43,14 +43,14 @@ def _shifts(section: Section, shifts: identify.Shifts) -> None:
         for T, a, e, left, alone in zip(*columns, strict=True)
     ]
     said = "Shift factors, and what the spectrum of all temperatures leaves beside one of each."
-    names = (
+    heads = (
         "Temperature, °C",
         "log10 a",
         "Standard error",
         "Left over",
         "By a spectrum of its own",
     )
-    section.tables.append(Table(said, names, rows))
+    section.tables.append(Table(said, heads, rows))
 
 
 def residuals(case: Case) -> Section:
@@ -63,9 +63,8 @@ def residuals(case: Case) -> Section:
     for part, parts in curves.items():
         x, y = (np.concatenate(one) for one in zip(*parts, strict=True))
         drawn.append(f.Curve(part, x, y, colours.get(part, f.BLUE), "dots"))
-    figure = f.chart(
-        drawn, f"log10 of {clock_of(case.fit)}", "residual / size of the modulus (%)", zero=True
-    )
+    x_label, y_label = f"log10 of {clock_of(case.fit)}", "residual / size of the modulus (%)"
+    figure = f.chart(drawn, x_label, y_label, zero=True)
     section = Section("Residuals")
     caption = "Pieces that lie beside each other are not described by one spectrum."
     section.draw(figure, "Relative residuals", caption)

@@ -13,7 +13,7 @@ from hysteresis._atomic_file import telling
 from hysteresis._note import ProgressNote
 from hysteresis._verdict import LEVELS, worst_of
 
-from ..figures._format import plain_name, quantity
+from ..figures._format import name_of, quantity
 from ._case import TARGET, Section
 from ._fit_page import Tell, render, write_report
 from ._specimens import FEW, Specimen, common, kinds, mark_outliers, opened, places
@@ -137,10 +137,7 @@ def _facts(specimens: Sequence[Specimen]) -> list[tuple[str, str]]:
 
 def _title(specimens: Sequence[Specimen]) -> str:
     train = [one.fit.train for one in specimens]
-    names = {
-        (plain_name(r.output_name, r.output_unit), plain_name(r.input_name, r.input_unit))
-        for r in train
-    }
+    names = {(name_of(record, "output"), name_of(record, "input")) for record in train}
     said = " of {} from {}".format(*names.pop()) if len(names) == 1 else ""
     return f"{len(specimens)} fits{said}"
 

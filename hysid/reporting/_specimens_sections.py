@@ -11,7 +11,7 @@ import identify
 from hysteresis import InputError
 
 from ..figures import _base as f
-from ..figures._format import label, number, plain_name, pretty, quantity
+from ..figures._format import label_of, number, pretty, quantity
 from ..figures._specimens import BOX, Plane, Spread, spreads
 from ._case import TARGET, Link, Section, Small, Table
 from ._specimens import FAR, FEW, Figure90, Specimen
@@ -71,10 +71,8 @@ def loops(group: Sequence[Specimen], name: str, home: Path) -> Section:
     plane = Plane(*([c[axis] for curves in drawn for c in curves] for axis in (0, 1)))
     first = group[0].fit.train
     word = group[0].judged[0]
-    x_name = (first.time_name, first.time_unit) if _over_time(group[0]) else (
-        first.input_name, first.input_unit)  # fmt: skip
-    across, up = (label(plain_name(*n), n[1])
-                  for n in (x_name, (first.output_name, first.output_unit)))  # fmt: skip
+    x_role = "time" if _over_time(group[0]) else "input"
+    across, up = (label_of(first, role) for role in (x_role, "output"))
     section = Section(f"Loops{name}", [
         f"{up} over {across}, all on one scale. Broad line: measured {word} rows. Thin line: model."
     ])  # fmt: skip
