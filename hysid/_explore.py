@@ -1,13 +1,13 @@
 """`hysid.explore`: a record in a notebook, with linked plots and rows chosen by brushing."""
 
-import importlib.util
 from typing import Any
 
 import numpy as np
 from jaxtyping import Bool
 
-from hysteresis import InputError, Record
+from hysteresis import Record
 
+from ._packages import check_extra
 from ._plots_script import script, styles
 from .figures._format import axes_of
 from .studio._views import EXCLUDED, GAP, USED, Series, clock_of, of_loops, over_time
@@ -120,12 +120,7 @@ def _series(record: Record) -> Series:
 
 def _widget(in_words: Any) -> Any:
     """The widget: its script is that of the studio's plots, in one module."""
-    if importlib.util.find_spec("anywidget") is None:
-        raise InputError(
-            "missing-extra",
-            "anywidget is not installed.",
-            fix="Install it with pip install 'hysid[notebook]'.",
-        )
+    check_extra("notebook", "anywidget")
     # Late: both are of an extra.
     import anywidget
     import traitlets

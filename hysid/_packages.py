@@ -6,6 +6,7 @@ over them, without a word, and a file of such a name in the current folder goes 
 
 import sys
 from importlib.machinery import PathFinder
+from importlib.util import find_spec
 from pathlib import Path
 
 NAMES = ("hysteresis", "identify", "compensate", "hysid")
@@ -29,6 +30,15 @@ def fault_of_packages() -> str:
             said = f"hysid needs its own package {name!r}, but Python finds another one: {place}."
             return f"{said} {_cause(name, place)}"
     return ""
+
+
+def check_extra(extra: str, *names: str) -> None:
+    """Raise `InputError` `missing-extra` where one of these packages of an extra is not installed."""
+    if missing := [name for name in names if find_spec(name) is None]:
+        from hysteresis import InputError  # late: whether that package is ours is asked first
+
+        fix = f"Install it with pip install 'hysid[{extra}]'."
+        raise InputError("missing-extra", f"{missing[0]} is not installed.", fix=fix)
 
 
 def is_command() -> bool:

@@ -103,11 +103,8 @@ def catalogue(file: Path = SHIPPED) -> tuple[Dataset, ...]:
         ) from None
     names = [dataset.name for dataset in found]
     if bad := [name for name in names if names.count(name) > 1 or Path(name).name != name]:
-        raise input_error(
-            "damaged-file",
-            f"the name {bad[0]!r} is there twice, or cannot be a file's.",
-            place=str(file),
-        )
+        said = f"the name {bad[0]!r} is there twice, or cannot be a file's."
+        raise input_error("damaged-file", said, place=str(file))
     return found
 
 
@@ -120,12 +117,9 @@ def _dataset(entry: dict[str, Any]) -> Dataset:
         raise ValueError("a data set without files or columns")
     read = Layout(columns=columns, **layout)
     for column in columns:
-        numbers = (
-            column.scale,
-            0.0 if column.zero == "first" else column.zero,
-            column.missing or 0,
-        )
-        if not all(isinstance(x, (int, float)) for x in (*numbers, column.cell, read.cells)):
+        zero = 0.0 if column.zero == "first" else column.zero
+        numbers = (column.scale, zero, column.missing or 0, column.cell, read.cells)
+        if not all(isinstance(x, (int, float)) for x in numbers):
             raise ValueError(f"{column.name!r} has text where a number belongs")
         if not 0 <= column.cell < read.cells:
             raise ValueError(f"{column.name!r} has cell {column.cell} of {read.cells}")
@@ -138,11 +132,8 @@ def find(name: str, file: Path = SHIPPED) -> Dataset:
     listed = {dataset.name: dataset for dataset in catalogue(file)}
     if name not in listed:
         near = get_close_matches(name, listed, 1, 0.4)
-        raise input_error(
-            "no-dataset",
-            f"no data set is called {name!r}.",
-            fix=f"did you mean {near[0]}?" if near else "hysid datasets list names them.",
-        )
+        fix = f"did you mean {near[0]}?" if near else "hysid datasets list names them."
+        raise input_error("no-dataset", f"no data set is called {name!r}.", fix=fix)
     return listed[name]
 
 
@@ -174,18 +165,10 @@ def config_text(dataset: Dataset, seen: Mapping[str, str]) -> str:
 
 def listing(datasets: tuple[Dataset, ...]) -> list[dict[str, Any]]:
     """What `hysid datasets list --json` prints of each."""
+    same = ("name", "what", "bytes", "checked", "page", "citation")
     return [
-        {
-            "name": d.name,
-            "what": d.what,
-            "licence": d.licence or None,
-            "bytes": d.bytes,
-            "files": len(d.files),
-            "checked": d.checked,
-            "page": d.page,
-            "citation": d.citation,
-            "notes": list(d.notes),
-        }
+        {name: getattr(d, name) for name in same}
+        | {"licence": d.licence or None, "files": len(d.files), "notes": list(d.notes)}
         for d in datasets
     ]
 

@@ -2,7 +2,6 @@
 
 import csv
 import hashlib
-import importlib.util
 import io
 import logging
 import tempfile
@@ -12,6 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from urllib.parse import quote
 
+from .._packages import check_extra
 from ._catalogue import Column, Dataset, File, Layout, config_text, input_error
 
 
@@ -38,19 +38,13 @@ def fetch(
     **Raises:** `InputError` `missing-extra`, `would-overwrite`, `no-download`, `wrong-checksum`,
     `unknown-checksum`; nothing is written then.
     """
-    if importlib.util.find_spec("pooch") is None:
-        raise input_error(
-            "missing-extra", "pooch is not installed.", fix="pip install 'hysid[datasets]'."
-        )
+    check_extra("datasets", "pooch")
     table, config = out / f"{dataset.name}.csv", out / f"{dataset.name}.toml"
     for file in (table, config):
         if file.exists() and not overwrite:
-            raise input_error(
-                "would-overwrite",
-                "this file is there already, and was left as it is.",
-                place=str(file),
-                fix="name another folder (--out DIR), or write over it (--overwrite).",
-            )
+            said = "this file is there already, and was left as it is."
+            fix = "name another folder (--out DIR), or write over it (--overwrite)."
+            raise input_error("would-overwrite", said, place=str(file), fix=fix)
     seen: dict[str, dict[str, Any]] = {}
     texts = {}
     for file in dataset.files:
@@ -74,16 +68,10 @@ def fetch(
     _write(config, config_text(dataset, {path: found["sha256"] for path, found in seen.items()}))
     _write(table, written)
     return {
-        "name": dataset.name,
-        "file": str(table),
-        "config": str(config),
-        "rows": rows,
-        "sources": [{"path": path, **found} for path, found in seen.items()],
-        "checked": not unknown,
-        "licence": dataset.licence or None,
-        "citation": dataset.citation,
-        "notes": list(dataset.notes),
-    }
+        "name": dataset.name, "file": str(table), "config": str(config), "rows": rows,
+        "sources": [{"path": path, **found} for path, found in seen.items()], "checked": not unknown,
+        "licence": dataset.licence or None, "citation": dataset.citation, "notes": list(dataset.notes),
+    }  # fmt: skip
 
 
 def _download(address: str) -> bytes:
@@ -107,20 +95,15 @@ def _download(address: str) -> bytes:
 
 
 def _check(file: File, address: str, sha256: str, bytes: int) -> None:
+    said = cause = ""
     if file.sha256 and sha256 != file.sha256.lower():
-        raise input_error(
-            "wrong-checksum",
-            f"what came has sha256 {sha256}, and the catalogue says {file.sha256}.",
-            place=address,
-            cause="the file was changed, or the download was tampered with or cut off.",
-        )
-    if file.bytes and bytes != file.bytes:
-        raise input_error(
-            "wrong-checksum",
-            f"what came has {bytes} bytes, and the catalogue says {file.bytes}.",
-            place=address,
-            cause="a download that was cut off, or a page that says why there is no file.",
-        )
+        said = f"what came has sha256 {sha256}, and the catalogue says {file.sha256}."
+        cause = "the file was changed, or the download was tampered with or cut off."
+    elif file.bytes and bytes != file.bytes:
+        said = f"what came has {bytes} bytes, and the catalogue says {file.bytes}."
+        cause = "a download that was cut off, or a page that says why there is no file."
+    if said:
+        raise input_error("wrong-checksum", said, place=address, cause=cause)
 
 
 def _table(dataset: Dataset, texts: dict[File, str]) -> tuple[str, int]:
@@ -134,9 +117,7 @@ def _table(dataset: Dataset, texts: dict[File, str]) -> tuple[str, int]:
     rows = 0
     for file, text in texts.items():
         samples = _samples(layout, text, file.path)
-        columns = [
-            _column(column, [s.cells[column.cell] for s in samples]) for column in layout.columns
-        ]
+        columns = [_column(c, [s.cells[c.cell] for s in samples]) for c in layout.columns]
         for sample, *values in zip(samples, *columns, strict=True):
             own = [file.label or file.path] * several + [str(sample.block)] * bool(layout.blocks)
             writer.writerow([*own, *values])

@@ -21,6 +21,7 @@ from starlette.staticfiles import StaticFiles
 
 from compensate.export.targets._export_to import TARGETS
 from hysteresis import InputError
+from hysteresis._atomic_file import atomic_file
 from hysteresis._format import plain
 from hysteresis._limits import damage_told
 
@@ -28,7 +29,7 @@ from ..commands._asked import Command, Export, Fit, Report
 from . import _configuration
 from ._controls import ROLES, settings
 from ._equivalents import asked_for, equivalents
-from ._folder import Folder, upload_to, zipped
+from ._folder import Folder, zipped
 from ._guard import DOCUMENT_RULES, Sessions
 from ._measurement import Measurement, as_document
 from ._processes import Jobs
@@ -177,8 +178,14 @@ def app_of(studio: Studio, sessions: Sessions) -> Starlette:
         "look": lambda _, asked: studio.look(asked.text("name")),
         "compare": lambda _, asked: studio.compare(asked.texts("names")),
         "enter": lambda _, asked: {"session": sessions.enter(asked.text("token"))},
-        "change": _change, "again": _again, "brush": _brush, "start": _start, "cancel": _cancel,
-        "redraw": _redraw,
+        "cancel": lambda _, asked: studio.jobs.cancel(asked.whole("number")) or {},
+        "start": lambda _, asked: studio.start(
+            asked.text("kind"), asked.text("name"), {key: asked.text(key, "") for key in ABOUT}
+        ),
+        "redraw": lambda _, asked: studio.fits.redrawn(
+            _fit_place(studio, asked), asked.numbers("values"), asked.numbers("factors")
+        ),
+        "change": _change, "again": _again, "brush": _brush,
     }  # fmt: skip
     routes = [
         Route("/", _page),
@@ -292,16 +299,6 @@ def _brush(studio: Studio, asked: Asked) -> Any:
     return studio.look(name)
 
 
-def _start(studio: Studio, asked: Asked) -> Any:
-    options = {key: asked.text(key, "") for key in ABOUT}
-    return studio.start(asked.text("kind"), asked.text("name"), options)
-
-
-def _cancel(studio: Studio, asked: Asked) -> Any:
-    studio.jobs.cancel(asked.whole("number"))
-    return {}
-
-
 def _summary(studio: Studio, asked: Asked) -> Any:
     name, value = asked.text("name"), asked.text("value", "")
     one, place = studio.measurement(name), studio.place(name)
@@ -310,17 +307,12 @@ def _summary(studio: Studio, asked: Asked) -> Any:
         return studio.fits.summary(place, selection, fit, value, one.file)
 
 
-def _redraw(studio: Studio, asked: Asked) -> Any:
-    values, factors = asked.numbers("values"), asked.numbers("factors")
-    return studio.fits.redrawn(_fit_place(studio, asked), values, factors)
-
-
 def _written(studio: Studio, asked: Asked) -> Any:
     stem = studio.folder.file(asked.text("file")).stem
     written = _fit_place(studio, asked) / f"inverse-{stem}.csv"
     name = written.relative_to(studio.folder.root).as_posix()
     with damage_told("The file", written, "Try the compensator again."):
-        return written_rows(studio.folder.file(name), inverse=True)
+        return written_rows(studio.folder.file(name))
 
 
 def _fit_place(studio: Studio, asked: Asked) -> Path:
@@ -346,7 +338,7 @@ async def _upload(studio: Studio, request: Request) -> Response:
     name, size = request.query_params.get("name", ""), 0
     try:
         with studio.folder.new_file(name) as path:
-            with upload_to(path) as new:
+            with atomic_file(path) as new:  # whole in the end, or not there
                 with new.open("wb") as opened:
                     async for piece in request.stream():
                         size += len(piece)

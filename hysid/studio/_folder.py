@@ -13,7 +13,6 @@ from typing import Any
 
 import identify
 from hysteresis import InputError
-from hysteresis._atomic_file import atomic_file
 
 from ..intake._own_config import config_of, folder_of
 from ._requests import RequestError
@@ -199,11 +198,6 @@ def zipped(folder: Path) -> bytes:
     return found.getvalue()
 
 
-def upload_to(path: Path) -> Any:
-    """The context of a file that is being uploaded: whole in the end, or not there."""
-    return atomic_file(path)
-
-
 def short_verdict(folder: Path) -> dict[str, Any] | None:
     """Model and verdict of the fit in a folder, None where there is none that can be read."""
     if not (folder / "fit.json").is_file():
@@ -212,10 +206,8 @@ def short_verdict(folder: Path) -> dict[str, Any] | None:
         document = identify.internal.read_document(folder)
         test, train = document["metrics"]["test"], document["metrics"]["train"]
         return {
-            "model": document["model"],
-            "level": document["verdict"]["level"],
-            "nrmse_percent": (test or train)["nrmse_percent"],
-            "held_out": test is not None,
-        }
+            "model": document["model"], "level": document["verdict"]["level"],
+            "nrmse_percent": (test or train)["nrmse_percent"], "held_out": test is not None,
+        }  # fmt: skip
     except (InputError, KeyError, TypeError):
         return {"model": "", "level": "damaged", "nrmse_percent": None, "held_out": False}

@@ -196,12 +196,12 @@ class Measurement:
         series = self.series()[0]
         rows = series.chosen(low, high, box)
         if not rows.any():
-            raise InputError(
-                "no-rows", "No row is in the chosen part.", fix="Choose a larger part."
-            )
+            said = "No row is in the chosen part."
+            raise InputError("no-rows", said, fix="Choose a larger part.")
         line = table.line
         left_out, held = (
-            on_lines(line, x) for x in (selection.exclude_lines, selection.test_lines)
+            on_lines(line, selection.exclude_lines),
+            on_lines(line, selection.test_lines),
         )
         if action == "exclude":
             left_out |= rows
@@ -288,13 +288,9 @@ class Measurement:
 
 def _of_guess(found: Mapping[str, Any]) -> dict[str, Any]:
     """What the page takes of a guess, or of what `init` says."""
-    return {
-        "rows": found.get("rows", 0),
-        "columns": found.get("columns", []),
-        "findings": found.get("found", []),
-        "selection": found.get("selection", {}),
-        "no_roles": found.get("no_roles", ""),
-    }
+    usual = {"rows": 0, "columns": [], "found": [], "selection": {}, "no_roles": ""}
+    told = usual | {name: found[name] for name in usual.keys() & found.keys()}
+    return {"findings" if name == "found" else name: value for name, value in told.items()}
 
 
 def _has_roles(selection: Mapping[str, Any]) -> bool:

@@ -1,5 +1,6 @@
 """Commands that a page has started: each runs as a process of its own, so that it can be cancelled."""
 
+import contextlib
 import json
 import os
 import signal
@@ -64,37 +65,22 @@ class Job:
     @property
     def document(self) -> dict[str, Any]:
         """Plain data for a page."""
-        return {
-            "number": self.number,
-            "kind": self.kind,
-            "subject": self.subject,
-            "options": self.options,
+        same = ("number", "kind", "subject", "options", "state", "done", "total", "left", "error")
+        # The rest of the result is in the files that the command has written.
+        known = self.result if isinstance(self.result, dict) else None
+        return {name: getattr(self, name) for name in same} | {
             "command": " ".join(["hysid", *map(shell_word, self.words)]),
-            "state": self.state,
             "said": self.said[-8:],
-            "done": self.done,
-            "total": self.total,
             "seconds": (self.end or time.monotonic()) - self.begin,
-            "left": self.left,
-            "result": self.shown,
-            "error": self.error,
+            "result": None if known is None else {k: known[k] for k in SHOWN if k in known},
         }
-
-    @property
-    def shown(self) -> dict[str, Any] | None:
-        """What a page needs of the result: the rest is in the files that the command has written."""
-        if not isinstance(self.result, dict):
-            return None
-        return {key: self.result[key] for key in SHOWN if key in self.result}
 
     def hear(self, line: str) -> None:
         """Take a line that the command has logged."""
-        try:
+        entry = None
+        with contextlib.suppress(ValueError):
             entry = json.loads(line)
-        except ValueError:
-            entry = {"said": line}
-        if not isinstance(entry, dict):
-            entry = {"said": line}
+        entry = entry if isinstance(entry, dict) else {"said": line}
         fault = entry.get("error")
         if isinstance(fault, dict):
             self.error = fault
@@ -221,18 +207,11 @@ class Jobs:
 
 
 def _end(process: subprocess.Popen[str]) -> None:
-    try:
+    with contextlib.suppress(ProcessLookupError):
         if os.name == "posix":
             os.killpg(process.pid, signal.SIGINT)
         else:
             process.terminate()
-        later = threading.Timer(PATIENCE, _kill, (process,))
+        later = threading.Timer(PATIENCE, process.kill)  # which does nothing after its end
         later.daemon = True
         later.start()
-    except ProcessLookupError:
-        pass
-
-
-def _kill(process: subprocess.Popen[str]) -> None:
-    if process.poll() is None:
-        process.kill()

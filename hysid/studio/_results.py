@@ -31,6 +31,8 @@ EXPORTS = (".h", "compensator.json")
 """Ends of names of files that `hysid export` has written for the page."""
 WIDE = 30
 """Ratio of the ends of a positive parameter from which its distribution is shown over the logarithm."""
+SAID = ("model", "purpose", "metrics", "skipped", "notes", "seconds", "data")
+"""Entries of fit.json that the page has as they are."""
 SHOWN = 6
 """Parameters whose marginal distribution is drawn."""
 
@@ -59,31 +61,24 @@ class Fits:
         whole = identify.internal.read_document(folder)
         places = folders_of(folder, whole)
         value = value if value in places else next(iter(places))
-        document = (
-            whole if "" in places else identify.internal.read_document(folder / places[value])
-        )
-        asked = selection_of_fit(whole)
+        own, asked = folder / places[value], selection_of_fit(whole)
+        document = whole if "" in places else identify.internal.read_document(own)
         written = (folder / "fit.json").stat().st_mtime
         level, listed = document["verdict"]["level"], document["parameters"]
         determined = document.get("determined", [one["name"] for one in listed])
-        posterior = folder / places[value] / "posterior.json"
         at = "" if places[value] == "." else f"{places[value]}/"
-        own = folder / places[value]
         there = sorted(file.name for file in own.iterdir() if file.is_file())
         made = {target_name(own, target) for target in TARGETS}
         made |= {name for name in there if name.endswith(EXPORTS)}
         return {
             "values": list(places) if "" not in places else [],
             "value": value,
-            "model": document["model"],
-            "headline": HEADLINES[level],
-            "level": level,
+            "headline": HEADLINES[level], "level": level,
             "reasons": [reason["text"] for reason in document["verdict"]["reasons"]],
-            "purpose": document["purpose"],
+            **{name: document[name] for name in SAID},
             "characteristics": document.get("characteristics", []),
             "parameters": [one for one in listed if one["name"] in determined],
             "undetermined": sum(one["name"] not in determined for one in listed),
-            "metrics": document["metrics"],
             "candidates": [
                 {
                     "model": one["model"], "score_percent": one["score_percent"],
@@ -96,13 +91,9 @@ class Fits:
                 {"model": one["name"], "score_percent": one["score_percent"], **one["metrics"]}
                 for one in document.get("baselines", [])
             ],
-            "skipped": document["skipped"],
-            "notes": document["notes"],
-            "seconds": document["seconds"],
-            "data": document["data"],
             "stale": _stale(whole, document, selection, options, file, written),
             "invertible": not asked.is_step and not isinstance(asked.input, tuple),
-            "posterior": _posterior(posterior),
+            "posterior": _posterior(own / "posterior.json"),
             "report": f"{folder.name}/{at}report.html" if "report.html" in there else None,
             "exports": [f"{folder.name}/{at}{n}" for n in sorted(made) if (own / n).exists()],
             "folder": places[value],
@@ -122,17 +113,15 @@ class Fits:
                 found["excluded"] = _curve("excluded", fit.train, modelled, dropped)
             if fit.test is not None:
                 found["records"].append(_curve("held out", fit.test, fit.predict(fit.test)))
-            record = fit.train
             found["shapes"] = handles_of(fit)
             found["sliders"] = [one._asdict() for one in _sliders(fit)]
             candidates, baselines = identify.internal.residuals_of_all(folder)
             found["candidates"] = _loops(fit, [one.name for one in fit.candidates], candidates)[1:]
             found["baselines"] = _loops(fit, [one.name for one in fit.baselines], baselines)
-            u, y = axes_of(record)
-            found["axes"] = {
-                "x": f"time ({record.time_unit})" if record.time is not None else "row", "u": u, "y": y,
-                "u_unit": record.input_unit, "y_unit": record.output_unit,
-            }  # fmt: skip
+            record, (u, y) = fit.train, axes_of(fit.train)
+            x = f"time ({record.time_unit})" if record.time is not None else "row"
+            units = {"u_unit": record.input_unit, "y_unit": record.output_unit}
+            found["axes"] = {"x": x, "u": u, "y": y, **units}
             return found
 
     def redrawn(
@@ -178,37 +167,22 @@ class Fits:
         return found
 
 
-def written_rows(file: Path, inverse: bool) -> dict[str, Any]:
-    """What `hysid predict` has written, thinned for a plot: the line, measured and estimated values."""
+def written_rows(file: Path) -> dict[str, Any]:
+    """What `hysid predict --inverse` has written, thinned for a plot: lines, measured and estimated."""
     with file.open(encoding="utf-8", newline="") as opened:
-        rows = csv.reader(opened)
-        header = next(rows)
-        table = list(rows)
-    at = header.index("status")
-    estimated = at - 1
-    # Before the estimate stand line, input and output; the one that was wanted may be missing.
-    before = header[header.index("line") + 1 : estimated]
-
-    def column(k: int) -> np.ndarray:
-        return np.array([_number(row[k]) for row in table])
-
-    found = {"line": column(header.index("line")), "estimated": column(estimated)}
-    for k, name in enumerate(before, header.index("line") + 1):
-        found[f"column {name}"] = column(k)
-    n = len(table)
-    chosen = peaks(tuple(found.values())[1:], slice(0, n)) if n else np.zeros(0, int)
+        header, *table = csv.reader(opened)
+    first, at, n = header.index("line"), header.index("status"), len(table)
+    columns = [np.array([_number(row[k]) for row in table]) for k in range(first, at)]
+    line, *before, estimated = columns
+    chosen = peaks((*before, estimated), slice(0, n)) if n else np.zeros(0, int)
     flagged = np.array([row[at] != "OK" for row in table], bool)
-    measured = before[0] if inverse else (before[1] if len(before) > 1 else None)
-    reading = (before[1] if len(before) > 1 else None) if inverse else before[0]
-    series = {
-        "line": found["line"][chosen], "estimated": found["estimated"][chosen],
-        "flagged": flagged[chosen],
-        "measured": None if measured is None else found[f"column {measured}"][chosen],
-        "reading": None if reading is None else found[f"column {reading}"][chosen],
-    }  # fmt: skip
+    # Before the estimate stand line, input and output; the one that was wanted may be missing.
+    names = (*header[first + 1 : at - 1], None)
+    seen = (*(column[chosen] for column in before), None)
     return {
-        "name": header[estimated], "measured_name": measured, "reading_name": reading, "rows": n,
-        "flagged_rows": int(flagged.sum()), **series,
+        "name": header[at - 1], "measured_name": names[0], "reading_name": names[1], "rows": n,
+        "flagged_rows": int(flagged.sum()), "line": line[chosen], "estimated": estimated[chosen],
+        "flagged": flagged[chosen], "measured": seen[0], "reading": seen[1],
     }  # fmt: skip
 
 
@@ -254,11 +228,8 @@ def _stale(
 
     A fit that was saved from Python says nothing of its rows and options.
     """
-    if (
-        selection is not None
-        and "selection" in whole
-        and _differs(selection, selection_of_fit(whole))
-    ):
+    chosen = selection if "selection" in whole else None
+    if chosen is not None and _differs(chosen, selection_of_fit(whole)):
         return True
     usual = inspect.signature(identify.fit).parameters
     for name, then in whole.get("options", {}).items():
@@ -312,12 +283,6 @@ def _curve(
         gaps = np.cumsum(begins)[shown]
         rows, begins = rows[shown], np.diff(gaps, prepend=0) > 0
     return {
-        "word": word,
-        "rms": rms,
-        "x": clock_of(record)[rows],
-        "u": record.input[rows],
-        "y": record.output[rows],
-        "model": modelled[rows],
-        "residual": error[rows],
-        "gap": (begins * GAP),
-    }
+        "word": word, "rms": rms, "x": clock_of(record)[rows], "u": record.input[rows],
+        "y": record.output[rows], "model": modelled[rows], "residual": error[rows], "gap": begins * GAP,
+    }  # fmt: skip

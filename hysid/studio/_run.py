@@ -1,25 +1,16 @@
 """`hysid studio`."""
 
-import importlib.util
 import json
 
-from hysteresis import InputError
-
+from .._packages import check_extra
 from ..commands._asked_more import Studio
 from ..commands._console import start_jax
 from ..intake._fit_options import MODELS
 
-EXTRA = ("starlette", "uvicorn", "tomlkit")
-
 
 def run(asked: Studio) -> None:
     """Serve the page until it is interrupted."""
-    if missing := [name for name in EXTRA if importlib.util.find_spec(name) is None]:
-        raise InputError(
-            "missing-extra",
-            f"{missing[0]} is not installed.",
-            fix="Install it with pip install 'hysid[studio]'.",
-        )
+    check_extra("studio", "starlette", "uvicorn", "tomlkit")
     start_jax()
     from ._server import serve  # after JAX is set up
 
