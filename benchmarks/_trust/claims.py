@@ -4,7 +4,6 @@ Each claim is a function that gives 1 where it is true. A claim of which text is
 text says it and the numbers do.
 """
 
-import re
 import tempfile
 from collections.abc import Callable
 from dataclasses import replace
@@ -15,10 +14,8 @@ from typing import Any
 import numpy as np
 
 from compensate.armor import Box, ContactSolver
-from hysid.armor._remedies import REMEDIES
 from hysid.armor._touches import VIRTUAL, save_touches, shell_of
 from hysid.armor._view import view
-from hysid.cli._app import app
 from hysid.reproduction._armor import nonlinearity
 from hysid.reproduction._armor_paper import STRONGLY
 from hysid.reproduction._skin_paper import PAPER
@@ -195,19 +192,6 @@ def armor_page_is_virtual() -> bool:
     return "virtual" in page.partition("</h1>")[0] and "{VIRTUAL}" in source
 
 
-def armor_recommends_options() -> bool:
-    """What the armor's commands recommend are options that they have, and no Python."""
-    from typer.main import get_command
-
-    commands = get_command(app).commands["armor"].commands  # type: ignore[attr-defined]
-    has = {
-        name for name in ("calibrate", "solve") for p in commands[name].params for name in p.opts
-    }
-    named = {o for fix in REMEDIES.values() for o in re.findall(r"(?<!\S)--[a-z-]+", fix)}
-    named -= {"--input", "--output"}  # those of hysid fit, which is named beside them
-    return named <= has | {"--out"} and not any("(model" in fix for fix in REMEDIES.values())
-
-
 def data_are_as_the_cards_say() -> bool:
     """`python -m benchmarks.datasets --check`."""
     return datasets.main(["--check"]) == 0
@@ -221,7 +205,7 @@ def the_default_road() -> bool:
 
 CLAIMS: tuple[Callable[[], bool], ...] = (
     foam_friction, gauge_friction, force_sensor, default_sensor, thin_foam, layers, air, no_false_phrase,
-    time_is_no_prediction, epochs_are_told, armor_page_is_virtual, armor_recommends_options,
+    time_is_no_prediction, epochs_are_told, armor_page_is_virtual,
     data_are_as_the_cards_say, the_default_road,
 )  # fmt: skip
 

@@ -206,7 +206,8 @@ def _check_quantities(material: Any, length_unit: str | None, force_unit: str | 
     wrong_way = InputError(
         "wrong-direction",
         f"this {given} gives forces, and a cover is asked for its displacement.",
-        fix="invert(model) of a model of the force; LinearSponge(K, b) itself, not its inverse.",
+        fix="fit it from force to displacement, or invert(model) of a model of the force;"
+        " LinearSponge(K, b) itself, not its inverse.",
     )
     for unit, quantity in ((length_unit, LENGTH), (force_unit, FORCE)):
         if unit is not None and conversion(unit, quantity) is None:
@@ -224,7 +225,7 @@ def _check_quantities(material: Any, length_unit: str | None, force_unit: str | 
             raise InputError(
                 "wrong-unit",
                 f"this {given} leads from {units.input} to {units.output}, not from a force to a length.",
-                fix="give a model of a displacement under a force.",
+                fix="fit a displacement under a force, with their units in the headers.",
             )
         for own, told in ((units.input, force_unit), (units.output, length_unit)):
             if told is not None and conversion(told, own) != 1.0:
@@ -242,7 +243,7 @@ def _check_quantities(material: Any, length_unit: str | None, force_unit: str | 
             "no-unit",
             f"nothing tells the units of this {given}.",
             cause="it was not made by a fit, or its record had no units.",
-            fix='give them: Cover(model, length_unit="mm", force_unit="N").',
+            fix='fit it with units in the headers, or Cover(model, length_unit="mm", force_unit="N").',
         )
 
 

@@ -82,7 +82,7 @@ class Mesh(AbstractShape):
         except ImportError:
             raise InputError(
                 "missing-extra", "files of meshes are read by trimesh, which is not installed.",
-                fix="pip install 'hysid[mesh]'; or give vertices and triangles.",
+                fix="pip install 'hysid[mesh]'; or give a box, or vertices and triangles.",
             ) from None  # fmt: skip
         try:
             found: Any = trimesh.load_mesh(path)
@@ -248,12 +248,13 @@ def _check(points: np.ndarray, triangles: np.ndarray, rim: bool) -> None:
         raise InputError(
             "not-a-mesh", f"the surface is open: {alone} sides have a triangle on one side only.",
             cause="a hole, or vertices that were not merged.",
-            fix="trimesh.repair.fill_holes(mesh), mesh.merge_vertices(); rim=True where it has to end.",
+            fix="close it where it was drawn, or trimesh.repair.fill_holes(mesh), mesh.merge_vertices();"
+            " rim=True where it has to end.",
         )  # fmt: skip
     a, b, c = (points - points.mean(axis=0))[triangles].transpose(1, 0, 2)
     if np.einsum("ij,ij->", a, np.cross(b, c)) <= 0:
         raise InputError(
             "not-a-mesh", "the surface is inside out: it encloses a negative volume.",
             cause="triangles clockwise, or a mirrored axis.",
-            fix="triangles[:, ::-1], or mesh.invert().",
+            fix="triangles[:, ::-1], mesh.invert(), or turn it where it was drawn.",
         )  # fmt: skip

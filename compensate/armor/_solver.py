@@ -137,7 +137,7 @@ class ContactSolver(eqx.Module):
                 "wrong-unit",
                 f"20 N would press the cover in by {pressed:.3g} m, and the shape is {longest:.3g} m long.",
                 cause="millimetres taken for metres.",
-                fix='Cover(compensator, length_unit="mm"), and the shape in metres.',
+                fix='Cover(compensator, length_unit="mm"), and the shape in metres (--shape-unit UNIT).',
             )
 
     def solve(self, force: ArrayLike, moment: ArrayLike, doubt: ArrayLike | None = None) -> Contact:
@@ -166,7 +166,8 @@ class ContactSolver(eqx.Module):
             raise InputError(
                 "no-time",
                 "this cover creeps, so one wrench without its history does not say how far it gave way.",
-                fix="use simulate, step or ContactStream; or ContactSolver(..., dwell=seconds).",
+                fix="use simulate, step or ContactStream (--stream); or ContactSolver(..., dwell=seconds)"
+                " (--dwell SECONDS).",
             )
 
     def init(self) -> Touch:

@@ -34,10 +34,12 @@ from compensate.armor import (
 )
 from hysteresis import AbstractModel, InputError, PrandtlIshlinskii, conversion
 
-KEYS = {
-    "unit", "box", "mesh", "threshold", "thickness", "frame_width", "full_scale", "noise", "reports",
-    "mass", "centre", "inertia",
+NUMBERS = {
+    "threshold": (1, False), "thickness": (1, True), "frame_width": (1, True), "full_scale": (2, False),
+    "noise": (2, False), "mass": (1, False), "centre": (3, True), "inertia": (3, False),
 }  # fmt: skip
+"""How many numbers each key has, and whether they are lengths."""
+KEYS = {"unit", "box", "mesh", "reports", *NUMBERS}
 BOX = ("dx", "dy", "dz1", "dz2")
 NOISE = (0.03, 0.006)
 TRAVEL, SHARE = 0.1, 0.05
@@ -141,19 +143,14 @@ def read_description(file: Path, unit: str | None = None) -> Description:
     if metres is None:
         raise InputError("unknown-unit", f"{unit!r} is not a unit of length.", place=str(file))
     try:
-        found: dict[str, Any] = {
-            k: metres * float(given.pop(k)) for k in ("thickness", "frame_width") if k in given
-        }
-        found |= {k: tuple(map(float, given.pop(k))) for k in ("full_scale", "noise") if k in given}
-        found |= {"threshold": float(given.pop("threshold", 1.5))}
-        if not all(len(found.get(k, (0, 0))) == 2 for k in ("full_scale", "noise")):
-            raise ValueError("full_scale and noise are two numbers each, N and N m")
-        found |= {"mass": float(given.pop("mass", 0.0))}
-        found |= {"centre": tuple(metres * float(c) for c in given.pop("centre", (0.0,) * 3))}
-        found |= {"inertia": tuple(map(float, given.pop("inertia", (0.0,) * 3)))}
-        if not len(found["centre"]) == len(found["inertia"]) == 3:
-            raise ValueError("centre and inertia are three numbers each")
-        found |= {"reports": str(given.pop("reports", "load"))}
+        found: dict[str, Any] = {"reports": str(given.get("reports", "load"))}
+        for key in NUMBERS.keys() & given.keys():
+            count, is_length = NUMBERS[key]
+            values = given[key] if count > 1 else [given[key]]
+            found[key] = tuple(float(x) * (metres if is_length else 1.0) for x in values)
+            if len(found[key]) != count:
+                raise ValueError(f"{key} is {count} numbers")
+            found[key] = found[key] if count > 1 else found[key][0]
         if "mesh" in given:
             return Description(**found, **_mesh(file.parent / str(given["mesh"]), str(unit)))
         sides = tuple(metres * float(box.get(key, 0.0 if key == "dz2" else np.nan)) for key in BOX)

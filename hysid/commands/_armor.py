@@ -20,7 +20,6 @@ from hysteresis._serialisation import described, rebuilt
 from ..armor import _view
 from ..armor._calibration import calibrate_armor
 from ..armor._description import Description, read_description
-from ..armor._remedies import with_remedies
 from ..armor._tables import read_presses, read_wrenches
 from ..armor._touches import FILE as TOUCHES
 from ..armor._touches import VIRTUAL, save_touches, shell_of
@@ -43,7 +42,6 @@ UNCALIBRATED = (
 )
 
 
-@with_remedies
 def calibrate(asked: Calibrate) -> Done:
     """Calibrate an armor by presses at known points; write it to a folder, and what runs without JAX.
 
@@ -88,7 +86,6 @@ def calibrate(asked: Calibrate) -> Done:
     return Done(told, [*warnings(notes), told["table"], said, f"Armor: {out}"])
 
 
-@with_remedies
 def solve(asked: Solve) -> Done:
     """Contacts behind the wrenches of a table, with covariance and status; a folder with all of it.
 
