@@ -100,36 +100,19 @@ def write_fit(
         for part, record in records.items()
         for name, value in _record_arrays(record).items()
     }
-    document = (
-        words
-        | channels
-        | {
-            "structure": structure,
-            "records": {part: _record_words(record) for part, record in records.items()},
-        }
-        | fit.detail.words()
-        | (extra or {})
-    )
-    return write_set(
-        folder,
-        "fit.json",
-        document,
-        {"model.npz": arrays, "data.npz": data, "fit.npz": _fit_arrays(fit)},
-        remove=OF_EARLIER,
-        check=partial(check_free, folder, overwrite),
-    )
+    of_records = {part: _record_words(record) for part, record in records.items()}
+    document = words | channels | {"structure": structure, "records": of_records}
+    files = {"model.npz": arrays, "data.npz": data, "fit.npz": _fit_arrays(fit)}
+    check = partial(check_free, folder, overwrite)
+    document |= fit.detail.words() | (extra or {})
+    return write_set(folder, "fit.json", document, files, remove=OF_EARLIER, check=check)
 
 
 def rewrite_fit(folder: Path, files: Mapping[str, bytes], extra: dict[str, Any]) -> dict[str, Any]:
     """Write the `files` of a saved fit, with plain data added to its fit.json, over what is there."""
     document = json.loads(files["fit.json"])
-    return write_set(
-        folder,
-        "fit.json",
-        document | extra,
-        {name: files[name] for name in document["files"]},
-        remove=OF_EARLIER,
-    )
+    kept = {name: files[name] for name in document["files"]}
+    return write_set(folder, "fit.json", document | extra, kept, remove=OF_EARLIER)
 
 
 def load(folder: str | Path) -> FitResult:
@@ -164,12 +147,9 @@ def read_fit(folder: Path) -> tuple[FitResult, dict[str, Any]]:
                 raise
             time.sleep(0.05)
     if several := [*document.get("folders", {}).values()] or [*document.get("each", ())]:
-        raise InputError(
-            "several-fits",
-            f"here are {len(several)} fits, one in each folder below.",
-            place=str(folder),
-            fix=f"name one of them: {', '.join(several[:5])}.",
-        )
+        said = f"here are {len(several)} fits, one in each folder below."
+        fix = f"name one of them: {', '.join(several[:5])}."
+        raise InputError("several-fits", said, place=str(folder), fix=fix)
     with damage_told("fit.json, or one of its arrays,", folder, "fit again."):
         return _load(checked(document), files), document
 
@@ -208,20 +188,15 @@ def _load(document: dict[str, Any], files: dict[str, Path]) -> FitResult:
 
 def _figures(saved: dict[str, Any]) -> dict[str, Any]:
     """The inverse of `summary`: the fields that `FitResult` and `Candidate` share."""
-    return {
+    blocks = {k: saved.get(k) for k in ("blocks", "test_blocks")}
+    same = ("parameters", "metrics", "success", "noise", "notes", "seconds")
+    return {name: saved[name] for name in same} | {
         "name": saved["model"],
-        "parameters": saved["parameters"],
-        "metrics": saved["metrics"],
-        "success": saved["success"],
         "score": saved["score_percent"],
-        "noise": saved["noise"],
-        "blocks": _blocks(saved.get("blocks")),
-        "test_blocks": _blocks(saved.get("test_blocks")),
+        **{k: None if x is None else np.array(x) for k, x in blocks.items()},
         "noise_model": _noise_model(saved.get("noise_model")),
         "noise_evidence": saved.get("noise_evidence", {}),
-        "notes": saved["notes"],
         "verdict": Verdict.of(saved["verdict"]),
-        "seconds": saved["seconds"],
     }
 
 
@@ -315,11 +290,7 @@ def residuals_of_all(folder: Path) -> tuple[np.ndarray | None, np.ndarray | None
 
 
 def _fit_arrays(fit: FitResult) -> dict[str, Any]:
-    arrays = {
-        "residuals": fit.residuals,
-        "covariance": fit.covariance,
-        "used": fit.used,
-    }
+    arrays = {name: getattr(fit, name) for name in ("residuals", "covariance", "used")}
     for name, tried in (
         ("candidate_residuals", [c.residuals for c in fit.candidates if isinstance(c, FitResult)]),
         ("baseline_residuals", [b.residuals for b in fit.baselines if b.residuals is not None]),
@@ -376,7 +347,3 @@ def _record(part: str, words: dict[str, Any], data: dict[str, np.ndarray]) -> Re
 def _notes(said: list[Any]) -> tuple[Note, ...]:
     """A record's history; files of earlier versions hold sentences without codes."""
     return tuple(Note.of(x) if isinstance(x, str) else Note(*x) for x in said)
-
-
-def _blocks(saved: list[float] | None) -> np.ndarray | None:
-    return None if saved is None else np.array(saved)

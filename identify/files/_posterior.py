@@ -24,15 +24,12 @@ Groups = dict[str, dict[str, tuple[tuple[str, ...], np.ndarray]]]
 def posterior_json(posterior: Posterior) -> dict[str, Any]:
     """The summary: parameters with mean, sd, quantiles, R-hat, effective draws and what to mind."""
     ensembles, draws, _ = posterior.draws.shape
+    same = ("method", "acceptance", "autocorrelation", "converged", "long_enough")
     return {
         "parameters": [s._asdict() | {"words": list(s.words)} for s in posterior.summaries],
         "draws": ensembles * draws,
         "seconds": round(posterior.seconds, 3),
-        "method": posterior.method,
-        "acceptance": posterior.acceptance,
-        "autocorrelation": posterior.autocorrelation,
-        "converged": posterior.converged,
-        "long_enough": posterior.long_enough,
+        **{name: getattr(posterior, name) for name in same},
         "notes": list(posterior.notes),
     }
 
@@ -153,23 +150,14 @@ def load_posterior(folder: str | Path) -> Posterior | None:
         # Under vmap each model has its own shapes; together their arrays keep the draw axis.
         rebuild = partial(rebuilt, document["structure"])
         model = jax.vmap(rebuild)({name: jnp.asarray(a) for name, a in arrays.items()})
-        return _posterior(document, draws, model)
-
-
-def _posterior(document: dict[str, Any], draws: np.ndarray, model: Any) -> Posterior:
-    return Posterior(
-        names=tuple(document["names"]),
-        draws=draws,
-        model=model,
-        summaries=tuple(_summary(s) for s in document["parameters"]),
-        method=document["method"],
-        acceptance=document["acceptance"],
-        autocorrelation=np.nan if (tau := document["autocorrelation"]) is None else tau,
-        seconds=document["seconds"],
-        notes=tuple(document.get("notes", ())),
-        long_enough=document.get("long_enough", True),
-    )
-
-
-def _summary(saved: dict[str, Any]) -> Summary:
-    return Summary(**{k: v for k, v in saved.items() if k in Summary._fields})
+        kept = [{k: s[k] for k in Summary._fields if k in s} for s in document["parameters"]]
+        return Posterior(
+            **{name: document[name] for name in ("method", "acceptance", "seconds")},
+            names=tuple(document["names"]),
+            draws=draws,
+            model=model,
+            summaries=tuple(Summary(**one) for one in kept),
+            autocorrelation=np.nan if (tau := document["autocorrelation"]) is None else tau,
+            notes=tuple(document.get("notes", ())),
+            long_enough=document.get("long_enough", True),
+        )
