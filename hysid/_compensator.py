@@ -20,12 +20,9 @@ AT_ONCE = 20_000
 
 BETTER: dict[str, tuple[Level, str, str]] = {
     "straight line": ("FAIL", "worse-than-line", "A straight line from {output} is better"),
-    "cubic per branch": (
-        "CAUTION",
-        "worse-than-cubic",
-        "On motions like the trained ones a cubic of {output} for either way it goes is better",
-    ),
-}
+    "cubic per branch": ("CAUTION", "worse-than-cubic", "On motions like the trained ones a cubic of"
+                         " {output} for either way it goes is better"),
+}  # fmt: skip
 """Of each simple inverse, what a compensator is at best that errs more."""
 
 
@@ -61,8 +58,7 @@ def judged_compensator(fit: identify.FitResult) -> Judged:
     refused = {"rows": part, **none, "baselines": [], "better": [], "refused": ""}
     try:
         if fit.channels is not None:
-            count = len(fit.channels.names)
-            said = f"{count} inputs cannot be recovered from one output."
+            said = f"{len(fit.channels.names)} inputs cannot be recovered from one output."
             raise InputError("not-invertible", said)
         if isinstance(fit.detail, identify.Motion | identify.DiscreteSpectrum):
             raise InputError("not-invertible", "a motion or a hold is not recovered.")
@@ -81,12 +77,8 @@ def judged_compensator(fit: identify.FitResult) -> Judged:
     unit, span = record.input_unit, float(np.ptp(record.input[rows])) or 1.0
 
     def figures(off: np.ndarray) -> dict[str, float]:
-        rmse = float(np.sqrt(np.mean(off**2)))
-        return {
-            "rmse": rmse,
-            "max_abs": float(np.abs(off).max()),
-            "nrmse_percent": 100 * rmse / span,
-        }
+        rmse, most = float(np.sqrt(np.mean(off**2))), float(np.abs(off).max())
+        return {"rmse": rmse, "max_abs": most, "nrmse_percent": 100 * rmse / span}
 
     own, simple = figures(error), []
     level: Level = "PASS"
@@ -168,6 +160,5 @@ def band_reason(coverage: float) -> Note | None:
     if not coverage < LEAST_COVERAGE:
         return None
     text = f"The 90 % band of the estimates held {100 * coverage:.0f} % of the held-out inputs."
-    return Note(
-        "band", f"{text} It was widened to hold nine tenths.", {"says": 0.9, "coverage": coverage}
-    )
+    said = f"{text} It was widened to hold nine tenths."
+    return Note("band", said, {"says": 0.9, "coverage": coverage})

@@ -18,7 +18,7 @@ def run(asked: Check) -> Done:
     found: dict[str, Any] = {}
     for value, (record, _) in records.items():
         try:
-            found[value] = check_step(record) if selection.is_step else _looked_at(record)
+            found[value] = (check_step if selection.is_step else _looked_at)(record)
         except InputError as error:
             faults[value] = error
     if not found:
@@ -35,5 +35,5 @@ def run(asked: Check) -> Done:
 
 
 def _looked_at(record: Record) -> dict[str, Any]:
-    warnings = check_identifiable(record)
-    return {"text": record.describe(), "warnings": warnings, **record.summary()}
+    known = {"text": record.describe(), "warnings": check_identifiable(record)}
+    return known | record.summary()

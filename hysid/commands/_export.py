@@ -55,12 +55,9 @@ def run(asked: Export) -> Done:
         return _oscillator(fitted, targets, real, (date, checksum))
     verdict = fitted.verdict
     if fitted.channels is not None or isinstance(fitted.detail, identify.DiscreteSpectrum):
-        raise InputError(
-            "not-invertible",
-            "A fit of several inputs, or of creep, has no inverse.",
-            place=str(folder),
-            fix="Export a fit of one input that changes over time.",
-        )
+        said = "A fit of several inputs, or of creep, has no inverse."
+        fix = "Export a fit of one input that changes over time."
+        raise InputError("not-invertible", said, place=str(folder), fix=fix)
     record, judged = fitted.train, judged_compensator(fitted)
     # The verdict is on what is exported: on the compensator, too.
     if fitted.purpose != "compensate":
@@ -81,10 +78,7 @@ def run(asked: Export) -> Done:
         depth=asked.depth,
         error=error,
         band=_band(folder, error, checksum),
-        trained=fitted.trained,
-        past=guard["past"],
-        deviation=guard["deviation"],
-        seen=guard["seen"],
+        **{name: guard[name] for name in ("trained", "past", "deviation", "seen")},
         beyond=asked.beyond,
         start=start,
         origin=Origin(verdict.level, verdict.codes, date, checksum),
@@ -92,17 +86,15 @@ def run(asked: Export) -> Done:
     )
     files, notes = _written(program, targets, real)
     assert program.guard is not None
-    kept = fitted.compensator or {}
-    run_in = (
-        RunIn.of(kept)
-        if start == "unknown" and "ok_share" in kept
-        else run_in_of(np.asarray(estimate(program.guard, record).status), record, start)
-    )
+    if start == "unknown" and "ok_share" in (kept := fitted.compensator or {}):
+        run_in = RunIn.of(kept)
+    else:
+        status = np.asarray(estimate(program.guard, record).status)
+        run_in = run_in_of(status, record, start)
     if run_in.share < HALF:
         notes.append("Most estimates are not OK: a program that waits for OK seldom runs.")
     notes += [str(note) for note in judged.reasons if note.code != "compensator-error"]
-    if not fitted.trusted:
-        notes.append(f"This fit is not trusted: {' '.join(fitted.verdict.reasons)}")
+    notes += _doubts(fitted)
     text = [run_in.sentence(record.time_unit), _spent(program)]
     document = {
         "files": files, "notes": notes, "limits": [float(x) for x in limits],
@@ -149,8 +141,7 @@ def _card(asked: Export, program: str, path: Path) -> Done:
     notes = list(card.notes)
     if shifts is not None and wlf is None:
         notes.append("The card has no shift factors: their law is Arrhenius, not WLF.")
-    if not fitted.trusted:
-        notes.append(f"This fit is not trusted: {' '.join(fitted.verdict.reasons)}")
+    notes += _doubts(fitted)
     document = {"files": {program: str(path)}, "notes": notes, "unit": stress, "time_unit": time}
     return _done(document, [])
 
@@ -171,11 +162,15 @@ def _done(document: dict[str, Any], lines: list[str]) -> Done:
     return Done(document, [*lines, *document["files"].values()])
 
 
+def _doubts(fitted: identify.FitResult) -> list[str]:
+    said = f"This fit is not trusted: {' '.join(fitted.verdict.reasons)}"
+    return [] if fitted.trusted else [said]
+
+
 def _spent(program: Program) -> str:
     mean, most, rows = program.operations
-    return (
-        f"A step took {mean:,.0f} operations in the mean, {most:,} at most, on {rows:,} readings."
-    )
+    spent = f"{mean:,.0f} operations in the mean, {most:,} at most"
+    return f"A step took {spent}, on {rows:,} readings."
 
 
 def readings_of_training(fitted: identify.FitResult) -> tuple[np.ndarray, np.ndarray | None]:
@@ -216,11 +211,9 @@ def _oscillator(
     )
     files, notes = _written(program, targets, real)
     low, high = fitted.trained
-    notes.append(
-        "The file steps from force to displacement. The force is straight between its samples."
-    )
+    said = "The file steps from force to displacement. The force is straight between its samples."
     document = {
-        "files": files, "notes": notes, "limits": None, "trained": [low, high], "beyond": None,
+        "files": files, "notes": [*notes, said], "limits": None, "trained": [low, high], "beyond": None,
         "start": "known", "date": None, "text": "",
     }  # fmt: skip
     return _done(document, [])

@@ -60,11 +60,9 @@ def _written(asked: Fit, out: Path) -> dict[str, Any]:
         run = partial(fitted_to_compensate, **motion_options(options))
     else:
         if asked.purpose == "compensate":
-            raise InputError(
-                "not-invertible",
-                "A constant input cannot be recovered from the output.",
-                fix="Leave out --purpose compensate, or fit a record whose input changes.",
-            )
+            fix = "Leave out --purpose compensate, or fit a record whose input changes."
+            said = "A constant input cannot be recovered from the output."
+            raise InputError("not-invertible", said, fix=fix)
         run = partial(identify.fit_step, **step_options(options))
     at_the_end = "" not in records and asked.overwrite and (out / "fit.json").exists()
     for value, (train, test) in records.items():
@@ -87,7 +85,7 @@ def _written(asked: Fit, out: Path) -> dict[str, Any]:
         else:
             write()
         if value:
-            log(_in_short(result))
+            log(f"{result.verdict.level}: {result.name}. {result.verdict.reasons[0]}")
     if not found:
         raise all_of(faults)
     failed = {value: str(error) for value, error in faults.items()}
@@ -124,7 +122,3 @@ def _as_read(selection: Selection, records: list[Record]) -> Selection:
     if not conditions or name not in selection.input:
         return selection
     return replace(selection, input=name, condition=tuple(conditions))
-
-
-def _in_short(result: identify.FitResult) -> str:
-    return f"{result.verdict.level}: {result.name}. {result.verdict.reasons[0]}"

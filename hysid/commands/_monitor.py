@@ -40,18 +40,11 @@ def run(asked: Monitor) -> Done:
     folder, file, reference = asked.folder, asked.file, asked.reference
     document = identify.internal.read_document(folder)
     fitted_on = selection_of_fit(document)
-    if (
-        fitted_on.is_step
-        or isinstance(fitted_on.input, tuple)
-        or fitted_on.each
-        or "condition" in document
-    ):
-        raise InputError(
-            "bad-option",
-            "Only a fit of one input, without conditions or --each, can be monitored.",
-            place=str(folder),
-            fix="Give the folder of one value's fit, or fit one input.",
-        )
+    several = isinstance(fitted_on.input, tuple) or fitted_on.each or "condition" in document
+    if fitted_on.is_step or several:
+        said = "Only a fit of one input, without conditions or --each, can be monitored."
+        fix = "Give the folder of one value's fit, or fit one input."
+        raise InputError("bad-option", said, place=str(folder), fix=fix)
     selection = replace(fitted_on, **asked.selection).without_hold_out()
     source = selection.read(file)
     # The input is a reference here, and may have gaps: the readings stand for it in the record.
@@ -67,12 +60,8 @@ def run(asked: Monitor) -> Done:
     fitted = identify.load(folder)
     identify.internal.check_unit(record.output_name, record.output_unit, fitted.train.output_unit)
     known = _references(source, record, reference or str(fitted_on.input), reference is not None)
-    own = adaptive(
-        fitted.model,
-        fitted.test or fitted.train,
-        drift=asked.drift,
-        false_alarms=asked.false_alarms,
-    )
+    rates = {"drift": asked.drift, "false_alarms": asked.false_alarms}
+    own = adaptive(fitted.model, fitted.test or fitted.train, **rates)
     found = _followed(own, record, known)
     notes = []
     if not np.isfinite(known).any():

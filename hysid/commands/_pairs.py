@@ -25,7 +25,7 @@ from identify.internal import versions
 from ..figures._format import plain_name
 from ..intake._folders import check_writable
 from ..intake._selection import Selection
-from ..soft_sensor._contacts import UPDATES, ContactTraining, train_contacts
+from ..soft_sensor._contacts import UPDATES, train_contacts
 from ..soft_sensor._force_networks import updates_of
 from ..soft_sensor._force_records import ForceRecord
 from ..soft_sensor._learn import AT_REST
@@ -99,14 +99,8 @@ def _trained(asked: TrainPairs, out: Path, progress: Progress) -> dict[str, Any]
     log(f"learning {' and '.join(names)}")
     rows = min(sum(len(one.time) for one in found) for found in places.values())
     updates = UPDATES if asked.epochs is None else updates_of(asked.epochs, rows)
-    learnt = train_contacts(
-        places,
-        noise=asked.noise,
-        high_force=asked.high,
-        seed=asked.seed,
-        tell=progress,
-        updates=updates,
-    )
+    known = {"noise": asked.noise, "high_force": asked.high, "seed": asked.seed}
+    learnt = train_contacts(places, **known, tell=progress, updates=updates)
     units = list(record.channels.values()) or [record.input_unit]
     channels = list(record.channels) or [record.input_name]
     quantities = [compensate.Quantity(*of) for of in zip(channels, units, strict=True)]
@@ -129,9 +123,9 @@ def _trained(asked: TrainPairs, out: Path, progress: Progress) -> dict[str, Any]
         learnt.estimator, out / RUNTIME, example.reading, example.time, channels=quantities,
         contacts=[compensate.Quantity(name, "N") for name in names],
     )  # fmt: skip
-    return identify.internal.plain(
-        {**done, "runtime": str(runtime), "notes": _notes(held_out, learnt)}
-    )
+    notes = [f"No sequence presses {' and '.join(learnt.names)} at once, so nothing was judged."]
+    told = {"runtime": str(runtime), "notes": [] if held_out else notes}
+    return identify.internal.plain(done | told)
 
 
 def contact_lines(found: dict[str, Any] | None) -> list[str]:
@@ -141,12 +135,6 @@ def contact_lines(found: dict[str, Any] | None) -> list[str]:
         f" {100 * of['coverage_of_90_percent_bands']:.0f} % of the rows"
         for name, of in (found or {}).items()
     ]
-
-
-def _notes(held_out: list[Stretch], learnt: ContactTraining) -> list[str]:
-    if held_out:
-        return []
-    return [f"No sequence presses {' and '.join(learnt.names)} at once, so nothing was judged."]
 
 
 def stretches(record: Record, table: Table, forces: Sequence[str]) -> list[Stretch]:

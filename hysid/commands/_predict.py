@@ -79,7 +79,7 @@ def run(asked: Predict) -> Done:
             else:
                 seen = fitted.clocks.applied(fitted.combined(record))
                 values, deviation = identify.internal.told(fitted, seen)
-                said.append(_untold(record, deviation))
+                said.append(_untold(record, record.known, deviation))
         flagged += sum(w != "OK" for w in words)
         driving = fitted.combined(record).input
         more = open_range(fitted, record) if with_range else np.empty((len(record), 0))
@@ -114,24 +114,19 @@ def run(asked: Predict) -> Done:
     return Done(found, [*lines, str(target)])
 
 
-def _untold(record: Record, deviation: np.ndarray) -> str:
+def _untold(record: Record, known: np.ndarray, deviation: np.ndarray) -> str:
     """What the known rows leave open."""
-    unit, left = record.output_unit, float(np.sqrt(np.mean(deviation[record.mask] ** 2)))
-    assert record.known is not None
-    text = (
-        f"{int(record.known.sum())} known rows tell the states before the others. They leave open"
-    )
-    return f"{text} {quantity(left, unit, 3)} rms of the prediction."
+    left = quantity(float(np.sqrt(np.mean(deviation[record.mask] ** 2))), record.output_unit, 3)
+    text = f"{int(known.sum())} known rows tell the states before the others."
+    return f"{text} They leave open {left} rms of the prediction."
 
 
 def _band_line(name: str, band: dict[str, float | None]) -> str:
     """What the 90 % band of a compensator holds."""
     parts = {"held_out": "the fit's held-out rows", "here": "this file's"}
     said = [f"{100 * x:.3g} % of {w}" for k, w in parts.items() if (x := band[k]) is not None]
-    head = f"{name}: " if name else ""
-    text = (
-        f"{head}The 90 % band holds {' and '.join(said) if said else 'a share that is not known'}."
-    )
+    held = " and ".join(said) or "a share that is not known"
+    text = f"{name}: " * bool(name) + f"The 90 % band holds {held}."
     before = band["before"]
     if before is None or before == band["held_out"]:
         return text
@@ -163,14 +158,11 @@ def _of_motion(fitted: identify.FitResult, steady: bool) -> list[str]:
     """How the motion was run and recorded."""
     assert isinstance(fitted.detail, identify.Motion)
     recorded = fitted.detail.recorded
-    begin = "in steady state" if steady else "from rest"
-    stages = recorded.stages if steady else (recorded.substeps,)
+    begin = f"The motion is predicted {'in steady state' if steady else 'from rest'}"
     if not recorded.stages:
-        return [f"The motion is predicted {begin}, sampled without a filter as in the fit."]
-    kept = " x ".join(map(str, stages))
-    return [
-        f"The motion is predicted {begin}, low-passed and decimated by {kept} as a recorder does."
-    ]
+        return [f"{begin}, sampled without a filter as in the fit."]
+    kept = " x ".join(map(str, recorded.stages if steady else (recorded.substeps,)))
+    return [f"{begin}, low-passed and decimated by {kept} as a recorder does."]
 
 
 def _outside(fitted: identify.FitResult, record: Record) -> list[str]:

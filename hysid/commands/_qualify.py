@@ -1,7 +1,7 @@
 """`hysid qualify`: a verdict on the compensator of a fit, from a file it has not seen."""
 
-from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -76,8 +76,8 @@ def _qualified(asked: Qualify, tell: Tell) -> Done:
     for value, (record, held_out) in records.items():
         place, seen = folder / folders[value], held_out or record
         step = None if asked.rate is None else step_of(fits[value], asked.target, asked.mhz)
-        part = _of_part(found, records, tell)
-        one = _of_one(fits[value], place, seen, asked, step, part)
+        done = partial(_tell, tell, len(found), len(records))
+        one = _of_one(fits[value], place, seen, asked, step, done)
         one, held[value] = _with_band(one, fits[value], seen)
         found[value] = _seen(one) if fitted_here and held_out is None else one
     bands = {}
@@ -137,10 +137,9 @@ def _with_band(
     return replace(one, verdict=one.verdict.at_most("PASS", Note("band", said))), share
 
 
-def _of_part(found: Mapping[str, Any], records: Mapping[str, Any], tell: Tell) -> Tell:
-    """What tells the progress of one fit of several, of which these are done."""
-    before, all_ = len(found), len(records)
-    return lambda done, total, text: tell(before * total + done, all_ * total, text)
+def _tell(tell: Tell, before: int, of: int, done: int, total: int, text: str) -> None:
+    """The progress of one fit of several."""
+    tell(before * total + done, of * total, text)
 
 
 def guarantee_of(fitted: identify.FitResult, record: Record, guarantee: float) -> dict[str, Any]:

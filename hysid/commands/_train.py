@@ -40,7 +40,6 @@ TIMED, SLOW_S = 200, 5e-4
 """Readings by which the runtime is timed; s a reading that are too many for a loop of 1 kHz."""
 REPAIRS = {"masked", "filled", "gathered", "cut", "skipped", "units-row"}
 """Codes of notes on a file that are worth a look."""
-"""Rows of a step of the networks' training."""
 
 
 def run(asked: Train) -> Done:
@@ -64,11 +63,8 @@ def _trained(asked: Train, out: Path, progress: Progress) -> dict[str, Any]:
     `fit_positions` do.
     """
     if asked.kind not in KINDS:
-        raise InputError(
-            "bad-option",
-            f"{asked.kind!r} is not a kind of estimator.",
-            fix=f"Use one of {', '.join(KINDS)} (--kind).",
-        )
+        fix = f"Use one of {', '.join(KINDS)} (--kind)."
+        raise InputError("bad-option", f"{asked.kind!r} is not a kind of estimator.", fix=fix)
     selection = Selection(**asked.selection, output=asked.force or "", output_unit=asked.force_unit)
     targets = Targets(asked.force, asked.place, asked.position)
     names = tuple(filter(None, map(str.strip, asked.places.split(","))))
@@ -109,19 +105,19 @@ def _trained(asked: Train, out: Path, progress: Progress) -> dict[str, Any]:
         notes += said
     pictures = _draw(out, sensor, forced, judgements)
     kept = ("kind", "epochs", "members", "seed", "noise", "resume", "method")
-    settings = {name: getattr(asked, name) for name in kept} | {
-        "ends": asked.range,
-        "places": names,
-    }
+    settings = {name: getattr(asked, name) for name in kept}
+    settings |= {"ends": asked.range, "places": names}
     document = {
         "schema": SCHEMA, "kind": "hysid soft sensor training",
         "inputs": [channel._asdict() for channel in sensor.channels],
         "targets": {"force": targets.force, "place": targets.place, "position": targets.position},
         "units": {q.name: q.unit for q in filter(None, (sessions[0].force, *sessions[0].position))},
         "rows": sum(one.rows for one in sessions),
-        "rows_train": int(sum(part.counts.sum() for part in parts)),
-        "rows_test": int(sum(part.counts.sum() for part in held_out)),
-        "files": [_file_words(one) for one in sessions],
+        "rows_train": sum(map(_rows, parts)), "rows_test": sum(map(_rows, held_out)),
+        "files": [
+            {"file": str(one.file), "sha256": one.sha256, "rows": one.rows}
+            | {f"rows_{k}": _rows(getattr(one, k)) for k in ("train", "test")} for one in sessions
+        ],
         "sha256": {str(one.file): one.sha256 for one in sessions},
         "metrics": {name: found.figures if found else None for name, found in judgements.items()},
         "force": None if forced is None else _force_words(forced, tried),
@@ -134,14 +130,12 @@ def _trained(asked: Train, out: Path, progress: Progress) -> dict[str, Any]:
 
 
 class _Judgement(NamedTuple):
-    """Streams one behind the other, what was found there, and how far off it is."""
+    """Streams one behind the other, what was pressed and found there, and how far off it is."""
 
     streams: list[Streams]
+    truth: dict[str, np.ndarray]
     found: Estimates
     figures: dict[str, Any]
-
-    def column(self, name: str) -> np.ndarray:
-        return np.concatenate([getattr(one, name) for one in self.streams])
 
     @property
     def starts(self) -> np.ndarray:
@@ -156,11 +150,9 @@ def _judged(sensor: SoftSensor, streams: list[Streams]) -> _Judgement | None:
         return None
     each = [estimates_of(sensor, one.record.time, one.readings, one.sequences()) for one in streams]
     found = Estimates(*(np.concatenate(columns) for columns in zip(*each, strict=True)))
-    truths = [
-        np.concatenate([getattr(one, name) for one in streams])
-        for name in ("force", "place", "position", "counts")
-    ]
-    return _Judgement(streams, found, judged(sensor, found, *truths))
+    names = ("force", "place", "position", "counts")
+    truth = {name: np.concatenate([getattr(one, name) for one in streams]) for name in names}
+    return _Judgement(streams, truth, found, judged(sensor, found, *truth.values()))
 
 
 def _learn_force(
@@ -250,7 +242,7 @@ def _draw(
 
     shown = judgements["test"] or judgements["train"]
     assert shown is not None
-    counts, drawn = shown.column("counts"), {}
+    counts, drawn = shown.truth["counts"], {}
     if forced is not None and forced.curves:
         curves = [(one.train, one.validation) for one in forced.curves]
         drawn[PICTURES[0]] = figures.learning(curves, sensor.force_in.unit)
@@ -258,11 +250,10 @@ def _draw(
         record = shown.streams[0].record
         name, unit = sensor.force_in
         runs = _runs(counts, shown.starts)
-        clock = np.concatenate(
-            [one.record.time for one in shown.streams if one.record.time is not None]
-        )
+        clocks = [one.record.time for one in shown.streams]
+        clock = np.concatenate([time for time in clocks if time is not None])
         drawn[PICTURES[1]] = figures.force(
-            _end_to_end(clock[counts], runs), shown.column("force")[counts],
+            _end_to_end(clock[counts], runs), shown.truth["force"][counts],
             shown.found.force[counts], shown.found.force_sd[counts], runs,
             (plain_name(record.time_name, record.time_unit), plain_name(name, unit)),
             (record.time_unit, unit),
@@ -273,7 +264,7 @@ def _draw(
         title = f"{figure['rows']} rows {part}, {figure['accuracy']:.1%} right"
         drawn[PICTURES[2]] = figures.places(figure["confusion"], title)
     if "position" in shown.figures:
-        truth, found = shown.column("position"), shown.found.position
+        truth, found = shown.truth["position"], shown.found.position
         known = counts & np.isfinite(truth).all(1) & np.isfinite(found).all(1)
         plain = [plain_name(*of) for of in sensor.position_in]
         units = [unit for _, unit in sensor.position_in]
@@ -303,12 +294,8 @@ def _end_to_end(time: np.ndarray, starts: np.ndarray) -> np.ndarray:
 def _notes(sessions: Sequence[Session]) -> list[str]:
     """What the files say of themselves, each once; places that only some sessions have."""
     parts = [part for one in sessions for part in (one.train, one.test) if part is not None]
-    found = [
-        f"{part.record.source}: {note}"
-        for part in parts
-        for note in part.record.history
-        if note.code in REPAIRS
-    ]
+    records = [part.record for part in parts]
+    found = [f"{r.source}: {note}" for r in records for note in r.history if note.code in REPAIRS]
     there = {one.file.name: _places(one.train) for one in sessions if one.train is not None}
     everywhere = set().union(*there.values()) if there else set()
     for name, places in there.items():
@@ -321,12 +308,9 @@ def _places(part: Streams) -> set[str]:
     return {str(name) for name in part.place[part.counts]} - {""}
 
 
-def _file_words(one: Session) -> dict[str, Any]:
-    train, test = (0 if part is None else int(part.counts.sum()) for part in (one.train, one.test))
-    return {
-        "file": str(one.file), "sha256": one.sha256, "rows": one.rows, "rows_train": train,
-        "rows_test": test,
-    }  # fmt: skip
+def _rows(part: Streams | None) -> int:
+    """Rows that count."""
+    return 0 if part is None else int(part.counts.sum())
 
 
 def _force_words(found: ForceTraining, tried: dict[str, float]) -> dict[str, Any]:

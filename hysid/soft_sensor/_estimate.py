@@ -1,8 +1,8 @@
 """`hysid microchannel estimate`: a soft sensor over a file, and how far off it is."""
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from functools import reduce
 from itertools import permutations
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 import identify
+from compensate.microchannel import ChannelStatus
 from hysteresis import InputError, Table, parse_condition
 from hysteresis._atomic_file import write_table
 from hysteresis._show import aligned
@@ -23,6 +24,7 @@ from ._sessions import NOWHERE, Targets
 
 TRAINING = "training.json"
 SOUND = ("OK", "NO_PRESS")
+WORDS = ("channels", "force_status", "place", "place_status", "position_status")
 MANY = 0.2
 """Part of the presses that are unknown, from which swapped wires are looked for."""
 MOST_ORDERS = 6
@@ -47,7 +49,7 @@ class Estimates(NamedTuple):
     def flagged(self) -> Bool[np.ndarray, " rows"]:
         """Rows where something is not to be used without a thought."""
         words = (self.force_status, self.place_status, self.position_status)
-        return np.any([~np.isin(one, (*SOUND, "")) for one in words], axis=0)
+        return np.any(~np.isin(words, (*SOUND, "")), axis=0)
 
 
 def estimates_of(
@@ -58,12 +60,9 @@ def estimates_of(
 ) -> Estimates:
     """Every stream, given by its rows, from rest."""
     n = len(readings)
-    unknown, words = np.full(n, np.nan), np.full(n, "", object)
-    coordinates = np.full((n, len(sensor.position_in)), np.nan)
-    out = Estimates(
-        words.copy(), unknown.copy(), unknown.copy(), words.copy(), words.copy(), unknown.copy(),
-        words.copy(), coordinates, unknown.copy(), words.copy(),
-    )  # fmt: skip
+    empty = {name: np.full(n, "", object) for name in WORDS}
+    empty |= {name: np.full(n, np.nan) for name in Estimates._fields if name not in WORDS}
+    out = Estimates(**empty | {"position": np.full((n, len(sensor.position_in)), np.nan)})
     for rows in streams:
         found = sensor.estimate(None if time is None else time[rows], readings[rows])
         said = sensor.words(found)
@@ -163,7 +162,7 @@ def estimate(
     _check_channels(table, sensor)
     rows, notes = _rows(table, selection, where)
     readings = np.column_stack([table.number(c.name)[rows] for c in sensor.channels])
-    time = _times(table, selection, rows)
+    time = None if selection.time is None else table.number(selection.time)[rows]
     streams = _streams(table, selection, rows, time)
     if selection.dt is not None:
         time = np.empty(len(rows))
@@ -176,12 +175,8 @@ def estimate(
     target = target or folder / f"estimated-{Path(file).stem}.csv"
     _write(target, sensor, found, table.line[rows], time)
     none = dict.fromkeys(identify.Metrics._fields)
-    statuses = {
-        name: dict(zip(*(part.tolist() for part in np.unique(column.astype(str), return_counts=True)),
-                       strict=True))
-        for name, column in found._asdict().items()
-        if name.endswith("status") and (column != "").any()
-    }  # fmt: skip
+    columns = {k: x.tolist() for k, x in found._asdict().items() if k.endswith("status")}
+    statuses = {k: dict(sorted(Counter(x).items())) for k, x in columns.items() if any(x)}
     return {
         **figures.pop("force", none), **figures, "flagged": int(found.flagged.sum()),
         "rows": len(rows), "statuses": statuses, "channels_at_fault": _faults(sensor, found),
@@ -219,22 +214,14 @@ def _rows(table: Table, selection: Selection, where: Sequence[str]) -> tuple[np.
     return np.flatnonzero(used), notes
 
 
-def _times(table: Table, selection: Selection, rows: np.ndarray) -> np.ndarray | None:
-    return None if selection.time is None else table.number(selection.time)[rows]
-
-
 def _streams(
     table: Table, selection: Selection, rows: np.ndarray, time: np.ndarray | None
 ) -> list[np.ndarray]:
     """Rows of each sequence, in the order of their first rows."""
     names = [name for name in selection.group if name in table.columns]
-    if not names:
-        streams = [np.arange(len(rows))]
-    else:
-        parts = [table.text[name][rows] for name in names]
-        label = reduce(lambda a, b: np.char.add(np.char.add(a, "/"), b), parts)
-        _, first, member = np.unique(label, return_index=True, return_inverse=True)
-        streams = [np.flatnonzero(member == k) for k in np.argsort(first)]
+    parts = np.array([table.text[name][rows] for name in names] or [np.full(len(rows), "")])
+    _, first, member = np.unique(parts, axis=1, return_index=True, return_inverse=True)
+    streams = [np.flatnonzero(member.ravel() == k) for k in np.argsort(first)]
     if selection.segments != "auto" or time is None:
         return streams
     cuts = [np.flatnonzero(np.diff(time[stream]) < 0) + 1 for stream in streams]
@@ -259,13 +246,12 @@ def _truths(
 
 def _faults(sensor: SoftSensor, found: Estimates) -> dict[str, dict[str, int]]:
     """Of each channel, how many rows have which fault."""
+    said = Counter(word for words in found.channels.tolist() for word in words.split(", "))
     counts: dict[str, dict[str, int]] = {}
-    for words in found.channels[found.channels != "OK"]:
-        for channel in sensor.channels:
-            for fault in ("MISSING", "SATURATED", "STUCK", "GAP"):
-                if f"{channel.name}: {fault}" in words.split(", "):
-                    own = counts.setdefault(channel.name, {})
-                    own[fault] = own.get(fault, 0) + 1
+    for name in (channel.name for channel in sensor.channels):
+        for fault in (status.name for status in ChannelStatus):
+            if count := said[f"{name}: {fault}"]:
+                counts.setdefault(name, {})[fault] = count
     return counts
 
 

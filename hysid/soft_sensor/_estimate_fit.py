@@ -51,10 +51,8 @@ def estimate_by_fit(
     selection, compared, said = for_new_file(selection, source, inverse)
     record = selection.records(source)[0][""][0]
     held_out = fitted.train if fitted.test is None else fitted.test
-    if fitted.test is None and not inverse:
-        said.append(
-            "The fit held out no rows, so the deviation is that of its own: too small for new ones."
-        )
+    own = "The fit held out no rows, so the deviation is that of its own: too small for new ones."
+    said += [own] if fitted.test is None and not inverse else []
     newtons = conversion(fitted.train.input_unit if inverse else fitted.train.output_unit, NEWTON)
     assert newtons is not None
     value, deviation, status = _found(fitted, record, inverse)
@@ -72,13 +70,11 @@ def estimate_by_fit(
     time = [""] * len(record) if record.time is None else record.time.tolist()
     rows = zip(record.line, time, newtons * value, newtons * deviation, words, strict=True)
     write_table(target, ("line", "time", "force", "force_sd", "force_status"), rows)
-    done = (
-        {} if runtime is None else {"runtime": str(_exported(fitted, held_out, inverse, runtime))}
-    )
-    if runtime is not None and fitted.clocks.lag:
-        said.append(
-            f"The lag of {fitted.clocks.lag:.3g} {record.time_unit} is not in {runtime.name}."
-        )
+    done = {}
+    if runtime is not None:
+        done = {"runtime": str(_exported(fitted, held_out, inverse, runtime))}
+        lag = f"The lag of {fitted.clocks.lag:.3g} {record.time_unit} is not in {runtime.name}."
+        said += [lag] if fitted.clocks.lag else []
     return {
         **figures, "flagged": sum(word != "OK" for word in words), "rows": len(record),
         "statuses": {"force_status": {word: words.count(word) for word in dict.fromkeys(words)}},
@@ -106,9 +102,8 @@ def _found(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Forces, deviations and statuses of every row, in the fit's unit and on the record's clock."""
     if inverse:
-        identify.internal.check_unit(
-            record.output_name, record.output_unit, fitted.train.output_unit
-        )
+        unit = fitted.train.output_unit
+        identify.internal.check_unit(record.output_name, record.output_unit, unit)
         band = invert_fit(fitted)
         assert isinstance(band, CalibratedCompensator)
         found = estimate(band, record)

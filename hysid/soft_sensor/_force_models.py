@@ -15,12 +15,7 @@ from ._force_records import ForceData
 
 def fit_structured(data: ForceData, part: np.ndarray, settings: Settings) -> Found:
     """The better of two fits on the part held out, of which neither has seen it."""
-    if data.channels > 1:
-        raise InputError(
-            "wrong-channels",
-            f"a structured estimator takes one reading, but there are {data.channels}.",
-            fix='kind="network", or `hysid.fit` of several inputs.',
-        )
+    data.check_one_channel("a structured estimator", "`hysid.fit` of several inputs")
     held = part == part.max()
     learnt = data.known & (part >= 0) & ~held
     tried: dict[str, tuple[float, AbstractModel, np.ndarray]] = {}

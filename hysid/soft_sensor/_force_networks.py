@@ -12,7 +12,7 @@ import optax
 from jaxtyping import Array, Float
 
 from compensate.microchannel import EverettNetwork
-from hysteresis import AbstractModel, InputError, Series
+from hysteresis import AbstractModel, Series
 from hysteresis.curves import PolynomialCurve
 from hysteresis.networks import StaircaseNetwork
 from identify import Trained, train
@@ -140,12 +140,7 @@ def train_networks(
 
 def train_everett(data: ForceData, part: np.ndarray, settings: Settings) -> Found:
     """A monotone `EverettNetwork` of one channel, the last part left out and stopping its training."""
-    if data.channels > 1:
-        raise InputError(
-            "wrong-channels",
-            f"a monotone network takes one reading, but there are {data.channels}.",
-            fix='kind="network", or give the channel that moves most.',
-        )
+    data.check_one_channel("a monotone network", "give the channel that moves most")
     rest = float(rest_of(data)[0])
     away = data.reading - rest
     # The reading with the larger force, where it falls with it.

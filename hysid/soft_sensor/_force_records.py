@@ -44,6 +44,12 @@ class ForceData(NamedTuple):
     def channels(self) -> int:
         return 1 if self.reading.ndim == 1 else self.reading.shape[1]
 
+    def check_one_channel(self, what: str, fix: str) -> None:
+        """Raise `InputError` `wrong-channels` for several channels."""
+        if self.channels > 1:
+            said = f"{what} takes one reading, but there are {self.channels}."
+            raise InputError("wrong-channels", said, fix=f'kind="network", or {fix}.')
+
     @property
     def span(self) -> float:
         """Largest less smallest force."""
@@ -62,20 +68,16 @@ def gather(records: Sequence[Any], nan: str = "raise") -> ForceData:
     `nan="omit"`), pull, or do not move; less than 100 rows with a force, or 3 presses.
     """
     if nan not in ("raise", "omit"):
-        raise InputError(
-            "bad-option", f"nan={nan!r} is not a choice.", fix='Use nan="raise" or nan="omit".'
-        )
+        fix = 'Use nan="raise" or nan="omit".'
+        raise InputError("bad-option", f"nan={nan!r} is not a choice.", fix=fix)
     if not len(records):
         raise InputError("no-rows", "There are no records to learn from.")
     checked = [_checked(k, t, y, F, nan) for k, (t, y, F) in enumerate(records)]
     counts = {record.reading.shape[1:] for record in checked}
     if len(counts) > 1:
         shapes = ", ".join(str(shape[0] if shape else 1) for shape in sorted(counts))
-        raise InputError(
-            "wrong-channels",
-            f"The records have {shapes} channels.",
-            fix="Give every record the same columns of readings.",
-        )
+        said, fix = f"The records have {shapes} channels.", "Give every record the same columns."
+        raise InputError("wrong-channels", said, fix=fix)
     time, reading, force = (np.concatenate(part) for part in zip(*checked, strict=True))
     lengths = [len(record.time) for record in checked]
     starts = tuple(int(k) for k in np.cumsum([0, *lengths])[:-1])

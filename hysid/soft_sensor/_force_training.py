@@ -106,11 +106,8 @@ def train_force(
         (80,)
     """
     if kind not in KINDS:
-        raise InputError(
-            "bad-option",
-            f"{kind!r} is not a kind of estimator.",
-            fix=f"Use one of {', '.join(map(repr, KINDS))}.",
-        )
+        fix = f"Use one of {', '.join(map(repr, KINDS))}."
+        raise InputError("bad-option", f"{kind!r} is not a kind of estimator.", fix=fix)
     if members < 2 or updates < 1:
         raise InputError("bad-option", f"{members} members, {updates} updates: at least 2, and 1.")
     if not (skip == "auto" or (isinstance(skip, float | int) and 0 <= skip < 0.9)):

@@ -78,9 +78,8 @@ def checks_of(
             sign = np.where(np.median(readings[pressed], axis=0) < zero, -1.0, 1.0)
     known = noise is not None
     found = np.full(len(channels), noise) if known else _noise(parts, readings, rest)
-    steps = np.concatenate(
-        [np.diff(_clock(part)[rows]) for part in parts for rows in part.sequences()]
-    )
+    every = [(part, rows) for part in parts for rows in part.sequences()]
+    steps = np.concatenate([np.diff(_clock(part)[rows]) for part, rows in every])
     step, gap = 0.0, np.inf
     if steps.size and parts[0].record.time is not None:
         step = float(np.median(steps))
@@ -91,7 +90,7 @@ def checks_of(
                 f"{gaps.size} gaps of up to {gaps.max():.3g} in the streams: the memory is in doubt behind"
                 " them; make what follows a sequence of its own (--group COL)."
             )
-    runs = [_longest_run(part.readings[rows]) for part in parts for rows in part.sequences()]
+    runs = [_longest_run(part.readings[rows]) for part, rows in every]
     stuck = max(LEAST_EQUAL, TIMES_EQUAL * max(runs)) if step else 0
     for channel, column in zip(channels, readings.T, strict=True):
         notes += _clipped(channel, column, step > 0)
@@ -148,10 +147,8 @@ def learn_places(
         for name, n in counts.items()
         if UNEQUAL * n < counts[most]
     ]
-    low = [
-        c for c, column in enumerate((x < -NOISES * checks.noise[None]).T) if column.mean() > 0.05
-    ]
-    if low:
+    low = np.flatnonzero((x < -NOISES * checks.noise[None]).mean(axis=0) > 0.05)
+    if low.size:
         named = ", ".join(f"{c + 1}" for c in low)
         notes.append(
             f"channel {named} reads below its rest at some places and above at others: ratios of readings"

@@ -96,10 +96,8 @@ class SoftSensor:
                 place="SoftSensor", fix="Train all parts on the readings of one sensor.",
             )  # fmt: skip
         if self.force is None and self.localizer is None and self.position is None:
-            raise InputError(
-                "nothing-to-learn",
-                "The sensor estimates neither a force, nor a place, nor a position.",
-            )
+            said = "The sensor estimates neither a force, nor a place, nor a position."
+            raise InputError("nothing-to-learn", said)
 
     def estimate(
         self,
@@ -126,12 +124,9 @@ class SoftSensor:
         if self.position is not None:
             there = self.position.estimate(lengthened(sound))
             position = Position(*(part[:samples] for part in there))
-        return SoftEstimate(
-            Changes(*(part[:samples] for part in changes)),
-            force,
-            None if self.localizer is None else self.localizer.locate(sound),
-            position,
-        )
+        channels = Changes(*(part[:samples] for part in changes))
+        place = None if self.localizer is None else self.localizer.locate(sound)
+        return SoftEstimate(channels, force, place, position)
 
     def words(self, found: SoftEstimate) -> Words:
         """Of `estimate`."""

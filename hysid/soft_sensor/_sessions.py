@@ -76,14 +76,11 @@ def read_sessions(
     twice.
     """
     named = [Path(file).resolve() for file in (*files, *tests)]
-    selection = selection if targets.force else _without_force(selection)
-    for k, file in enumerate(named):
-        if file in named[:k]:
-            raise InputError(
-                "given-twice",
-                f"{file.name} is given twice.",
-                fix="Name the file of each session once.",
-            )
+    if not targets.force:  # a record's output is its first channel
+        selection = replace(selection, output=_first(selection), output_unit=None)
+    if twice := [file.name for k, file in enumerate(named) if file in named[:k]]:
+        fix = "Name the file of each session once."
+        raise InputError("given-twice", f"{twice[0]} is given twice.", fix=fix)
     found, missed = [], []
     for file in files:
         try:
@@ -106,10 +103,8 @@ def read_sessions(
 
 def _session(file: Path, selection: Selection, targets: Targets) -> Session:
     table = selection.read(file)
-    if targets.place is not None and targets.place not in table.columns:
-        read_csv(
-            table, input=_first(selection), output=targets.place
-        )  # says what columns there are
+    if targets.place is not None and targets.place not in table.columns:  # says what there are
+        read_csv(table, input=_first(selection), output=targets.place)
     pairs, _ = selection.records(table)
     train, test = pairs[""]
     names = tuple(train.channels) or (train.input_name,)
@@ -166,8 +161,3 @@ def _check_alike(first: Session, other: Session) -> None:
                 f"Column {one.name!r} is in {two.unit} here, but in {one.unit} in {first.file.name}.",
                 place=str(other.file), fix="Convert both to one unit.",
             )  # fmt: skip
-
-
-def _without_force(selection: Selection) -> Selection:
-    """Where no force is learnt a record's output is its first channel."""
-    return replace(selection, output=_first(selection), output_unit=None)
