@@ -49,7 +49,7 @@ def loop_widths(record: Record, estimate: Float[np.ndarray, " samples"]) -> Loop
     u, y, error = record.input, record.output, record.input - estimate
     before, after = [], []
     for cycles in counted_cycles(record, record.mask, share=0.0):
-        for _, rows in cycles:
+        for _, rows, _ in cycles:
             inside = rows.start + np.flatnonzero(record.mask[rows])
             legs = [inside[record.branch[inside] == sign] for sign in (1, -1)]
             if min(map(len, legs)) < 3:
