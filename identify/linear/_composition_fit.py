@@ -60,7 +60,8 @@ WEAKEST = 1e-6
 """The weakest of all."""
 
 DRIFT_GAIN = 0.5
-"""What a drift must take away where no equal cycles show a change: elsewhere it explains anything a bit."""
+"""What a drift must take away where no equal cycles show a change, and weights of either sign: they explain
+anything a bit."""
 
 EQUATIONS = 100_000
 """Equations from which on those of neighbouring rows are averaged."""

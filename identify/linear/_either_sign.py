@@ -4,8 +4,8 @@
 
 with e the mean squared errors of held-out rows: two ways that err differently err less together. The
 weights of either sign are found all at once, with a prior whose strength for each part is chosen on
-held-out rows, see `_group_strengths`. The average is taken where it takes away as much of the held-out
-error as a part has to. Its output need not rise with the input.
+held-out rows, see `_group_strengths`. The average is taken where it takes away half of the squared held-out
+error: weights of either sign explain anything a bit. Its output need not rise with the input.
 
 Cost: some hundred factorisations of the unknowns of all parts, a third of a second.
 
@@ -21,7 +21,7 @@ from jaxtyping import Float
 
 from ..records._folds import earned, held_out_errors
 from ._composition import CompositionUnknowns
-from ._composition_fit import Problem, Solved, Tried
+from ._composition_fit import DRIFT_GAIN, Problem, Solved, Tried
 from ._composition_parts import CURVE, DRIFTS, STRENGTHS
 from ._composition_prior import places_of
 from ._cross_validation import normal_equations_of
@@ -72,7 +72,7 @@ def averaged(rising: Tried, fit: LinearFit[CompositionUnknowns]) -> Average | No
         return error * either.weights[either.rows][test]
 
     blocks = held_out_errors(before.parts.folds, solve, error)
-    if not earned(rising.blocks, blocks):
+    if not earned(rising.blocks, blocks, DRIFT_GAIN):
         return None
     found = either.fitted(own, either.final(whole.parts), whole.parts)
     w = mixed(fit.unknowns, found.unknowns)
