@@ -34,39 +34,50 @@ class Selection(SelectionOptions):
     """
 
     def __post_init__(self) -> None:
-        driving, hold_out = (
-            (self.input, self.step, self.frequency),
-            [getattr(self, n) for n in HELD_OUT],
-        )
-        low, high = self.range if len(self.range) == 2 else (1.0, 0.0)
-        checks = (
-            (sum(given is not None for given in driving) == 1,
-             "conflicting-options", "Give one of the input column (--input COL), the constant value of the"
-             " input (--step VALUE) and the frequency column of moduli (--frequency COL).", ""),
-            (self.loss is None or self.frequency is not None,
-             "conflicting-options", "--loss COL needs the frequency of its rows.",
-             "Give --frequency COL as well."),
-            (self.step is None or (np.isfinite(self.step) and self.step),
-             "not-a-step", f"A constant input of {self.step or 0:g} has no effect.",
-             "Give the constant force or displacement (--step VALUE)."),
-            (not self.hold or isinstance(self.input, str),
-             "no-hold", "--hold needs exactly one input column.",
-             "Name it (--input COL), or leave out --hold."),
-            (sum(h not in (None, ()) for h in hold_out) <= 1,
-             "conflicting-options",
-             "Give only one of --test-where, --test-cycles, --test-tail and --test-lines.", ""),
-            (not self.range or low <= high,
-             "zero-range", f"No input is within the range {', '.join(f'{x:g}' for x in self.range)}.",
-             "Give --range LOW,HIGH, such as --range 2,20."),
-            (self.time is None or self.dt is None,
-             "conflicting-options", "Give --time COL or --dt SECONDS, not both.", ""),
-            (self.input_time is None or not (self.time is None or self.is_step),
-             "no-time", "--input-time COL needs the clock of the output too.",
-             "Give --time COL as well."),
-        )  # fmt: skip
-        for good, code, problem, fix in checks:
-            if not good:
-                raise InputError(code, problem, fix=fix)
+        if sum(given is not None for given in (self.input, self.step, self.frequency)) != 1:
+            raise InputError(
+                "conflicting-options",
+                "Give one of the input column (--input COL), the constant value of the input (--step VALUE)"
+                " and the frequency column of moduli (--frequency COL).",
+            )
+        if self.loss is not None and self.frequency is None:
+            raise InputError(
+                "conflicting-options",
+                "--loss COL needs the frequency of its rows.",
+                fix="Give --frequency COL as well.",
+            )
+        if self.step is not None and not (np.isfinite(self.step) and self.step):
+            raise InputError(
+                "not-a-step",
+                f"A constant input of {self.step:g} has no effect.",
+                fix="Give the constant force or displacement (--step VALUE).",
+            )
+        if self.hold and not isinstance(self.input, str):
+            raise InputError(
+                "no-hold",
+                "--hold needs exactly one input column.",
+                fix="Name it (--input COL), or leave out --hold.",
+            )
+        held_out = (self.test_where, self.test_cycles, self.test_tail, self.test_lines)
+        if sum(h not in (None, ()) for h in held_out) > 1:
+            raise InputError(
+                "conflicting-options",
+                "Give only one of --test-where, --test-cycles, --test-tail and --test-lines.",
+            )
+        if self.range and not (len(self.range) == 2 and self.range[0] <= self.range[1]):
+            raise InputError(
+                "zero-range",
+                f"No input is within the range {', '.join(f'{end:g}' for end in self.range)}.",
+                fix="Give --range LOW,HIGH, such as --range 2,20.",
+            )
+        if self.time is not None and self.dt is not None:
+            raise InputError("conflicting-options", "Give --time COL or --dt SECONDS, not both.")
+        if self.input_time is not None and (self.time is None or self.is_step):
+            raise InputError(
+                "no-time",
+                "--input-time COL needs the clock of the output too.",
+                fix="Give --time COL as well.",
+            )
 
     @classmethod
     def from_json(cls, document: Any) -> "Selection":

@@ -13,6 +13,7 @@ from hysteresis import InputError, Record
 
 from .._invert import exported
 from ..figures._base import png
+from ..figures._format import label_of, name_of
 from ..figures._live import live
 from ._residual_rows import RoundTrip, Rows, residual_rows, round_trip
 
