@@ -222,4 +222,5 @@ def options_of(file: Path, command: Any) -> dict[str, Any]:
         )
     context = command.context_class(command, info_name=command.name)
     TyperCommand.parse_args(command, context, ["FILE", "--out", "DIR", "--config", str(file)])
-    return context.params
+    # Of an option that may be repeated and is not given, typer hands None on.
+    return {name: None if value == () else value for name, value in context.params.items()}
