@@ -55,7 +55,8 @@ def moduli_of(columns: Mapping[str, Column], given: Mapping[str, Any], out: "Gue
 def runs_of(columns: Mapping[str, Column], given: Mapping[str, Any], out: "Guess") -> bool:
     """Notes the columns of creep or relaxation at several temperatures in `out`; whether there are such.
 
-    Of each temperature there is a run: its times begin anew, upwards or downwards.
+    Of each temperature there is a run: its times begin anew, upwards or downwards. Where a column names the
+    runs and times rise, each is fitted alone.
     """
     for response in (c for c in columns.values() if c.kind.name in RESPONSES):
         there = np.isfinite(response.x)
@@ -65,14 +66,27 @@ def runs_of(columns: Mapping[str, Column], given: Mapping[str, Any], out: "Guess
             t = clock.x[rows]
             if hot is None or len(t) < 2 * ROWS or t.max() < SPAN * max(t.min(), 0.0):
                 continue
-            runs = np.split(hot.x[rows], 1 + np.flatnonzero(turns_back(t)))
+            cuts = 1 + np.flatnonzero(turns_back(t))
+            runs = np.split(hot.x[rows], cuts)
             steady = [len(run) >= ROWS and np.ptp(run) <= RANGE for run in runs]
             if len(runs) > 1 and all(steady):
-                _noted({"time": clock, "output": response}, hot, given, out)
+                rising = all((np.diff(run) > 0).all() for run in np.split(t, cuts))
+                others = (c for c in columns.values() if c not in (response, hot, clock) and rising)
+                named = next((c for c in others if _names(np.split(c.x[rows], cuts))), None)
+                _noted({"time": clock, "output": response}, None if named else hot, given, out)
+                if named is not None:
+                    why = f"it names the runs; --condition '{hot.name}' shifts them to one curve instead"
+                    out.selection["each"] = named.name
+                    out.says("each", named.name, "likely", why)
                 out.selection["step"] = given.get("step") or 1.0
                 out.says("step", out.selection["step"], "likely", WHY["step"])
                 return True
     return False
+
+
+def _names(runs: list[np.ndarray]) -> bool:
+    """Whether a column has one value in each run, and another one in every other."""
+    return all(np.ptp(run) == 0 for run in runs) and len({run[0] for run in runs}) == len(runs)
 
 
 def _noted(

@@ -109,6 +109,11 @@ def test_relaxation_at_several_temperatures_in_any_order(way: int):
     ).json()
     np.testing.assert_allclose(fit["spectrum"]["shifts"]["log_a"], [1.0, 0.0], atol=0.01)
     assert run("report", "out").code == 0
+    names = ("t (s)", "E_relax (MPa)", "T (degC)", "Set")
+    write(Path("sets.csv"), dict(zip(names, (*columns, np.repeat([1, 2], len(t))), strict=True)))
+    found = run("init", "sets.csv", "--json").json()["selection"]
+    assert found.get("each") == ("Set" if way == 1 else None)
+    assert found.get("condition") == (None if way == 1 else ["T (degC)"])
 
 
 def test_options_of_a_series():
