@@ -1,5 +1,6 @@
 """Fitting a composition: which parts, how strong a prior, then all unknowns at once, exactly."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TypeAlias
 
@@ -60,8 +61,7 @@ WEAKEST = 1e-6
 """The weakest of all."""
 
 DRIFT_GAIN = 0.5
-"""What a drift must take away where no equal cycles show a change, and weights of either sign: they explain
-anything a bit."""
+"""What must go for a drift that no cycles show, and weights of either sign: they explain anything a bit."""
 
 EQUATIONS = 100_000
 """Equations from which on those of neighbouring rows are averaged."""
@@ -286,17 +286,24 @@ class Problem:
         self, some: tuple[str, ...], strength: float, folds: tuple[Fold, ...] = ()
     ) -> "Tried":
         """Held-out errors of some parts with a prior of some strength, over `parts`' folds or others."""
+        blocks = self.held_out(lambda train: self.solution(train, some, strength), some, folds)
+        return Choice(self, strength, blocks, some)
 
-        def solve(train: tuple[int, ...]) -> Solved:
-            return train, self.solution(train, some, strength)
+    def held_out(
+        self,
+        solution: Callable[[tuple[int, ...]], np.ndarray],
+        some: tuple[str, ...],
+        folds: tuple[Fold, ...] = (),
+    ) -> Float[np.ndarray, " blocks"]:
+        """Held-out errors of the unknowns that `solution` gives for the other parts of a fold."""
 
         def error(solved: Solved, which: tuple[int, ...]) -> np.ndarray:
             test = np.isin(self.label, which)
             error = self.predicted(solved, some, test) - self.y[test]
             return error * self.weights[self.rows][test]
 
-        blocks = held_out_errors(folds or self.parts.folds, solve, error)
-        return Choice(self, strength, blocks, some)
+        folds = folds or self.parts.folds
+        return held_out_errors(folds, lambda train: (train, solution(train)), error)
 
     def predicted(
         self, solved: "Solved", some: tuple[str, ...], rows: Bool[np.ndarray, " rows"]

@@ -19,12 +19,12 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from ..records._folds import earned, held_out_errors
+from ..records._folds import earned
 from ._composition import CompositionUnknowns
-from ._composition_fit import DRIFT_GAIN, Problem, Solved, Tried
+from ._composition_fit import DRIFT_GAIN, Problem, Tried
 from ._composition_parts import CURVE, DRIFTS, STRENGTHS
 from ._composition_prior import places_of
-from ._cross_validation import normal_equations_of
+from ._cross_validation import Choice, normal_equations_of
 from ._group_strengths import Group, GroupedColumns
 from ._group_strengths import Strengths as Search
 from ._linear_fit import LinearFit
@@ -54,30 +54,29 @@ def averaged(rising: Tried, fit: LinearFit[CompositionUnknowns]) -> Average | No
     either = Problem(before.record, before.parts, whole, before.memory, before.weights)
     # The search takes sums over rows, a problem means.
     strength = 1 / int(either.taut.sum())
-    own = either.tried(whole.parts, strength)
-    share = float(rising.blocks.mean() / (rising.blocks.mean() + own.blocks.mean()))
+    solved = {
+        fold.train: (
+            before.solution(fold.train, rising.parts, rising.strength),
+            either.solution(fold.train, whole.parts, strength),
+        )
+        for fold in before.parts.folds
+    }
+    own = either.held_out(lambda train: solved[train][1], whole.parts)
+    share = float(rising.blocks.mean() / (rising.blocks.mean() + own.mean()))
 
     def mixed(ours: np.ndarray, theirs: np.ndarray) -> Float[np.ndarray, " unknowns"]:
         w = share * theirs
         w[whole.where(rising.parts)] += (1 - share) * ours
         return w
 
-    def solve(train: tuple[int, ...]) -> Solved:
-        ours = before.solution(train, rising.parts, rising.strength)
-        return train, mixed(ours, either.solution(train, whole.parts, strength))
-
-    def error(solved: Solved, which: tuple[int, ...]) -> np.ndarray:
-        test = np.isin(either.label, which)
-        error = either.predicted(solved, whole.parts, test) - either.y[test]
-        return error * either.weights[either.rows][test]
-
-    blocks = held_out_errors(before.parts.folds, solve, error)
+    blocks = either.held_out(lambda train: mixed(*solved[train]), whole.parts)
     if not earned(rising.blocks, blocks, DRIFT_GAIN):
         return None
-    found = either.fitted(own, either.final(whole.parts), whole.parts)
+    choice = Choice(either, strength, blocks, whole.parts)
+    found = either.fitted(choice, either.final(whole.parts), whole.parts)
     w = mixed(fit.unknowns, found.unknowns)
     # What is known of it are the weights of either sign, about the average.
-    return Average(replace(found, unknowns=w, b=found.H @ w, blocks=blocks), share)
+    return Average(replace(found, unknowns=w, b=found.H @ w), share)
 
 
 def _shares(problem: Problem, whole: CompositionUnknowns) -> tuple[float, ...]:

@@ -238,8 +238,12 @@ def _time(
         why = "no column rises like a clock; give --dt SECONDS if speed matters"
         out.says("time", "none", LIKELY, why)
         return None
-    count = lambda c: len(words_of(c.name))  # noqa: E731
-    best = max(clocks, key=lambda c: (count(c) <= 2, c.missing == 0, -count(c)))
+
+    def plainness(column: Column) -> tuple[bool, bool, int]:
+        words = len(words_of(column.name))
+        return words <= 2, column.missing == 0, -words
+
+    best = max(clocks, key=plainness)
     sure = LIKELY if best.kind.name == "time" else GUESS
     sure = SURE if best.kind.name == "time" and best.kind.sure == 1.0 else sure
     out.selection["time"] = best.name
