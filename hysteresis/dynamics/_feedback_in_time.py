@@ -12,8 +12,8 @@ component f.
 from typing import Any
 
 import numpy as np
+import scipy
 from jaxtyping import Float
-from scipy.signal import lfilter
 
 from .._errors import InputError
 from ..running import run
@@ -94,7 +94,8 @@ class _Run:
         forced = held * each[:-1] + rise * np.diff(each, axis=0)
         for m, g in enumerate(grow):
             first = [g * self.x[begin, m]]
-            self.x[begin + 1 : end + 1, m] = lfilter([1.0], [1.0, -g], forced[:, m], zi=first)[0]
+            moved, _ = scipy.signal.lfilter([1.0], [1.0, -g], forced[:, m], zi=first)
+            self.x[begin + 1 : end + 1, m] = moved
 
     def _reactions(self, z: np.ndarray, h: float, keep: bool) -> np.ndarray:
         """w over drives (rows, channels); what they remember then is kept, or not."""
@@ -103,7 +104,7 @@ class _Run:
         for i, numbers in enumerate(self.laws):
             found = run(numbers, z[:, i], np.full(len(z), h))
             first = [stays * self.squares[i]]
-            square = lfilter([1 - stays], [1.0, -stays], z[:, i] ** 2, zi=first)[0]
+            square = scipy.signal.lfilter([1 - stays], [1.0, -stays], z[:, i] ** 2, zi=first)[0]
             slow = 0.5 * np.log(np.maximum(square, 1e-300))
             w[:, i] = found.value + self.model.levels[i] * z[:, i] * slow
             if keep:
