@@ -59,6 +59,7 @@ def fit(
     purpose: str = "predict",
     period: int | None = None,
     oversampling: int = 20,
+    budget: float | None = None,
     allow_float32: bool = False,
     progress: Report | None = None,
 ) -> FitResult:
@@ -114,10 +115,12 @@ def fit(
       for every parameter.
     - `period`, `oversampling`: of an oscillator: rows in a period of the force (None looks for one, 0 means
       that it does not repeat), and steps of integration to a sample.
+    - `budget`: seconds after which no further model is begun.
     - `allow_float32`: fit in the precision that JAX has, also where it is single.
     - `progress`: called with a line of text now and then.
 
-    Ctrl-C ends the search: the best candidate so far is the result, and `skipped` names the others.
+    Ctrl-C, or a spent budget, ends the search: the best candidate so far is the result, and `skipped` names
+    the others.
 
     Raises `InputError` where the record cannot identify anything.
 
@@ -142,6 +145,8 @@ def fit(
     if score == "sre":
         record, test = by_sequence(record), None if test is None else by_sequence(test)
     _check_choices(initial, conditioning, clocks, drift, score, starts, seed)
+    if budget is not None and not budget > 0:
+        raise InputError("bad-option", f"budget={budget} s; at least some time is needed.")
     kinds(noise)
     check_purpose(purpose)
     if (oscillator := oscillator_asked(model)) is not None:
@@ -195,7 +200,8 @@ def fit(
         initial, starts, seed, noise, parameters or {}, len(asked) == 1, say, drift == "keep",
         averages=model == "auto" and purpose == "predict",
     )  # fmt: skip
-    tried, skipped = _tried(asked, data, options)
+    until = np.inf if budget is None else begin + budget
+    tried, skipped = _tried(asked, data, options, until)
     chosen, *others = _ranked(tried, mixed=tells_little(data, like))
     best = with_repeatability(chosen.fit if options.alone else chosen.with_noise(noise, data))
     fits = [best, *(one.fit for one in others)]
@@ -234,9 +240,10 @@ def _behind_pasts(
 
 
 def _tried(
-    asked: tuple[Candidate, ...], data: TrainingData, options: Options
+    asked: tuple[Candidate, ...], data: TrainingData, options: Options, until: float
 ) -> tuple[list[Trial], dict[str, str]]:
-    """Every candidate that can be fitted, in the order of `asked`, and why the others cannot.
+    """Every candidate that can be fitted, in the order of `asked`, and why the others cannot; with one
+    found, none is begun after `until`.
 
     Raises `InputError` where none can, or where the only one cannot.
     """
@@ -245,6 +252,11 @@ def _tried(
     say = options.say
     for done, candidate in enumerate(asked, 1):
         since = time.perf_counter()
+        if tried and since > until:
+            skipped |= dict.fromkeys(
+                (one.name for one in asked[done - 1 :]), "no time was left for it."
+            )
+            break
         try:
             new = candidate.fitted(data, options)
         except InputError as error:

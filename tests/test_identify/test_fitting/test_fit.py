@@ -207,6 +207,18 @@ def test_an_interrupted_fit_gives_the_best_so_far(monkeypatch: pytest.MonkeyPatc
         fit(record, "Preisach, LinearSponge")
 
 
+def test_a_spent_budget_gives_the_best_so_far() -> None:
+    """A first model is fitted whatever the budget, and the others are named."""
+    u = np.sin(np.linspace(0.0, 20.0, 200))
+    record = Record.from_arrays(u, 2 * u + 0.01 * u**3)
+    result = fit(record, "LinearSponge, Preisach, Composition", budget=1e-6)
+    assert result.name == "LinearSponge"
+    assert set(result.skipped) == {"Preisach", "Composition"}
+    assert fit(record, "LinearSponge", budget=60.0).skipped == {}
+    with pytest.raises(InputError, match="budget"):
+        fit(record, "LinearSponge", budget=0.0)
+
+
 def test_json_is_strict_and_complete(sponge_fit: FitResult) -> None:
     text = json.dumps(to_json(sponge_fit), allow_nan=False)
     document = json.loads(text)
