@@ -9,7 +9,6 @@ import inspect
 import json
 import logging
 import os
-import re
 import sys
 import warnings
 from importlib.metadata import version as version_of
@@ -81,9 +80,6 @@ html_theme_options = {
     "dark_css_variables": {"color-brand-primary": "#6cb8e6", "color-brand-content": "#6cb8e6"},
 }
 
-_PATTERN = re.compile(
-    r"^([\w-]+\*)\n", re.MULTILINE
-)  # of a list of pages; Sphinx refuses a pattern without a match
 _HOMES = public.public_names()
 _CLASSES: dict[Any, str] = {value: home for home, value in _HOMES.items() if inspect.isclass(value)}
 _SHORT: dict[str, list[str]] = {}
@@ -95,7 +91,6 @@ _LINKS |= {home: home for home in _HOMES}
 
 def _read(app: Any, page: str, source: list[str]) -> None:
     text = cells.NAMES.sub(_documented, source[0])
-    text = _PATTERN.sub(lambda found: found[0] if any(HERE.glob(found[1])) else "", text)
     if error_codes.MARK in text:
         text = text.replace(error_codes.MARK, error_codes.table(HERE.parent))
     source[0] = cells.as_notebook(text)

@@ -1,4 +1,4 @@
-"""The filters of `docs/three-estimators.md` without JAX: an exported compensator whose error is a state.
+"""The filters of `docs/in-an-estimator.md` without JAX: an exported compensator whose error is a state.
 
 The same presses as in `estimators`. The file says how large the error is (its deviation), which part of it
 lasts, and how long; nothing else is learnt.
