@@ -21,7 +21,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 import identify
-from hysteresis import BoucWenForce, CoupledOscillators, Record, parameters
+from hysteresis import Record
 
 from ._dynamics.plants import (
     NOISE,
@@ -181,34 +181,6 @@ def posterior(quick: bool) -> list[Row]:
     ]
 
 
-def chain(quick: bool) -> list[Row]:
-    """Two masses, the first link hysteretic, fitted from start values 15 to 45 % off."""
-    random = np.random.default_rng(0)
-    t = np.arange(400) / 400
-    lines = [np.sin(2 * np.pi * f * t + random.uniform(0, 2 * np.pi)) for f in range(8, 40, 2)]
-    u = 10 * np.sum(lines, 0) * np.minimum(1, 20 * t)
-    spring = BoucWenForce(alpha=2e4, beta_gamma=900.0, beta_delta=-300.0)
-    truth = CoupledOscillators([2.0, 1.0], [10.0, 8.0], [3e4, 2e4], (spring, None), substeps=3)
-    y = np.asarray(truth.simulate(t, u))
-    y = y + 0.005 * y.std() * random.normal(size=len(y))
-    spring = BoucWenForce(alpha=2.4e4, beta_gamma=500.0, beta_delta=0.0)
-    start = CoupledOscillators([2.3, 0.9], [14.0, 6.0], [2.6e4, 2.3e4], (spring, None), substeps=3)
-    record = Record.from_arrays(u, y, t, input_unit="N", output_unit="m")
-    begin = time.process_time()
-    fit = identify.fit(record, start, starts=1)
-    taken = time.process_time() - begin
-    values = {name: np.ravel(value) for name, _, value in parameters(truth) if value is not None}
-    off = []
-    for one in fit.parameters:
-        name, _, place = one.name.rpartition(".")
-        wanted = values[name][int(place)] if place.isdigit() else values[one.name][0]
-        off += [] if one.stderr is None else [abs(one.value - wanted) / one.stderr]
-    return [
-        noted("chain of two masses from given starts, worst of nine (standard errors)", max(off)),
-        noted("processor time, chain of two masses, 400 rows (s)", taken),
-    ]
-
-
 def blind(quick: bool) -> list[Row]:
     """Only a mass and some hysteresis is said."""
     seeds = {"boucwen": 2 if quick else 5, "drawn": 1 if quick else 5, "iwan": 1 if quick else 5,
@@ -247,7 +219,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     jax.config.update("jax_enable_x64", True)
     identify.fit(as_record(*training(1, samples=PERIOD // 4, periods=2)), KNOWN)
     parts = {"known": known, "short": short, "blind": blind, "coloured": coloured,
-             "posterior": posterior, "chain": chain, "step": stepped}  # fmt: skip
+             "posterior": posterior, "step": stepped}  # fmt: skip
     run_parts("benchmarks.dynamics", __doc__, parts, arguments)
 
 

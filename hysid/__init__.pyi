@@ -21,7 +21,6 @@ from hysteresis import BoucWen as BoucWen
 from hysteresis import BoucWenForce as BoucWenForce
 from hysteresis import Burgers as Burgers
 from hysteresis import Conditioned as Conditioned
-from hysteresis import CoupledOscillators as CoupledOscillators
 from hysteresis import CyclicDrift as CyclicDrift
 from hysteresis import DegradingBoucWen as DegradingBoucWen
 from hysteresis import DuhemForce as DuhemForce

@@ -20,17 +20,13 @@ from ._quantities import conversion as conversion
 from ._quantities import with_units as with_units
 from ._registry import model_names as model_names
 from ._registry import register as register
-from .dynamics._coupled import CoupledOscillators as CoupledOscillators
-from .dynamics._coupled import CoupledState as CoupledState
 from .dynamics._feedback import Feedback as Feedback
 from .dynamics._generalized_plays import GeneralizedPlays as GeneralizedPlays
 from .dynamics._input_force import InputForce as InputForce
 from .dynamics._input_force import input_force as input_force
 from .dynamics._oscillator import Oscillator as Oscillator
-from .dynamics._rate_form import AbstractRateForm as AbstractRateForm
 from .dynamics._rate_form import BoucWenForce as BoucWenForce
 from .dynamics._rate_form import DuhemForce as DuhemForce
-from .dynamics._rate_form import RateState as RateState
 from .dynamics._recorder import decimated as decimated
 from .dynamics._recorder import interpolated as interpolated
 from .dynamics._recorder import stages_of as stages_of

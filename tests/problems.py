@@ -16,7 +16,6 @@ from hysteresis import (
     BoucWen,
     BoucWenForce,
     Burgers,
-    CoupledOscillators,
     DuhemForce,
     DuhemOperator,
     FoamCurve,
@@ -464,50 +463,6 @@ def _duhem_known(model: AbstractModel) -> Known:
     return np.array(u), np.array(u), np.array(y)
 
 
-def _links(rng: np.random.Generator) -> tuple[AbstractModel, AbstractModel]:
-    plays = GeneralizedPlays([0.3], [2.0], [rng.uniform(-1, -0.5), rng.uniform(0.5, 1)], (2,))
-    force = BoucWenForce(rng.uniform(0.5, 1), rng.uniform(0.02, 0.04), -rng.uniform(0.01, 0.02))
-    return force, Sum(force, plays)
-
-
-def _coupled(rng: np.random.Generator) -> CoupledOscillators:
-    """A chain, slower than the clocks of the histories as the single oscillator is."""
-    mass, damping, stiffness = (rng.uniform(a, b, 2) for a, b in ((300, 500), (5, 10), (1, 2)))
-    return CoupledOscillators(mass, damping, stiffness, _links(rng), substeps=2)
-
-
-def _coupled_known(model: AbstractModel) -> Known:
-    """One step of Newmark's method from rest, by repeated substitution: the play rests."""
-    assert isinstance(model, CoupledOscillators)
-    M, C, K, L = (np.asarray(one) for one in model.system())
-    forces = [model.hysteresis[0], model.parts[1][1]]
-    plays = model.parts[2][1]
-    assert isinstance(plays, GeneralizedPlays)
-    rest = np.array([0.0, float(np.asarray(plays.values).mean())])
-    alpha, gamma, delta = (
-        np.array([float(getattr(one, name)) for one in forces])
-        for name in ("alpha", "beta_gamma", "beta_delta")
-    )
-
-    def slope(w: np.ndarray, z: np.ndarray) -> np.ndarray:
-        side = np.where(w < 0, -1.0, 1.0)
-        return w * (alpha - (side * np.sign(z) * gamma + delta) * np.abs(z))
-
-    t, u, h = np.array([0.0, 0.2]), np.array([0.0, 1.0]), 0.1
-    y = v = z = np.zeros(2)
-    a = np.linalg.solve(M, -L.T @ rest)
-    for share in (0.5, 1.0):
-        push = np.zeros(2)
-        push[model.driven] = share
-        y1, v1, a1, z1 = y, v, a, z
-        for _ in range(60):
-            y1, v1 = y + h * v + h * h / 4 * (a + a1), v + h / 2 * (a + a1)
-            z1 = z + h / 2 * (slope(L @ v, z) + slope(L @ v1, z1))
-            a1 = np.linalg.solve(M, push - C @ v1 - K @ y1 - L.T @ (z1 + rest))
-        y, v, a, z = y1, v1, a1, z1
-    return t, u, np.array([0.0, y[model.observed]])
-
-
 def _density_problem(name: str, make_density: Make, *tags: Tag) -> Problem:
     make = _with_density(make_density)
     return Problem(name, make, LOW, HIGH, frozenset({"lagging", *tags}), _density_known)
@@ -606,17 +561,12 @@ PROBLEMS: tuple[Problem, ...] = (
     Problem(
         "oscillator", _oscillator, LOW, HIGH, frozenset[Tag]({"rates", "no-inverse"}), _oscillator_known
     ),
-    Problem(
-        "coupled-oscillators", _coupled, LOW, HIGH, frozenset[Tag]({"rates", "no-inverse"}),
-        _coupled_known,
-    ),
 )  # fmt: skip
 
 VARIANTS = frozenset({
     "sponge", "burgers-lagging-constant", "burgers-leading-linear", "maxwell", "standard-solid",
     "scaled", "preisach-negative", "preisach-positive", "preisach-sparse", "preisach-signed",
     "warped-grid", "play-leading-bent", "stops-by-span", "rate-forms",
-    "coupled-oscillators",
 })  # fmt: skip
 """Problems whose code another one runs too, with other numbers or signs, or in another order."""
 

@@ -6,9 +6,11 @@ import jax
 import numpy as np
 
 from hysteresis import (
-    CoupledOscillators,
+    BoucWenForce,
     CyclicDrift,
     DegradingBoucWen,
+    DuhemForce,
+    GeneralizedPlays,
     InputError,
     LinearSponge,
     MonotoneCurve,
@@ -124,11 +126,11 @@ def _check_slopes(model: Preisach) -> None:
 
 
 @inverse_of.register
-def _(model: StopsAndPowers) -> AbstractCompensator:
+def _(model: StopsAndPowers | BoucWenForce | DuhemForce | GeneralizedPlays) -> AbstractCompensator:
     raise InputError(
         "not-invertible",
-        "stops of any sign and powers need not rise with their input.",
-        cause="StopsAndPowers is what a channel of hysteresis.Feedback has beside its straight line.",
+        f"the output of a {type(model).__name__} need not rise with its input.",
+        cause="its stiffnesses may have either sign.",
         fix="fit PrandtlIshlinskii, or a sum of parts that rise.",
     )
 
@@ -151,15 +153,4 @@ def _(model: Oscillator) -> AbstractCompensator:
         " noise.",
         fix="hysteresis.input_force(model, t, displacement, band=...) estimates the force in a band of"
         " frequencies from a whole record; invert(model.hysteresis) is the inverse without the mass.",
-    )
-
-
-@inverse_of.register
-def _(model: CoupledOscillators) -> AbstractCompensator:
-    raise InputError(
-        "not-invertible",
-        "the force on coupled oscillators cannot be recovered sample by sample.",
-        cause="a mass answers with an acceleration, and the second derivative of a noisy displacement is"
-        " noise.",
-        fix="invert(model.hysteresis[k]) is the inverse of a link without the masses.",
     )

@@ -10,6 +10,7 @@ step solves it with each channel replaced by its equivalent gain, and the last s
 Cost of a step: one pass of the laws.
 """
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -158,6 +159,86 @@ class Feedback(eqx.Module):
                 f"delay={self.delay:g}, memory={self.memory:g}.",
                 fix="give a delay of 0 or more and a memory above 0.",
             )
+
+    @classmethod
+    def of_masses(
+        cls,
+        mass: ArrayLike,
+        damping: ArrayLike,
+        stiffness: ArrayLike,
+        hysteresis: Sequence[AbstractModel | None] = (),
+        links: ArrayLike | None = None,
+    ) -> "Feedback":
+        """Masses with dampers, springs and hysteretic links between them.
+
+            M y'' + C y' + K y + L' z[L y] = u
+
+        Inputs are the forces u on all masses, outputs their displacements y; L y are the stretches of the
+        links, and z their hysteretic forces. A row of L says what stretches a link: (1, -1) is the
+        difference of two coordinates, (0, 1) the second one against the ground. Without `links` the masses
+        are a chain from a wall outwards, and link l joins mass l to the one before.
+
+        **Arguments:**
+
+        - `mass`: (n,) masses, or (n, n) a symmetric, positive definite matrix.
+        - `damping`, `stiffness`: (l,) of the dampers and springs beside each link, or (n, n) symmetric
+          matrices. Every mode has to decay.
+        - `hysteresis`: a model of each link's force over its stretch, or None for a link without.
+
+        Raises `InputError` where shapes differ, a matrix is not symmetric, a mass is not positive, or a
+        mode does not decay.
+
+        Source: Clough and Penzien, Dynamics of Structures (1993).
+
+        **Example:**
+
+            >>> spring = hysteresis.BoucWenForce(alpha=5e4, beta_gamma=800.0)
+            >>> chain = hysteresis.Feedback.of_masses([2.0, 1.0], [10.0, 10.0], [5e4, 3e4], (spring, None))
+            >>> force = 40 * np.sin(np.arange(64) / 4)
+            >>> y = chain.simulate(np.stack([0 * force, force], 1), dt=1 / 750)
+            >>> (1e3 * np.abs(y).max(0)).round(2).tolist()
+            [1.71, 3.18]
+        """
+        M, C, K = (np.asarray(x, float) for x in (mass, damping, stiffness))
+        n = M.shape[-1] if M.ndim else 0
+        L = (
+            np.eye(n) - np.eye(n, k=-1)
+            if links is None
+            else np.atleast_2d(np.asarray(links, float))
+        )
+        sizes, count = [x.shape for x in (M, C, K, L)], len(L)
+        models = tuple(hysteresis) or (None,) * count
+        fits = sizes[0] in ((n,), (n, n)) and all(s in ((count,), (n, n)) for s in sizes[1:3])
+        if n < 1 or not fits or sizes[3] != (count, n) or len(models) != count:
+            raise InputError(
+                "length-mismatch",
+                f"masses, dampings, stiffnesses and links of the shapes {', '.join(map(str, sizes))}, and"
+                f" {len(models)} entries of hysteresis.",
+                fix="give n masses or an n by n matrix, and of the others one a link or an n by n matrix.",
+            )
+        M = np.diag(M) if M.ndim == 1 else M
+        C, K = (x if x.ndim == 2 else L.T @ (x[:, None] * L) for x in (C, K))
+        if (
+            not all(np.allclose(x, x.T, rtol=1e-9, atol=0) for x in (M, C, K))
+            or not (np.linalg.eigvalsh(M) > 0).all()
+        ):
+            raise InputError(
+                "parameter-out-of-bounds",
+                "a matrix is not symmetric, or a mass is not positive.",
+                cause="without a mass the force sets no acceleration.",
+                fix="give the matrices of an assembled structure, and positive masses.",
+            )
+        drives = L[[one is not None for one in models]]
+        into = np.linalg.solve(M, np.hstack([np.eye(n), -drives.T]))
+        motion = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, np.hstack([K, C]))]])
+        poles, right = np.linalg.eig(motion)
+        # One of each pair, whose conjugate `response` adds; half of a real pole, which is its own.
+        kept, counts = np.imag(poles) >= 0, np.where(np.imag(poles) == 0, 0.5, 1.0)
+        entries = np.linalg.inv(right)[kept, n:] @ into
+        shapes = np.vstack([np.eye(n), drives]) @ (right[:n] * counts)[:, kept]
+        channels = [one for one in models if one is not None]
+        direct = np.zeros((n + len(drives), n + len(drives)))
+        return cls(poles[kept], entries, shapes, direct, 0.0, channels, np.zeros(len(drives)))
 
     @property
     def inputs(self) -> int:

@@ -4,19 +4,20 @@ from collections.abc import Sequence
 from typing import Any
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from .._model import AbstractSteppedModel
+from .._law_model import AbstractLawModel
+from .._model import Tree
 from .._parameter import as_float, is_concrete, parameter
 from .._registry import register
+from ..trees import node
 
 
 @register
-class GeneralizedPlays(AbstractSteppedModel[Array]):
+class GeneralizedPlays(AbstractLawModel):
     """Generalised Prandtl-Ishlinskii operator: a sum of curves, each of the play of one radius.
 
         y = sum of g_j(p_j),     p_j the play of radius r_j of the input
@@ -73,15 +74,15 @@ class GeneralizedPlays(AbstractSteppedModel[Array]):
                 "parameter-out-of-bounds", "a radius is negative, or a reach is not positive."
             )
 
-    def init(self, t0: Any = None, u0: Any = None) -> Array:
-        return jnp.zeros_like(self.radii)
+    def laws(self, eps: float, depth: int) -> Tree:
+        numbers = curves_of(self.radii, self.reach, self.knots, self.values)
+        return node("curves_of_plays", numbers, {"u": 0.0, "play": np.zeros(len(self.knots))})
 
-    def step(self, state: Array, t: Any, u: Any) -> tuple[Array, Float[Array, ""]]:
-        plays = jnp.clip(state, u - self.radii, u + self.radii)
-        knots = np.array(self.knots)
-        cells = jnp.asarray(knots - 1, plays.dtype)
-        place = (plays + self.reach) * cells / (2 * self.reach)
-        cell = jnp.clip(jnp.floor(jax.lax.stop_gradient(place)), 0.0, cells - 1.0)
-        lower = cell.astype(int) + (np.cumsum(knots) - knots)
-        rise = self.values[lower + 1] - self.values[lower]
-        return plays, jnp.sum(self.values[lower] + rise * (place - cell))
+
+def curves_of(radii: Any, reach: Any, knots: Any, heights: Any) -> Tree:
+    """Plays and their curves as a law knows them."""
+    knots = np.asarray(knots, float)
+    return {
+        "plays": len(knots), "radii": radii, "low": -reach, "scale": (knots - 1) / (2 * reach),
+        "first": np.cumsum(knots) - knots, "cells": knots - 1, "heights": jnp.asarray(heights),
+    }  # fmt: skip

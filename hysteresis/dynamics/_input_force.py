@@ -2,7 +2,6 @@
 
 from typing import NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
@@ -10,7 +9,7 @@ from numpy.typing import ArrayLike
 from .._errors import InputError
 from .._precision import in_own_precision
 from ._oscillator import Oscillator
-from ._rate_form import AbstractRateForm
+from ._rate_form import BoucWenForce, DuhemForce
 from ._recorder import continued, interpolated
 
 FINER = 8
@@ -86,10 +85,9 @@ def input_force(
     z = np.zeros(len(path))
     clock = np.arange(len(path)) * dt / FINER
     for part in model.parts:
-        state = part.init()
-        if isinstance(part, AbstractRateForm):
-            state = state._replace(u=jnp.asarray(path[0]))
-        z += np.asarray(part.simulate(clock, path, state))
+        # A force in rate form is 0 where the record begins; plays know where that is.
+        begin = path[0] if isinstance(part, BoucWenForce | DuhemForce) else 0.0
+        z += np.asarray(part.simulate(clock, path - begin))
     z = (z[-len(fine) :] if periodic else z)[::FINER]
     if not periodic:  # it comes back to where it began, so that the band can be cut out of it
         after = len(z) - len(y)

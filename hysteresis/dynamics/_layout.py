@@ -15,8 +15,8 @@ from ..models._compose import Sum
 from ..models._viscoelastic_chain import Known
 from ..running import Numbers, place_of
 from ..trees import node
-from ._generalized_plays import GeneralizedPlays
-from ._rate_form import AbstractRateForm, BoucWenForce, DuhemForce
+from ._generalized_plays import GeneralizedPlays, curves_of
+from ._rate_form import BoucWenForce, DuhemForce
 
 MOTION = ("y", "v", "z")
 """Of the law's state: displacement, velocity and force in rate form."""
@@ -48,17 +48,14 @@ class Layout:
         """The law of a mass, damping and stiffness around it, at rest."""
         mass, damping, stiffness = plant
         knots, plays = self.rate.shape[1], len(self.radii)
-        cells = np.asarray(self.counts, float) - 1
         return node(
             "oscillator",
             {
                 "substeps": substeps, "mass": mass, "damping": damping, "stiffness": stiffness,
                 "knots": knots, "limit": self.limit,
                 "per": (knots - 1) / (2 * self.limit) if knots else 0.0,
-                "rate": jnp.asarray(self.rate), "plays": plays, "radii": self.radii,
-                "low": -self.reach, "scale": cells / (2 * self.reach),
-                "first": self.first[:-1].astype(float), "cells": cells,
-                "heights": jnp.asarray(self.heights),
+                "rate": jnp.asarray(self.rate),
+                **curves_of(self.radii, self.reach, self.counts, self.heights),
             },
             {
                 "begun": 0, "y": 0.0, "v": 0.0, "a": 0.0, "z": 0.0, "force": 0.0,
@@ -72,7 +69,7 @@ def layout_of(model: AbstractModel) -> Layout | None:
     parts = model.parts if isinstance(model, Sum) else (model,)
     found, xp = Layout(), array_module(*jax.tree.leaves(model))
     for part in parts:
-        if isinstance(part, AbstractRateForm):
+        if isinstance(part, BoucWenForce | DuhemForce):
             rate = _rate_of(part, xp)
             if rate is None or found.rate.size:
                 return None
@@ -87,13 +84,13 @@ def layout_of(model: AbstractModel) -> Layout | None:
     return found
 
 
-def _rate_of(part: AbstractRateForm, xp: Any) -> tuple[Any, Any] | None:
+def _rate_of(part: BoucWenForce | DuhemForce, xp: Any) -> tuple[Any, Any] | None:
     """Values at knots and the outermost knot; None where f is not straight between knots, and NaN where
     that is not known yet."""
     if isinstance(part, DuhemForce):
         both = xp.stack([xp.asarray(part.rising, float), xp.asarray(part.falling, float)])
         return both, float(part.limit) if xp is np else part.limit
-    if not isinstance(part, BoucWenForce) or (is_concrete(part.n) and float(part.n) != 1.0):
+    if is_concrete(part.n) and float(part.n) != 1.0:
         return None
     a, g, d = (xp.asarray(x, float) for x in (part.alpha, part.beta_gamma, part.beta_delta))
     rate = xp.array([[a + g - d, a, a - g - d], [a - g - d, a, a + g - d]])

@@ -1,7 +1,7 @@
 """A mass on a spring, a damper and a hysteretic force."""
 
 from dataclasses import replace
-from typing import Any, ClassVar, TypeAlias
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -10,18 +10,13 @@ from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
 from .._errors import InputError
-from .._law_model import AbstractLawModel, LawInput
-from .._model import AbstractModel, Series, Tree, evaluated
+from .._law_model import AbstractLawModel, LawInput, LawState
+from .._model import AbstractModel, Series, Tree
 from .._parameter import Scalar, is_concrete, parameter
 from .._registry import register
 from ..models._compose import Sum
 from ..running import Numbers, numbers_of, place_of
-from ._coupled import CoupledOscillators
 from ._layout import before_first, layout_of
-from ._rate_form import BoucWenForce, RateState
-
-Motion: TypeAlias = Any
-"""`LawState` or `CoupledState`."""
 
 
 class OscillatorLaw(AbstractLawModel):
@@ -50,27 +45,26 @@ class OscillatorLaw(AbstractLawModel):
 
 
 @register
-class Oscillator(AbstractModel[Any, Any]):
+class Oscillator(AbstractModel[LawState, LawInput]):
     """A mass on a spring, a damper and a hysteretic force, driven by a force.
 
         m y'' + c y' + k y + z[y] = u
 
     The input is the force u, the output the displacement y. It starts at rest, with y = z = 0. Each sample
-    is reached by `substeps` steps of Newmark's average acceleration, of second order, or by the classical
-    Runge-Kutta method, of fourth order between the turning points; the force is straight between its
-    samples, or held. A part in rate form (`BoucWenForce`, `DuhemForce`) is integrated together with the
-    motion, others follow the displacement exactly.
+    is reached by `substeps` steps of Newmark's average acceleration, of second order; the force is straight
+    between its samples, or held. A part in rate form is integrated together with the motion, plays follow
+    the displacement exactly.
 
     **Arguments:**
 
     - `mass`, `damping`, `stiffness`: m > 0, c >= 0 and k.
-    - `hysteresis`: any model of a force over a displacement, or a `Sum` of several; also one that depends
-      on the velocity.
+    - `hysteresis`: a `BoucWenForce` of n = 1, a `DuhemForce`, `GeneralizedPlays`, or a `Sum` of plays and
+      at most one of the others. `Feedback.of_masses` takes any model.
     - `substeps`: steps of the integration to a sample.
-    - `integrator`: `"newmark"` or `"runge-kutta"`.
     - `between`: the force between its samples, `"linear"` or `"held"`.
 
-    Raises `InputError` where the mass is not positive, a choice is unknown, or times are missing.
+    Raises `InputError` where the mass is not positive, the hysteresis is made of something else, a choice
+    is unknown, or times are missing.
 
     Source: Newmark 1959; the plant is that of Noël and Schoukens 2016.
 
@@ -92,21 +86,19 @@ class Oscillator(AbstractModel[Any, Any]):
     )
     hysteresis: AbstractModel  # pyright: ignore[reportGeneralTypeIssues]  (`parameter` has no default here)
     substeps: int = eqx.field(default=20, static=True)
-    integrator: str = eqx.field(default="newmark", static=True)
     between: str = eqx.field(default="linear", static=True)
     moved_by_force: ClassVar[bool] = True
 
     def __check_init__(self) -> None:
-        if not isinstance(self.hysteresis, AbstractModel):
+        if not isinstance(self.hysteresis, AbstractModel) or layout_of(self.hysteresis) is None:
             raise InputError(
-                "bad-parts", "the hysteresis is not a model.", fix="give a model, or a Sum."
+                "bad-parts",
+                "the hysteresis is not made of plays and one force in rate form.",
+                fix="give GeneralizedPlays, a BoucWenForce of n = 1 or a DuhemForce, or a Sum;"
+                " Feedback.of_masses takes any model.",
             )
-        for name, value, known in (
-            ("integrator", self.integrator, ("newmark", "runge-kutta")),
-            ("between", self.between, ("linear", "held")),
-        ):
-            if value not in known:
-                raise InputError("bad-option", f"{name}={value!r}; have {', '.join(known)}.")
+        if self.between not in ("linear", "held"):
+            raise InputError("bad-option", f"between={self.between!r}; have linear, held.")
         if self.substeps < 1:
             raise InputError("bad-option", f"substeps={self.substeps}; at least 1.")
         if is_concrete(self.mass) and not np.all(np.asarray(self.mass) > 0):
@@ -122,18 +114,13 @@ class Oscillator(AbstractModel[Any, Any]):
         """The hysteresis, or the parts of its sum."""
         return self.hysteresis.parts if isinstance(self.hysteresis, Sum) else (self.hysteresis,)
 
-    def init(self, t0: Any = None, u0: Any = None) -> Motion:
-        return self._run_by().init(t0, u0)
+    def init(self, t0: Any = None, u0: Any = None) -> LawState:
+        return self._law().init(t0, u0)
 
-    def moving(self, displacement: float, velocity: float, force: float = 0.0) -> Motion:
+    def moving(self, displacement: float, velocity: float, force: float = 0.0) -> LawState:
         """The state before a first sample that finds the mass in motion, with this `force` in rate form."""
-        inner, state = self._run_by(), self.init()
-        if isinstance(inner, OscillatorLaw):
-            now = before_first(inner.numbers(), (displacement, velocity, force))
-            return state._replace(numbers=jnp.asarray(now))
-        y, v, z = (jnp.asarray(x, state.force.dtype) for x in (displacement, velocity, force))
-        parts = (x._replace(u=y, z=z) if isinstance(x, RateState) else x for x in state.parts)
-        return state._replace(displacement=y[None], velocity=v[None], parts=tuple(parts))
+        now = before_first(self._law().numbers(), (displacement, velocity, force))
+        return self.init()._replace(numbers=jnp.asarray(now))
 
     def displacement(
         self, t: ArrayLike, force: ArrayLike, *, starts: tuple[int, ...] = (0,)
@@ -141,42 +128,40 @@ class Oscillator(AbstractModel[Any, Any]):
         """`simulate`, by NumPy."""
         return np.asarray(self.simulate(np.asarray(t, float), np.asarray(force), starts=starts))
 
-    def step(self, state: Motion, t: Any, u: Any) -> tuple[Motion, Float[Array, ""]]:
-        inner = self._run_by()
+    def step(self, state: LawState, t: Any, u: Any) -> tuple[LawState, Float[Array, ""]]:
+        law = self._law()
         if self.between == "held" and t is not None:
             before = jnp.where(jnp.isnan(state.t), jnp.asarray(u, float), self._force(state))
-            state, _ = inner.step(state, t, before)
-        return inner.step(state, t, u)
+            state, _ = law.step(state, t, before)
+        return law.step(state, t, u)
 
     def prepare(
         self,
         t: Series | None,
         u: Series,
-        state: Motion | None = None,
+        state: LawState | None = None,
         *,
         starts: tuple[int, ...] = (0,),
-    ) -> Any:
+    ) -> LawInput:
         state = self.init() if state is None else state
         t, u, starts = self._rows(t, u, state, starts)
-        return self._run_by().prepare(t, u, state, starts=starts)
+        return self._law().prepare(t, u, state, starts=starts)
 
-    def evaluate(self, prepared: Any) -> Float[Array, " samples"]:
-        # What was prepared says which it is: while JAX traces it may not be known.
-        law = self._law() if isinstance(prepared, LawInput) else None
-        found = law.evaluate(prepared) if law else evaluated(self._chain(), prepared)
+    def evaluate(self, prepared: LawInput) -> Float[Array, " samples"]:
+        found = self._law().evaluate(prepared)
         return found[::2] if self.between == "held" else found
 
     def follow(
-        self, t: Series | None, u: Series, state: Motion | None = None
-    ) -> tuple[Motion, Float[Array, " samples"]]:
+        self, t: Series | None, u: Series, state: LawState | None = None
+    ) -> tuple[LawState, Float[Array, " samples"]]:
         """All samples at once: (state after the last one, outputs)."""
         state = self.init() if state is None else state
         t, u, _ = self._rows(t, u, state, (0,))
-        after, found = self._run_by().stream(t, u, state)
+        after, found = self._law().stream(t, u, state)
         return after, found[::2] if self.between == "held" else found
 
     def _rows(
-        self, t: Any, u: Any, state: Motion, starts: tuple[int, ...]
+        self, t: Any, u: Any, state: LawState, starts: tuple[int, ...]
     ) -> tuple[Any, Any, tuple[int, ...]]:
         """What is run: a held force is straight up to each sample, as it was at the one before, and another
         row after no time has the new one."""
@@ -188,40 +173,22 @@ class Oscillator(AbstractModel[Any, Any]):
         both = jnp.stack([before, u], 1).ravel()
         return jnp.repeat(jnp.asarray(t), 2), both, tuple((2 * first).tolist())
 
-    def _force(self, state: Motion) -> Array:
+    def _force(self, state: LawState) -> Array:
         """That of the last sample."""
-        inner = self._run_by()
-        if not isinstance(inner, OscillatorLaw):
-            return state.force[0]
-        known, m = inner.numbers()
+        known, m = self._law().numbers()
         return state.numbers[place_of(known, "force") - len(m)]
 
-    def _run_by(self) -> Any:
-        """Its law, or where there is none, or that is not known yet, a chain of one mass."""
-        known = all(is_concrete(x.n) for x in self.parts if isinstance(x, BoucWenForce))
-        return (known and self._law()) or self._chain()
-
-    def _chain(self) -> CoupledOscillators:
-        m, c, k = (jnp.asarray(x)[None] for x in (self.mass, self.damping, self.stiffness))
-        return CoupledOscillators(
-            m, c, k, (self.hysteresis,), substeps=self.substeps, integrator=self.integrator
-        )
-
-    def _law(self) -> OscillatorLaw | None:
-        if self.integrator != "newmark" or layout_of(self.hysteresis) is None:
-            return None
+    def _law(self) -> OscillatorLaw:
         plant = self.mass, self.damping, self.stiffness
         return OscillatorLaw(plant, self.hysteresis, self.substeps)
 
     def laws(self, eps: float, depth: int) -> Tree:
         """Its `find` goes from force to displacement."""
-        law = self._law()
-        if law is None or self.between != "linear":
+        if self.between != "linear":
             raise InputError(
                 "not-exportable",
                 "this oscillator cannot be exported.",
-                cause="its hysteresis is not made of plays and one BoucWenForce (n = 1) or DuhemForce, or"
-                " it is not integrated by Newmark's method with a straight force.",
-                fix="fit it with identify.fit(record, 'Oscillator').",
+                cause="its force is held between samples.",
+                fix="give between='linear'.",
             )
-        return law.laws(eps, depth)
+        return self._law().laws(eps, depth)

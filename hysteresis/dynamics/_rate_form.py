@@ -1,71 +1,30 @@
-"""Operators in rate form: a hysteretic force whose rate is proportional to the velocity."""
+"""Hysteretic forces in rate form: of one state, whose rate goes with the velocity."""
 
-import abc
-from typing import Any, NamedTuple
+from typing import Any
 
-import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
 
 from .._errors import InputError
-from .._model import AbstractSteppedModel
+from .._law_model import AbstractLawModel
+from .._model import Tree
 from .._parameter import Scalar, is_concrete, parameter
 from .._registry import register
-from ..numerics._newton import root_of
-from ._runge_kutta import runge_kutta
+from ..trees import node
 
-RUNGE_KUTTA_STEPS = 4
-
-
-class RateState(NamedTuple):
-    """The input and the hysteretic force."""
-
-    u: Array
-    z: Array
+STEPS = 4
+"""Of the Runge-Kutta method to a sample."""
 
 
-class AbstractRateForm(AbstractSteppedModel[RateState]):
-    """A hysteretic force z of one state, z' = f+(z) v while the velocity v > 0 and f-(z) v while v < 0.
-
-    By itself it is a rate-independent operator from u to z, integrated along the way of u. In an
-    `Oscillator` it is integrated together with the motion.
-    """
-
-    @abc.abstractmethod
-    def slope(self, z: Any, falling: Any) -> Array:
-        """dz/du at z: f-(z) where `falling`, else f+(z)."""
-
-    def init(self, t0: Any = None, u0: Any = None) -> RateState:
-        zero = jnp.zeros_like(
-            jnp.asarray(jax.tree.leaves(eqx.filter(self, eqx.is_array))[0]).ravel()[0]
-        )
-        return RateState(zero, zero)
-
-    def step(self, state: RateState, t: Any, u: Any) -> tuple[RateState, Float[Array, ""]]:
-        u = jnp.asarray(u, state.u.dtype)
-        z = self.along(state.z, u - state.u)
-        return RateState(u, z), z
-
-    def along(self, z: Array, way: Array) -> Array:
-        """z after a way of one direction, by the classical Runge-Kutta method."""
-        falling, h = way < 0, way / RUNGE_KUTTA_STEPS
-        for _ in range(RUNGE_KUTTA_STEPS):
-            z = runge_kutta(lambda x, _: self.slope(x, falling), z, h)
-        return z
-
-    def after(self, z: Array, v: Array, v1: Array, h: Array) -> Array:
-        """z one step later by the trapezoidal rule, z1 = z + h/2 (z'(v, z) + z'(v1, z1))."""
-        before = z + 0.5 * h * v * self.slope(z, v < 0)
-        found = root_of(
-            lambda z1: z1 - before - 0.5 * h * v1 * self.slope(z1, v1 < 0), before[None]
-        )
-        return found[0]
+def _law(**parameters: Any) -> Tree:
+    table = {"knots": 0, "per": 0.0, "rate": np.zeros(2)}
+    powers = {"alpha": 0.0, "gamma": 0.0, "delta": 0.0, "n": 1.0}
+    known = {"steps": STEPS, **table, **powers} | parameters
+    return node("rate_form", known, {"u": 0.0, "z": 0.0})
 
 
 @register
-class BoucWenForce(AbstractRateForm):
+class BoucWenForce(AbstractLawModel):
     """Bouc-Wen's hysteretic force in its original form, also of mixed sign.
 
         z' = alpha v - beta_gamma |v| |z|^(n-1) z - beta_delta v |z|^n
@@ -109,16 +68,12 @@ class BoucWenForce(AbstractRateForm):
                     fix=f"give a value {'above' if strictly else 'of at least'} {least:g}.",
                 )
 
-    def slope(self, z: Any, falling: Any) -> Array:
-        size = jnp.abs(z)
-        safe = jnp.where(size > 0, size, 1.0)
-        power = jnp.where(size > 0, safe**self.n, 0.0)
-        side = jnp.where(falling, -1.0, 1.0) * jnp.sign(z)
-        return self.alpha - (side * self.beta_gamma + self.beta_delta) * power
+    def laws(self, eps: float, depth: int) -> Tree:
+        return _law(alpha=self.alpha, gamma=self.beta_gamma, delta=self.beta_delta, n=self.n)
 
 
 @register
-class DuhemForce(AbstractRateForm):
+class DuhemForce(AbstractLawModel):
     """Duhem operator: the slope of the force depends on the force and on the direction of motion.
 
         dz = rising(z) du  while u rises,     dz = falling(z) du  while u falls
@@ -162,10 +117,7 @@ class DuhemForce(AbstractRateForm):
                 "parameter-out-of-bounds", f"limit = {self.limit}.", fix="give a positive one."
             )
 
-    def slope(self, z: Any, falling: Any) -> Array:
-        values = jnp.where(falling, self.falling, self.rising)
-        count = values.shape[-1]
-        place = (z + self.limit) * (count - 1) / (2 * self.limit)
-        cell = jnp.clip(jnp.floor(jax.lax.stop_gradient(place)), 0.0, count - 2.0)
-        at = cell.astype(int)
-        return values[at] + (values[at + 1] - values[at]) * (place - cell)
+    def laws(self, eps: float, depth: int) -> Tree:
+        knots = self.rising.shape[-1]
+        rate = jnp.concatenate([jnp.asarray(x) for x in (self.rising, self.falling)])
+        return _law(knots=knots, per=(knots - 1) / (2 * self.limit), rate=rate)

@@ -4,6 +4,7 @@ Source: Newmark 1959.
 """
 
 from ._codes import OK, Reals
+from ._search import even_cell
 
 
 class Parameters:
@@ -50,19 +51,9 @@ class State:
     stretch: float
 
 
-def cell(count: int, place: float) -> int:
-    """The cell of a place among `count` cells, the outer ones without end."""
-    k = 0
-    if place > 0.0:
-        k = count - 1
-        if place < k:
-            k = int(place)
-    return k
-
-
 def rated(p: Parameters, s: State, falling: int) -> None:
     """f and its slope along z."""
-    k = cell(p.knots - 1, (s.z + p.limit) * p.per)
+    k = even_cell(p.knots - 1, (s.z + p.limit) * p.per)
     first = p.knots + k if falling else k
     s.steep = (p.rate[first + 1] - p.rate[first]) * p.per
     s.f = p.rate[first] + (p.rate[first + 1] - p.rate[first]) * ((s.z + p.limit) * p.per - k)
@@ -83,7 +74,7 @@ def pulled(p: Parameters, s: State, y: float) -> None:
             far = -p.radii[j]
             moves = 1
         at = y + far if moves else s.play[j]
-        k = cell(int(p.cells[j]), (at - p.low[j]) * p.scale[j])
+        k = even_cell(int(p.cells[j]), (at - p.low[j]) * p.scale[j])
         i = int(p.first[j]) + k
         s.total = s.total + p.heights[i]
         if moves:

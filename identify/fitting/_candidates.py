@@ -40,13 +40,12 @@ SEARCHES: dict[str, type[Candidate]] = {
 }
 """Names that are no models: ways to find one."""
 
-PART, CURVE, WHOLE, INSIDE, CHANNEL, MASSES, TRAINED = (
+PART, CURVE, WHOLE, INSIDE, CHANNEL, TRAINED = (
     "it is a part of a sum, and its thresholds, time constants or places are chosen with the other parts.",
     "it is a curve without memory, whose knots or degree nothing names.",
     "it is made of other models, and the name does not say which.",
     "it acts on a moving mass, and is fitted with it.",
     "it is what a channel between modes has beside a line, and is fitted by identify.fit_feedback.",
-    "several masses need as many measured motions.",
     "it is trained on records of a soft sensor (hysid microchannel train).",
 )
 """Why a name alone cannot be fitted."""
@@ -68,7 +67,6 @@ INSTEAD = {
     "GeneralizedPlays": (INSIDE, "Oscillator(GeneralizedPlays)", ""),
     "StopsAndPowers": (CHANNEL, COMPOSITION, ""),
     **dict.fromkeys(("EverettNetwork", "StaircaseNetwork", "BackwardsModel"), (TRAINED, COMPOSITION, "")),
-    "CoupledOscillators": (MASSES, OSCILLATOR, " to the motion of one mode"),
 }  # fmt: skip
 """Models of ours without a name in `fit`: why, what to fit instead, and what to add to it."""
 
@@ -118,7 +116,7 @@ def _named(name: str) -> list[Candidate]:
         )
     if not known.can_start and known.name in INSTEAD and known.kind.__module__.startswith(OURS):
         cause, instead, added = INSTEAD[known.name]
-        if cause not in (INSIDE, MASSES):
+        if cause != INSIDE:
             added += f". In Python a fit also starts from a model: identify.fit(record, {known.name}(...))"
         raise InputError(
             "no-start-values",

@@ -42,8 +42,6 @@ from tests.problems import (
 )
 
 LOW, HIGH, ROWS = -1.0, 2.0, 60
-WITHOUT = {"rate-forms", "coupled-oscillators"}
-"""Problems for which no law is known."""
 
 
 def _conditioned(scale: float, axis: str):
@@ -83,11 +81,10 @@ MORE = {
     "maxwell-leading": compositions.nonlinear_maxwell,
     "duhem-oscillator": _duhem_oscillator,
 }  # fmt: skip
-KNOWN = [problem for problem in PROBLEMS if problem.name not in WITHOUT]
 OTHERS = [
     Problem(name, make, LOW, HIGH, frozenset(), compositions.held) for name, make in MORE.items()
 ]
-TREES = KNOWN + OTHERS
+TREES = [*PROBLEMS, *OTHERS]
 every = pytest.mark.parametrize("problem", variants_thorough(TREES), ids=lambda p: p.name)
 
 
@@ -188,14 +185,6 @@ def test_what_depends_on_no_parameter_is_a_constant(problem: Problem):
 
     for name, x, y in pairs(traced[0], model.tree()):
         assert is_concrete(x) or isinstance(x, list | int) or isinstance(y, jax.Array), name
-
-
-@pytest.mark.parametrize("name", sorted(WITHOUT))
-def test_a_model_without_a_law_says_so(name: str):
-    (problem,) = (one for one in PROBLEMS if one.name == name)
-    with pytest.raises(InputError) as refused:
-        problem.model().tree()
-    assert refused.value.code == "not-exportable"
 
 
 def test_a_density_without_a_grid_has_no_tree():

