@@ -123,7 +123,8 @@ def report(rows: Sequence[Row], as_json: bool) -> None:
         what, value, bar, least, _, _, at_least = row
         beside = "" if least is None else f"{least:.3g}"
         limit = "" if bar is None else f"{'≥' if at_least else '≤'} {bar:g}"
-        print(f"{what:{width}}  {value:8.3g}  {beside:>8}  {limit:>7}  {_verdict(row)}")
+        known = f"{value:.3g}" if abs(value) < 1000 or value % 1 else f"{value:.0f}"
+        print(f"{what:{width}}  {known:>8}  {beside:>8}  {limit:>7}  {_verdict(row)}")
 
 
 def _entry(row: Row) -> dict[str, Any]:

@@ -169,7 +169,12 @@ def _hints(kind: type) -> dict[str, Any]:
 
 
 def _made(kind: Any, parts: dict[str, Any]) -> Any:
-    """An instance with these fields, others by default, checked as the class checks itself."""
+    """An instance with these fields, others by default, checked as the class checks itself.
+
+    A class says by `GONE` which fields it had, and of which value it still does what they said.
+    """
+    gone = getattr(kind, "GONE", {})
+    parts = {k: part for k, part in parts.items() if k not in gone or part != gone[k]}
     unknown = sorted(set(parts) - set(_fields(kind)))
     if unknown:
         raise TypeError(f"a {kind.__name__} has no field {unknown[0]!r}")

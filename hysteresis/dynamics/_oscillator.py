@@ -88,6 +88,7 @@ class Oscillator(AbstractModel[LawState, LawInput]):
     substeps: int = eqx.field(default=20, static=True)
     between: str = eqx.field(default="linear", static=True)
     moved_by_force: ClassVar[bool] = True
+    GONE: ClassVar[dict[str, str]] = {"integrator": "newmark"}
 
     def __check_init__(self) -> None:
         if not isinstance(self.hysteresis, AbstractModel) or layout_of(self.hysteresis) is None:

@@ -21,6 +21,7 @@ from . import _over_time as over_time
 from . import _readings as readings
 from ._numbers import Known, Numbers
 
+_WORD = np.uint32
 _EACH = "expand_dims"
 """Of `vmap`: what all lanes share has one."""
 
@@ -52,9 +53,25 @@ def on_host(run: Callable[..., Any], kinds: Any, *given: Any) -> Any:
 
 
 def _called_back(run: Callable[..., Any], kinds: Any, *given: Any) -> Any:
-    """`run` of NumPy's arrays, over lanes where `vmap` has put some before the arrays' own axes."""
+    """`run` of NumPy's arrays, over lanes where `vmap` has put some before the arrays' own axes.
+
+    Doubles go as pairs of words: JAX brings numbers to the precision of the thread that calls back, which
+    may be another one, and single.
+    """
     host = partial(_lanes, run, tuple(x.ndim for x in given))
-    return jax.pure_callback(host, kinds, *given, vmap_method=_EACH)
+    if given[0].dtype != float:
+        return jax.pure_callback(host, kinds, *given, vmap_method=_EACH)
+
+    def of_words(*words: Any) -> list[np.ndarray]:
+        found = host(*(np.ascontiguousarray(x).view(float)[..., 0] for x in words))
+        return [np.ascontiguousarray(x)[..., None].view(_WORD) for x in found]
+
+    words = (jax.lax.bitcast_convert_type(x, _WORD) for x in given)
+    pairs = [jax.ShapeDtypeStruct((*kind.shape, 2), _WORD) for kind in kinds]
+    found = jax.pure_callback(of_words, pairs, *words, vmap_method=_EACH)
+    return tuple(
+        jax.lax.bitcast_convert_type(x, kind.dtype) for x, kind in zip(found, kinds, strict=True)
+    )
 
 
 @cache

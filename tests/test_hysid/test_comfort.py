@@ -101,10 +101,14 @@ def test_every_model_is_at_hysid():
 
 def test_the_first_call_works_and_leaves_the_precision_of_jax():
     code = (
-        "import hysid, jax.numpy\n"
+        "import hysid, hysteresis, jax.numpy\n"
         "u = [0.0, 1.0, 2.0, 3.0] * 20\n"
         "fit = hysid.fit(u, [2 * x for x in u], 'LinearSponge', noise='gaussian', starts=2)\n"
         "assert abs(fit['K'].value - 2) < 1e-12 and abs(fit.predict([1.5])[0] - 3) < 1e-12, fit\n"
+        # A law, which JAX calls back in threads of its own.
+        "law = hysteresis.BoucWen(2.0, 0.3, 0.4)\n"
+        "fit = hysid.fit(u, law.simulate(None, u), 'BoucWen', noise='gaussian', starts=2)\n"
+        "assert fit.metrics['train'].nrmse_percent < 1e-3, fit\n"
         "assert jax.numpy.zeros(1).dtype == 'float32'\n"
         "hysid.enable_x64()\n"
         "assert jax.numpy.zeros(1).dtype == 'float64'\n"

@@ -1,5 +1,6 @@
 """An oscillator: order of convergence, energy, the linear limit, and its recorder."""
 
+import json
 from dataclasses import replace
 
 import equinox as eqx
@@ -137,6 +138,22 @@ def test_a_held_force_is_a_step_at_the_sample():
     model = Oscillator(2.0, 1e-9, 1e-6, BoucWenForce(alpha=1e-9), 4, between="held")
     found = np.asarray(model.simulate(np.array([0.0, 1.0, 2.0]), np.array([0.0, 2.0, 2.0])))
     assert found.tolist() == pytest.approx([0.0, 0.0, 0.5], rel=1e-5)
+
+
+def test_a_model_of_a_version_with_integrators_loads(tmp_path):
+    model, file = plant(), tmp_path / "plant.json"
+    hysteresis.save_model(model, file)
+    known = file.read_text()
+    for integrator, loads in (("newmark", True), ("runge-kutta", False)):
+        field = f'"substeps": 20, "integrator": "{integrator}"'
+        file.write_text(json.dumps(json.loads(known.replace('"substeps": 20', field))))
+        if loads:
+            assert hysteresis.load_model(file).displacement(T, FORCE) == pytest.approx(
+                model.displacement(T, FORCE)
+            )
+        else:
+            with pytest.raises(InputError):
+                hysteresis.load_model(file)
 
 
 @pytest.mark.parametrize("factor", [4, 20])
