@@ -14,8 +14,8 @@ from hysid.soft_sensor._contacts import ContactTraining as ContactTraining
 from hysid.soft_sensor._contacts import train_contacts as train_contacts
 from hysid.soft_sensor._force_records import ForceRecord as ForceRecord
 from hysid.soft_sensor._force_training import train_force as train_force
-from hysid.soft_sensor._positions import fit_positions as fit_positions
-from hysid.soft_sensor._sensor_file import load_sensor as load_sensor
+from hysid.soft_sensor._learn import fit_positions as fit_positions
+from hysid.soft_sensor._sensor import load_sensor as load_sensor
 from hysteresis import AbstractModel as AbstractModel
 from hysteresis import BoucWen as BoucWen
 from hysteresis import BoucWenForce as BoucWenForce

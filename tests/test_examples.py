@@ -49,8 +49,7 @@ import hysteresis.networks
 import hysteresis.preisach
 import hysteresis.rigs
 import identify
-from hysid.soft_sensor._sensor import Quantity, SoftSensor
-from hysid.soft_sensor._sensor_file import save_sensor
+from hysid.soft_sensor._sensor import Quantity, SoftSensor, save_sensor
 from tests.test_docs import tool
 
 DATASETS = Path(__file__).parents[1] / "datasets"

@@ -18,8 +18,7 @@ from compensate import export_runtime
 from compensate.microchannel import EverettNetwork, ForceEstimator, Localizer, Readout
 from compensate.runtime import FileError, load
 from compensate.runtime._file import checksum
-from hysid.soft_sensor._sensor import Quantity, SoftSensor
-from hysid.soft_sensor._sensor_file import ARRAYS, WORDS, load_sensor, save_sensor
+from hysid.soft_sensor._sensor import ARRAYS, WORDS, Quantity, SoftSensor, load_sensor, save_sensor
 from hysteresis import InputError
 from hysteresis._limits import parse_toml
 from identify.internal import sealed, to_json

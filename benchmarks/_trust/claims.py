@@ -22,7 +22,7 @@ from hysid.reproduction._skin_paper import PAPER
 from hysteresis import BoucWen, LinearSponge, PrandtlIshlinskii
 from hysteresis.rigs import ArmorRig, FoamBlock, ForceSensor, GaugeSensor, force_path
 from hysteresis.rigs._foam_block import _State
-from hysteresis.rigs._gauge_sensor import _SLIPS
+from hysteresis.rigs._force_sensors import _SLIPS
 
 from .. import datasets
 from .._measure import Row, judged, noted

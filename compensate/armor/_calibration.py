@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from hysteresis import InputError, Scalar, parameter
 
 from ._armor import Armor
-from ._faces import dots
+from ._shapes import dots
 from ._wrench import AT_REST, Slip, combined_axes
 
 MATRIX, HYSTERESIS = 0.03, 0.01

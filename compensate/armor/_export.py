@@ -16,8 +16,7 @@ from ..export._precision import require_double
 from ..export._trees import program_of
 from ..runtime._armor import KIND
 from ..runtime._file import SCHEMA, number
-from ._cover import Cover
-from ._fields import AbstractField, Bumps, Grid, Uniform
+from ._cover import AbstractField, Bumps, Cover, Grid, Uniform
 from ._solver import TURNS, ContactSolver
 from ._wrench import AT_REST, WristSensor
 

@@ -1,8 +1,8 @@
 """Force and place from the hysteretic voltages of soft microchannel sensors."""
 
 from ._everett_network import EverettNetwork as EverettNetwork
+from ._export import export_contacts as export_contacts
 from ._export import export_force as export_force
-from ._export_contacts import export_contacts as export_contacts
 from ._force import BackwardsModel as BackwardsModel
 from ._force import ForceEstimator as ForceEstimator
 from ._gains import gains_in_use as gains_in_use
@@ -10,13 +10,14 @@ from ._localizer import Confusion as Confusion
 from ._localizer import Localizer as Localizer
 from ._localizer import Located as Located
 from ._localizer import PlaceStatus as PlaceStatus
-from ._logic_remedies import Remedy as Remedy
 from ._logic_table import Decision as Decision
 from ._logic_table import LogicStatus as LogicStatus
 from ._logic_table import LogicTable as LogicTable
-from ._motion import AbstractSensor as AbstractSensor
-from ._motion import MotionFilter as MotionFilter
+from ._logic_table import Remedy as Remedy
+from ._multi import AbstractSensor as AbstractSensor
+from ._multi import ChannelSensor as ChannelSensor
 from ._multi import ContactForces as ContactForces
+from ._multi import MotionFilter as MotionFilter
 from ._multi import MultiContactEstimator as MultiContactEstimator
 from ._multi_network import ForceNetwork as ForceNetwork
 from ._multi_network import SearchEstimator as SearchEstimator
@@ -28,4 +29,3 @@ from ._readout import Changes as Changes
 from ._readout import ChannelStatus as ChannelStatus
 from ._readout import Readout as Readout
 from ._readout import ReadoutState as ReadoutState
-from ._sensors import ChannelSensor as ChannelSensor

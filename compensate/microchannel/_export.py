@@ -1,4 +1,4 @@
-"""Export of a force estimator to a file that runs without JAX."""
+"""Export of estimators of one force or several to files that run without JAX."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,13 +14,14 @@ from ..export._document import write
 from ..export._export import DEEP, Quantity, deepest, has_rates, longest_step
 from ..export._precision import require_double
 from ..export._trees import nodes_of, tree_of
+from ..runtime import _contact_forces, _network
 from ..runtime._file import SCHEMA, number
-from ..runtime._network import KIND
 from ._everett_network import EverettNetwork
 from ._force import BackwardsModel, ForceEstimator
+from ._multi import ChannelSensor, MultiContactEstimator
 
-GOLDEN = 200
-"""Samples that a file is checked with when it is loaded."""
+GOLDEN, GOLDEN_OF_SEVERAL = 200, 60
+"""Samples that a file is checked with when it is loaded; several contacts take milliseconds a sample."""
 
 READING, FORCE = Quantity("reading"), Quantity("force", "N")
 
@@ -64,10 +65,7 @@ def export_force(
             "wrong-channels", f"readings of {count} channels and {len(channels)} names.",
             fix="channels=[Quantity(name, unit), ...], one for each.",
         )  # fmt: skip
-    sound = np.isfinite(y.reshape(len(y), -1)).all(1)
-    if sound.sum() < 2:
-        raise InputError("no-rows", "there are no readings to export for.")
-    y, t = y[sound], None if times is None else np.asarray(times, float)[sound]
+    y, t = _sound(y, times)
     model, rates = _program(estimator.model, t, y)
     if rates and t is None:
         raise InputError(
@@ -81,20 +79,31 @@ def export_force(
     ends = (estimator.low_reading, estimator.high_reading)
     limits = zip(*(np.broadcast_to(np.asarray(end, float), (count,)) for end in ends), strict=True)
     document = {
-        "schema": SCHEMA, "kind": KIND, "title": title or type(estimator.model).__name__,
+        "schema": SCHEMA, "kind": _network.KIND, "title": title or type(estimator.model).__name__,
         "channels": [channel._asdict() for channel in channels], "estimate": estimate._asdict(),
         "limits": [[number(low), number(high)] for low, high in limits],
         "high": estimator.high, "scale": estimator.newtons,
         "deviation": float(estimator.deviation), "rates": rates,
-        "longest": longest,
-        "model": model,
-        "golden": {
-            "dt": np.diff(t, prepend=t[0]).tolist(), "reading": y.tolist(),
-            "value": np.asarray(found.value).tolist(), "status": np.asarray(found.status).tolist(),
-            "tolerance": 1e-9 * estimator.high,
-        },
+        "longest": longest, "model": model,
+        "golden": _told(t, y, found) | {"tolerance": 1e-9 * estimator.high},
     }  # fmt: skip
     return write(path, document)
+
+
+def _sound(y: np.ndarray, times: Any) -> tuple[np.ndarray, Any]:
+    """Readings that are whole, and their times, where they are given."""
+    sound = np.isfinite(y.reshape(len(y), -1)).all(1)
+    if sound.sum() < 2:
+        raise InputError("no-rows", "there are no readings to export for.")
+    return y[sound], None if times is None else np.asarray(times, float)[sound]
+
+
+def _told(t: np.ndarray, y: np.ndarray, found: Any) -> dict[str, Any]:
+    """Readings, and what they are told as."""
+    known = {"value": found.value, "status": found.status, "reading": y}
+    return {"dt": np.diff(t, prepend=t[0]).tolist()} | {
+        name: np.asarray(values).tolist() for name, values in known.items()
+    }
 
 
 def _program(
@@ -102,7 +111,7 @@ def _program(
 ) -> tuple[dict[str, Any], bool]:
     """The model as plain numbers, and whether it needs times."""
     if isinstance(model, StaircaseNetwork):
-        return network_document(model), bool(model.times)
+        return _network_document(model), bool(model.times)
     if y.ndim > 1:
         raise InputError(
             "not-exportable", f"a {type(model).__name__} of several channels cannot be exported.",
@@ -137,7 +146,7 @@ def _behind(compensator: Any) -> AbstractModel:
     return compensator.model
 
 
-def network_document(model: StaircaseNetwork) -> dict[str, Any]:
+def _network_document(model: Any) -> dict[str, Any]:
     """Layers that take x as it is and give y: what scales them is put into the first and the last."""
     W = [np.asarray(matrix, float) for matrix in model.matrices]
     b = [np.asarray(bias, float) for bias in model.biases]
@@ -151,3 +160,83 @@ def network_document(model: StaircaseNetwork) -> dict[str, Any]:
         "thresholds": list(model.thresholds), "times": list(model.times),
         "rest": list(model.rest), "scale": list(model.scale),
     }  # fmt: skip
+
+
+def export_contacts(
+    estimator: MultiContactEstimator,
+    path: str | Path,
+    readings: ArrayLike,
+    times: ArrayLike,
+    *,
+    channels: Sequence[Quantity],
+    contacts: Sequence[Quantity],
+    title: str = "",
+) -> Path:
+    """Write an estimator of several contacts as JSON for `compensate.runtime.load_contacts`.
+
+    The file has the forces at once; those that come late, of `MotionFilter(delay=...)`, are JAX's alone.
+
+    **Arguments:**
+
+    - `estimator`: of a `ChannelSensor` whose models are `StaircaseNetwork`s, as `hysid.train_contacts`
+      makes it.
+    - `readings` (samples, channels), `times` (samples,) in s: typical of its use, from rest. The file keeps
+      the first of them with their forces, and checks them when it is loaded.
+    - `channels`, `contacts`: name and unit of each; forces are in N.
+    - `title`: a description in one line.
+
+    **Returns:** the path of the file.
+
+    **Raises:** `InputError` for other sensors and models, another number of names than of channels or
+    contacts, fewer than two finite readings, and JAX in single precision.
+
+    **Example:**
+
+        >>> record = presses_of_b[0]
+        >>> names = [compensate.Quantity(name, "V") for name in ("layer 1", "layer 2")]
+        >>> forces = [compensate.Quantity(name, "N") for name in "BD"]
+        >>> file = compensate.microchannel.export_contacts(
+        ...     learnt.estimator, folder / "contacts.json", record.reading, record.time,
+        ...     channels=names, contacts=forces)
+        >>> len(compensate.runtime.load_contacts(file).contacts)
+        2
+    """
+    require_double()
+    sensor = estimator.sensor
+    if not isinstance(sensor, ChannelSensor) or not all(
+        isinstance(model, StaircaseNetwork) and model.channels == 1 for model in sensor.models
+    ):
+        raise InputError(
+            "not-exportable", "only sensors of staircase networks are exported.",
+            fix="train them with hysid.train_contacts.",
+        )  # fmt: skip
+    y = np.asarray(readings, float)
+    layers, places = np.asarray(sensor.gains).shape
+    if (len(channels), len(contacts), y.shape[1]) != (layers, places, layers):
+        raise InputError(
+            "wrong-channels",
+            f"readings of {y.shape[1]} channels, {len(channels)} names of channels and"
+            f" {len(contacts)} of contacts, for {layers} channels and {places} contacts.",
+            fix="give channels=[Quantity(name, unit), ...] and contacts likewise, one for each.",
+        )  # fmt: skip
+    y, t = _sound(y, times)
+    longest = longest_step(t)
+    y, t = y[:GOLDEN_OF_SEVERAL], t[:GOLDEN_OF_SEVERAL]
+    found, motion = estimator.simulate(t, y), estimator.motion
+    document = {
+        "schema": SCHEMA, "kind": _contact_forces.KIND, "title": title or f"{places} contacts",
+        "channels": [channel._asdict() for channel in channels],
+        "contacts": [contact._asdict() for contact in contacts],
+        "longest": longest, "models": list(map(_network_document, sensor.models)),
+        "gains": np.asarray(sensor.gains).tolist(), "zero": np.asarray(sensor.zero).tolist(),
+        "reading_sigma": np.asarray(estimator.reading_sigma).tolist(),
+        "motion": {
+            name: getattr(motion, name)
+            for name in ("high", "acceleration", "turn", "turns", "ways", "gap_s")
+        },
+        "golden": {
+            **_told(t, y, found), "deviation": np.asarray(found.deviation).tolist(),
+            "tolerance": 1e-6 * motion.high,
+        },
+    }  # fmt: skip
+    return write(path, document)

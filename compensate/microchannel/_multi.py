@@ -1,6 +1,8 @@
-"""The forces of several contacts at once, from channels in which their readings add."""
+"""The forces of several contacts at once, from channels in which their readings add, by a filter."""
 
-from typing import NamedTuple
+import abc
+from collections.abc import Iterable
+from typing import Any, Generic, NamedTuple
 
 import equinox as eqx
 import jax
@@ -9,10 +11,217 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from numpy.typing import ArrayLike
 
-from hysteresis import InputError, register
+from hysteresis import AbstractModel, InputError, register
+from hysteresis._type_variables import PyTree, State
 
+from .. import _traced as traced
 from .._contract import Status, scan_steps
-from ._motion import AbstractSensor, Motion, MotionFilter
+from ..runtime._force_filter import Setting, Way, mean_of, updated
+
+
+class AbstractSensor(eqx.Module, Generic[State]):
+    """What a filter looks through: forces (contacts,) -> readings (channels,), with memory."""
+
+    contacts: eqx.AbstractVar[int]
+
+    @abc.abstractmethod
+    def init(self) -> State:
+        """The virgin state."""
+
+    @abc.abstractmethod
+    def look(
+        self, state: State, t: Array, force: Array
+    ) -> tuple[Float[Array, " channels"], Float[Array, "channels contacts"]]:
+        """The next readings if these were the forces, and their derivatives."""
+
+    @abc.abstractmethod
+    def follow(self, state: State, t: Array, force: Array) -> State:
+        """The state after these forces."""
+
+
+class Motion(NamedTuple):
+    """What may have happened, (ways,) of each: when the last turn was is not known at once.
+
+    - `x` (ways, states): forces, then rates, then the forces of the last `delay` readings, latest first;
+      `covariance` (ways, states, states).
+    - `log_weight`: of each way; `sensor`: its state of the sensor.
+    - `t`: of the last reading, NaN before the first. `lost`: how many readings in turn surprised all ways.
+    """
+
+    x: Float[Array, "ways states"]
+    covariance: Float[Array, "ways states states"]
+    log_weight: Float[Array, " ways"]
+    sensor: Any
+    t: Float[Array, ""]
+    lost: Int[Array, ""]
+
+
+class Moved(NamedTuple):
+    """The forces' mean and standard deviation over all ways, and how surprising the reading was.
+
+    `late`, `late_deviation`: the same of the forces `delay` readings ago, by what has come since.
+    `surprise` is the least squared distance of a way from the reading, in its variance, per channel.
+    """
+
+    force: Float[Array, " contacts"]
+    deviation: Float[Array, " contacts"]
+    late: Float[Array, " contacts"]
+    late_deviation: Float[Array, " contacts"]
+    surprise: Float[Array, ""]
+
+
+@register
+class MotionFilter(eqx.Module):
+    """A filter for forces F whose rates r change little except at turns, on average every 1 / `turns` s:
+
+        dF = r dt,    dr = N(0, acceleration^2 dt),    at a turn r = N(0, turn^2),    z = h(F) + N(0, R)
+
+    A turn shows in the readings only some samples later. So the filter follows several hypotheses in
+    parallel, each with its own memory of the sensor: the force turned now, one reading ago, ..., or not at
+    all. With every reading a turned copy of the most likely hypothesis replaces the least likely one. Each
+    is an extended Kalman filter with a Gauss-Newton update; the estimate is their mean. Forces are limited
+    to [0, high]. If three readings in turn surprise every hypothesis, one begins anew at the forces, out of
+    some hundred over the whole range, that explain the reading best.
+
+    **Arguments:**
+
+    - `high`: the largest possible force, N.
+
+    **Other arguments:**
+
+    - `acceleration`, N/s^(3/2); `turn`, N/s; `turns`, 1/s. `ways`: the number of hypotheses.
+    - `delay`: by how many readings the second, late estimate lags. A turn is hard to detect at first,
+      because the reading hardly changes while the sensor's friction reverses, and easy afterwards.
+    - `gap_s`: after a longer time without a reading the forces are kept and their rates are unknown.
+
+    **Raises:** `InputError` for numbers that are not positive.
+
+    **Source:** Adams and MacKay, Bayesian online changepoint detection (2007), with a Gaussian sum filter.
+
+    **Example:**
+
+        >>> motion = compensate.microchannel.MotionFilter(high=6.0, ways=4)
+        >>> motion.init(channels).covariance.shape
+        (4, 4, 4)
+    """
+
+    high: float = eqx.field(static=True, converter=float)
+    acceleration: float = eqx.field(default=3.0, static=True, converter=float)
+    turn: float = eqx.field(default=12.0, static=True, converter=float)
+    turns: float = eqx.field(default=2.0, static=True, converter=float)
+    ways: int = eqx.field(default=8, static=True)
+    delay: int = eqx.field(default=0, static=True)
+    gap_s: float = eqx.field(default=0.5, static=True, converter=float)
+
+    def __check_init__(self) -> None:
+        for name in ("high", "acceleration", "turn", "turns", "ways", "gap_s"):
+            if not 0 < getattr(self, name) < float("inf"):
+                raise InputError(
+                    "parameter-out-of-bounds",
+                    f"{name} is {getattr(self, name):g}, and has to be above 0.",
+                )
+
+    def init(self, sensor: AbstractSensor) -> Motion:
+        """At rest, without a force, the sensor virgin."""
+        states = (2 + self.delay) * sensor.contacts
+        x = jnp.zeros((self.ways, states))
+        weight = jnp.full(self.ways, -jnp.inf).at[0].set(0.0)
+        state = jax.tree.map(lambda leaf: jnp.stack([leaf] * self.ways), sensor.init())
+        never = jnp.asarray(jnp.nan, x.dtype)
+        covariance, none = jnp.zeros((self.ways, states, states)), jnp.zeros((), int)
+        return Motion(x, covariance, weight, state, never, none)
+
+    def update(
+        self,
+        sensor: AbstractSensor,
+        motion: Motion,
+        t: Float[Array, ""],
+        z: Float[Array, " channels"],
+        noise: Float[Array, " channels"],
+    ) -> tuple[Motion, Moved]:
+        """One reading z of variances `noise`, independent of one another."""
+        dt = jnp.where(jnp.isnan(motion.t), self.gap_s, jnp.maximum(t - motion.t, 0.0))
+        setting = Setting(traced, self, sensor, t, dt, z, noise)
+        x, P, weight, state = motion[:4]
+        ways = Way(x, P, weight, state, jnp.zeros_like(weight))
+        ways, lost, surprise = updated(setting, ways, motion.lost)
+        contacts, last = sensor.contacts, x.shape[1] * bool(self.delay)
+        told = mean_of(traced, ways, range(contacts))
+        late = mean_of(traced, ways, range(last - contacts, last)) if last else told
+        now = Motion(ways.x, ways.covariance, ways.log_weight, ways.sensor, t, lost)
+        return now, Moved(*told, *late, surprise)
+
+
+@register
+class ChannelSensor(AbstractSensor[tuple[PyTree, ...]]):
+    """Channels in series: every contact adds its own part to every layer's reading,
+
+        z_l = zero_l + sum_k G_lk M_k[F_k],
+
+    with a model M_k, force -> reading, of each location, and the layers' gains. So models that were
+    fitted to presses of one location at a time predict the reading of several contacts.
+
+    **Arguments:**
+
+    - `models`: one for each location. `gains`: G, (layers, locations); None for 1 in one layer.
+    - `zero` (layers,): the reading where nothing is pressed; 0 by default.
+
+    **Raises:** `InputError` where these do not fit.
+
+    **Example:**
+
+        >>> sensor = compensate.microchannel.ChannelSensor([model, model], [[1.0, 0.5], [0.5, 1.0]])
+        >>> reading, slope = sensor.look(sensor.init(), jnp.array(0.0), jnp.array([2.0, 0.0]))
+        >>> np.asarray(reading).round(2).tolist()
+        [2.7, 1.35]
+    """
+
+    models: tuple[AbstractModel, ...] = eqx.field(converter=tuple)
+    gains: Float[Array, "layers locations"]
+    zero: Float[Array, " layers"]
+
+    def __init__(
+        self,
+        models: Iterable[AbstractModel],
+        gains: ArrayLike | None = None,
+        zero: ArrayLike | None = None,
+    ):
+        self.models = tuple(models)
+        self.gains = jnp.ones((1, len(self.models))) if gains is None else jnp.asarray(gains, float)
+        if self.gains.ndim != 2 or self.gains.shape[1] != len(self.models) or not self.models:
+            raise InputError(
+                "wrong-channels",
+                f"gains of shape {self.gains.shape} for {len(self.models)} locations.",
+                fix="give one row for each layer, one column for each location's model.",
+            )
+        layers = len(self.gains)
+        self.zero = jnp.zeros(layers) if zero is None else jnp.asarray(zero, float)
+        if self.zero.shape != (layers,):
+            raise InputError(
+                "wrong-channels",
+                f"zero of shape {self.zero.shape} for {layers} layers.",
+                fix="give one reading at rest for each layer.",
+            )
+
+    @property
+    def contacts(self) -> int:  # type: ignore[override]
+        return len(self.models)
+
+    def init(self) -> tuple[PyTree, ...]:
+        return tuple(model.init() for model in self.models)
+
+    def look(self, state: tuple[PyTree, ...], t: Array, force: Array) -> tuple[Array, Array]:
+        found = [
+            jax.jvp(lambda u, m=model, s=own: m.step(s, t, u)[1], (F,), (jnp.ones_like(F),))
+            for model, own, F in zip(self.models, state, force, strict=True)
+        ]
+        y, slope = (jnp.stack(part) for part in zip(*found, strict=True))
+        return self.zero + self.gains @ y, self.gains * slope[None]
+
+    def follow(self, state: tuple[PyTree, ...], t: Array, force: Array) -> tuple[PyTree, ...]:
+        each = zip(self.models, state, force, strict=True)
+        return tuple(model.step(own, t, F)[0] for model, own, F in each)
+
 
 UNLIKE = 25.0
 """Squared surprise of a channel from which on a reading is none that these contacts make."""

@@ -25,8 +25,7 @@ from ..soft_sensor._force_networks import updates_of
 from ..soft_sensor._force_records import ForceRecord
 from ..soft_sensor._force_training import ForceTraining, train_force
 from ..soft_sensor._learn import checks_of, learn_places, learn_positions
-from ..soft_sensor._sensor import FORCE, SoftSensor
-from ..soft_sensor._sensor_file import ARRAYS, WORDS, save_sensor
+from ..soft_sensor._sensor import ARRAYS, FORCE, WORDS, SoftSensor, save_sensor
 from ..soft_sensor._sessions import Session, Streams, Targets, read_sessions
 from ._asked_more import Train
 from ._console import Done, Progress, log, warnings

@@ -18,8 +18,7 @@ from hysteresis._show import aligned
 from identify.internal import read_checked
 
 from ..intake._selection import Selection
-from ._sensor import SoftSensor
-from ._sensor_file import MAKE, load_sensor
+from ._sensor import MAKE, SoftSensor, load_sensor
 from ._sessions import NOWHERE, Targets
 
 TRAINING = "training.json"

@@ -12,8 +12,15 @@ from hysteresis import InputError
 from hysteresis.numerics._normal import NORMAL_95
 from identify import Trained
 
-from ._force_models import fit_structured
-from ._force_networks import DECAYS, Found, Settings, Tell, train_everett, train_networks
+from ._force_networks import (
+    DECAYS,
+    Found,
+    Settings,
+    Tell,
+    fit_structured,
+    train_everett,
+    train_networks,
+)
 from ._force_records import ForceData, ForceRecord, gather, held_out_parts
 
 KINDS = {"network": train_networks, "everett": train_everett, "structured": fit_structured}

@@ -1,6 +1,10 @@
-"""A soft sensor as it is used: its channels, what they are checked for, and all that was learnt of it."""
+"""A soft sensor as it is used: its channels, their checks, all that was learnt of it, and its files.
+
+soft_sensor.json   channels, names, settings       soft_sensor.npz   all arrays
+"""
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -20,6 +24,9 @@ from compensate.microchannel import (
     Readout,
 )
 from hysteresis import InputError
+from hysteresis._limits import damage_told, load_arrays
+from hysteresis._serialisation import Arrays, described, rebuilt
+from identify.internal import read_checked, whole_files, write_set
 
 SHORTEST = 64
 """Samples that streams are lengthened to, and the doubles of it: as many programs are compiled."""
@@ -168,3 +175,65 @@ def _worst(channels: list[int], own: object, kind: type[Status] | type[PlaceStat
             word = ChannelStatus(channel).name
         found.append(word)
     return found
+
+
+SCHEMA = 1
+KIND = "hysid soft sensor"
+WORDS, ARRAYS = "soft_sensor.json", "soft_sensor.npz"
+AGAIN = "train again (--overwrite)."
+MAKE = "train a sensor: hysid microchannel train FILE --input COL --force COL --out DIR."
+
+PARTS = ("readout", "force", "localizer", "position")
+
+
+def save_sensor(sensor: SoftSensor, folder: str | Path) -> Path:
+    """Write a sensor to a folder, which is made; one that is there is written over.
+
+    Raises `InputError` for a part that cannot be kept in a file.
+    """
+    folder = Path(folder)
+    arrays: Arrays = {}
+    parts = {name: described(getattr(sensor, name), name, arrays)[0] for name in PARTS}
+    document = {
+        "schema": SCHEMA, "kind": KIND,
+        "channels": [channel._asdict() for channel in sensor.channels], "step": sensor.step,
+        "time_unit": sensor.time_unit,
+        "force_in": sensor.force_in._asdict(),
+        "position_in": [coordinate._asdict() for coordinate in sensor.position_in],
+        **parts,
+    }  # fmt: skip
+    write_set(folder, WORDS, document, {ARRAYS: arrays})
+    return folder
+
+
+def load_sensor(folder: str | Path) -> SoftSensor:
+    """Load a trained soft sensor from the folder that `hysid microchannel train` wrote.
+
+    Nothing in the folder is executed.
+
+    **Arguments:** `folder`: with soft_sensor.json and soft_sensor.npz.
+
+    **Returns:** a `SoftSensor`: its channels, and an estimator for each quantity it was trained for.
+
+    **Raises:** `InputError` where the folder has no sensor, a file is damaged or was changed, or a newer
+    version of hysid wrote it.
+
+    **Example:**
+
+        >>> sensor = hysid.load_sensor(sensor_folder)
+        >>> [channel.name for channel in sensor.channels]
+        ['layer 1', 'layer 2']
+    """
+    folder = Path(folder)
+    document = read_checked(folder, WORDS, SCHEMA, make=MAKE, again=AGAIN)
+    with damage_told(WORDS, folder, AGAIN):
+        if document["kind"] != KIND:
+            raise ValueError("it holds something else")
+        arrays = load_arrays(whole_files(folder, document, AGAIN)[ARRAYS])
+        return SoftSensor(
+            tuple(Quantity(**words) for words in document["channels"]),
+            step=float(document["step"]), time_unit=document["time_unit"],
+            force_in=Quantity(**document["force_in"]),
+            position_in=tuple(Quantity(**words) for words in document["position_in"]),
+            **{name: rebuilt(document[name], arrays) for name in PARTS},
+        )  # fmt: skip

@@ -14,11 +14,9 @@ from numpy.typing import ArrayLike
 
 from ._arguments import check_fields, fault, require
 from ._foam_block import FoamBlock
-from ._force_paths import force_path
-from ._force_sensor import ForceSensor
-from ._gauge_sensor import GaugeSensor
+from ._force_sensors import ForceSensor, GaugeSensor
 from ._plate_frame import PlateFrame
-from ._sponge import FORCE_LIMIT, SpongeRig
+from ._sponge import FORCE_LIMIT, SpongeRig, force_path
 
 _fault = partial(fault, "ArmorRig")
 _require = partial(require, "ArmorRig")

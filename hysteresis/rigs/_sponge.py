@@ -7,8 +7,10 @@ identification: it has more parameters than the paper prints statistics.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import pairwise
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -322,6 +324,29 @@ def cyclic_forces(
     force = np.concatenate([[0.0], np.tile(np.concatenate([ramp[1:], ramp[-2::-1]]), 5)])
     cycle = np.concatenate([[1], np.repeat(np.arange(1, 6), 2 * steps)])
     return 6.0 * np.arange(force.size), force, cycle
+
+
+def force_path(turns: Sequence[float], step: float = 1.0) -> Float[np.ndarray, " samples"]:
+    """From the first force (left out) through the others, in equal steps of at most `step` N.
+
+    **Raises:** `InputError` if there is no turn, or the step is not positive.
+
+    **Example:**
+
+        >>> hysteresis.rigs.force_path([0.0, 3.0, 1.0])
+        array([1., 2., 3., 2., 1.])
+    """
+    require(
+        "ArmorRig",
+        len(turns) > 0 and step > 0,
+        "no turn, or no step.",
+        "Give forces, and a step > 0.",
+    )
+    pieces = [
+        np.linspace(a, b, max(int(np.ceil(abs(b - a) / step - 1e-9)), 1) + 1)[1:]
+        for a, b in pairwise(turns)
+    ]
+    return np.concatenate([np.empty(0), *pieces])
 
 
 def _softplus(v: float) -> float:

@@ -14,7 +14,7 @@ from compensate.armor import (
     with_slip,
 )
 from compensate.armor._calibration import missed_of, without_each
-from hysid.armor._left_out import spread_of_unseen
+from hysid.armor._calibration import spread_of_unseen
 from hysteresis import LinearSponge
 from hysteresis.rigs import INWARD
 from identify import calibrate

@@ -10,7 +10,7 @@ import pytest
 
 from compensate.runtime import load
 from hysid.commands import _train as _microchannel_train
-from hysid.soft_sensor._sensor_file import load_sensor
+from hysid.soft_sensor._sensor import load_sensor
 from tests.test_hysid.command import Result, example, refused, run
 
 TIME, ONE, TWO, FORCE, PLACE, X = (
