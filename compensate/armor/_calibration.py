@@ -68,15 +68,15 @@ class Presses(eqx.Module):
         shapes = {
             "readings": (readings, (presses, samples, 6)), "direction": (direction, (presses, 3)),
             "touched": (touched, (presses, 3)), "surface": (surface, (presses,)),
+            "displacement": (displacement, (presses, samples)), "gravity": (gravity, (presses, samples, 3)),
         }  # fmt: skip
-        if displacement is not None:
-            shapes["displacement"] = (displacement, (presses, samples))
-        if gravity is not None:
-            shapes["gravity"] = (gravity, (presses, samples, 3))
         for name, (given, shape) in shapes.items():
-            if np.shape(given) != shape:
-                raise _fault(f"{name} has the shape {np.shape(given)}.", f"give {shape}.")
-            if not np.isfinite(np.asarray(given, float)).all():
+            if given is None and name in ("displacement", "gravity"):
+                continue
+            found = np.asarray(given, float)
+            if found.shape != shape:
+                raise _fault(f"{name} has the shape {found.shape}.", f"give {shape}.")
+            if not np.isfinite(found).all():
                 raise _fault(f"{name} is not finite everywhere.", "leave such presses out.")
         if not np.allclose(np.linalg.norm(np.asarray(direction, float), axis=1), 1, atol=1e-6):
             raise _fault("a direction is not of length 1.", "divide it by its length.")
@@ -184,15 +184,10 @@ class PressResiduals(eqx.Module):
         if missed.depth is None:
             return replace(self, noise=noise)
         rest = jnp.where(missed.told, missed.depth - missed.mean[:, None], 0)
-        many = missed.told.sum().astype(rest.dtype)
-        scatter, reading = jnp.sqrt(jnp.mean(missed.mean**2)), jnp.sqrt(jnp.sum(rest**2) / many)
-        least = 1e-5  # what agrees to better than this agrees by chance
-        return replace(
-            self,
-            noise=noise,
-            scatter=jnp.maximum(scatter, least),
-            reading=jnp.maximum(reading, least),
-        )
+        squares = jnp.mean(missed.mean**2), jnp.sum(rest**2) / missed.told.sum().astype(rest.dtype)
+        # What agrees to better than this agrees by chance.
+        scatter, reading = (jnp.maximum(jnp.sqrt(square), 1e-5) for square in squares)
+        return replace(self, noise=noise, scatter=scatter, reading=reading)
 
 
 class Missed(NamedTuple):
@@ -210,10 +205,9 @@ def loads_of(armor: Armor, presses: Presses) -> tuple[Array, Array]:
     """Forces and moments about P_o (presses, samples, 3) that the gauge exerted: N, N m."""
 
     def one(press: Presses) -> tuple[Array, Array]:
-        normal, measured = _normal(armor, press), press.displacement
-        return _load(
-            press, normal, _modelled(armor, press, normal) if measured is None else measured
-        )
+        normal, depth = _normal(armor, press), press.displacement
+        depth = _modelled(armor, press, normal) if depth is None else depth
+        return _load(press, normal, depth)
 
     return jax.vmap(one)(presses)
 

@@ -2,7 +2,7 @@
 
 import abc
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -80,23 +80,19 @@ class AbstractShape(eqx.Module):
     def faces(self, near: Int[Array, " near"] | None = None) -> Faces:
         """All its plane faces; or those of `nearby`."""
 
-    @abc.abstractmethod
     def nearby(
-        self,
-        force: Array,
-        moment: Array,
-        most: Callable[[Array], Array],
-        threshold: ArrayLike,
+        self, force: Array, moment: Array, most: Callable[[Array], Array], threshold: ArrayLike,
         tolerance: ArrayLike,
-    ) -> Int[Array, "*contacts near"] | None:
+    ) -> Int[Array, "*contacts near"] | None:  # fmt: skip
         """Which faces each line of action can have met, counted from 0 and filled up with -1.
 
-        None: every one is to be looked at.
+        None: every one is to be looked at, as of shapes of few.
 
         **Arguments:** `force`, `moment`: (..., 3); `most`: from cosines (n,) to (..., n), m, how far
         n.F = |F| cosine can press a face in at most; `threshold`, N: below which a face is not pushed;
         `tolerance`, m: how far beyond a face's edge a contact may lie.
         """
+        return None
 
     @abc.abstractmethod
     def longest(self) -> Float[Array, ""]:
@@ -160,21 +156,10 @@ class Box(AbstractShape):
             jnp.arange(1, 6),
         )
 
-    def nearby(
-        self,
-        force: Array,
-        moment: Array,
-        most: Callable[[Array], Array],
-        threshold: ArrayLike,
-        tolerance: ArrayLike,
-    ) -> None:
-        return None
-
     def centres(self) -> Float[Array, "5 3"]:
         """The middle of each surface, m."""
-        middle = jnp.stack(
-            [jnp.zeros_like(self.dx), jnp.zeros_like(self.dx), (self.dz1 + self.dz2) / 2]
-        )
+        zero = jnp.zeros_like(self.dx)
+        middle = jnp.stack([zero, zero, (self.dz1 + self.dz2) / 2])
         faces = self.faces()
         return middle[None] - (faces.offset + faces.normal @ middle)[:, None] * faces.normal
 
@@ -212,29 +197,19 @@ class Convex(AbstractShape):
     sides: Faces
     extent: Float[Array, ""]
 
-    def __init__(
-        self, vertices: ArrayLike, polygons: Sequence[Sequence[int] | np.ndarray] | np.ndarray
-    ):
+    def __init__(self, vertices: ArrayLike, polygons: Sequence[Any] | np.ndarray):
         points = np.asarray(vertices, float)
         most = max(map(len, polygons))
         corners = points[[[*p, *[p[-1]] * (most - len(p))] for p in polygons]]
         self.sides, extent = polygon_faces(corners), float(np.ptp(corners, axis=(0, 1)).max())
         self.extent = jnp.asarray(extent, float)
         check_size(extent, "body")
-        heights = np.einsum(
-            "fi,vi->fv", np.asarray(self.sides.normal), points[np.unique(np.concatenate(polygons))]
-        )
-        heights += np.asarray(self.sides.offset)[:, None]
-        own = np.einsum("fi,fci->fc", np.asarray(self.sides.normal), corners)
-        own += np.asarray(self.sides.offset)[:, None]
-        _refuse(
-            np.abs(own).max(axis=1) > 1e-6 * extent,
-            "not-convex",
-            "not plane",
-            "split it into triangles.",
-        )
-        below = heights.min(axis=1) < -1e-6 * extent
-        above = heights.max(axis=1) > 1e-6 * extent
+        normal, offset = np.asarray(self.sides.normal), np.asarray(self.sides.offset)[:, None]
+        heights = normal @ points[np.unique(np.concatenate(polygons))].T + offset
+        own = np.einsum("fi,fci->fc", normal, corners) + offset
+        bent, least = np.abs(own).max(axis=1), 1e-6 * extent
+        _refuse(bent > least, "not-convex", "not plane", "split it into triangles.")
+        below, above = heights.min(axis=1) < -least, heights.max(axis=1) > least
         _refuse(
             below & ~above, "not-a-mesh", "inside out: the body lies outside of it",
             "give its vertices counter-clockwise seen from outside.",
@@ -243,16 +218,6 @@ class Convex(AbstractShape):
 
     def faces(self, near: Array | None = None) -> Faces:
         return self.sides
-
-    def nearby(
-        self,
-        force: Array,
-        moment: Array,
-        most: Callable[[Array], Array],
-        threshold: ArrayLike,
-        tolerance: ArrayLike,
-    ) -> None:
-        return None
 
     def longest(self) -> Float[Array, ""]:
         return self.extent

@@ -146,8 +146,8 @@ class ContactSolver(eqx.Module):
         self.creeps = known and self.cover.creeps()
 
     def __check_init__(self) -> None:
-        limits = (self.threshold, self.tolerance, self.spin_limit, self.release)
-        limits += (self.same_place, self.recovery)
+        names = ("threshold", "tolerance", "spin_limit", "release", "same_place", "recovery")
+        limits = [getattr(self, name) for name in names]
         if all(map(is_concrete, limits)) and not all(float(limit) >= 0 for limit in limits):
             raise InputError(
                 "bad-option",
@@ -242,13 +242,9 @@ class ContactSolver(eqx.Module):
     ) -> Contact:
         """`step` over all wrenches (samples, 3) of a stream, from `init`."""
         force, moment, doubt = _wrenches(force, moment, doubt)
-        samples = (
-            jnp.asarray(t, force.dtype),
-            force,
-            moment,
-            jnp.broadcast_to(jnp.asarray(doubt), len(force)),
-        )
-        return _stream(self, (*samples, _nearby(self, force, moment)))
+        doubt = jnp.broadcast_to(jnp.asarray(doubt), len(force))
+        near = _nearby(self, force, moment)
+        return _stream(self, (jnp.asarray(t, force.dtype), force, moment, doubt, near))
 
     def limits(self) -> Limits:
         """What contacts are judged by."""

@@ -108,10 +108,7 @@ class Slip(eqx.Module):
     travels: Values = parameter(fixed=True, meaning="of the stops, of full scale")
 
     def __init__(
-        self,
-        full_scale: ArrayLike,
-        weights: ArrayLike | None = None,
-        travels: ArrayLike = TRAVELS,
+        self, full_scale: ArrayLike, weights: ArrayLike | None = None, travels: ArrayLike = TRAVELS
     ):
         self.full_scale = jnp.asarray(full_scale, float)
         self.travels = jnp.asarray(travels, float)
@@ -253,20 +250,13 @@ class WristSensor(eqx.Module):
                 fix="one for each of Fx, Fy, Fz, Mx, My, Mz.",
             )  # fmt: skip
         wanted = {
-            "matrix": (6, 6),
-            "bias": (6,),
-            "range": (6,),
-            "rotation": (3, 3),
-            "inertia": (3, 3),
-        }
-        wanted |= {"offset": (3,), "turn": (3,), "centre": (3,)}
+            "matrix": (6, 6), "bias": (6,), "range": (6,), "rotation": (3, 3), "inertia": (3, 3),
+            "offset": (3,), "turn": (3,), "centre": (3,),
+        }  # fmt: skip
         for name, shape in wanted.items():
-            if jnp.shape(getattr(self, name)) != shape:
-                raise InputError(
-                    "wrong-shape",
-                    f"the sensor's {name} has the shape {jnp.shape(getattr(self, name))}.",
-                    fix=f"give {shape}.",
-                )
+            if (found := jnp.shape(getattr(self, name))) != shape:
+                said = f"the sensor's {name} has the shape {found}."
+                raise InputError("wrong-shape", said, fix=f"give {shape}.")
         if is_concrete(self.rotation):
             self._check_rotation(np.asarray(self.rotation))
         if is_concrete(self.matrix) and not np.linalg.cond(np.asarray(self.matrix)) < 1e6:
