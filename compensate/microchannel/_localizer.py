@@ -3,9 +3,8 @@
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from functools import cached_property
 from itertools import permutations
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -128,18 +127,9 @@ class Neighbours:
         self, readings: Float[np.ndarray, "presses channels"]
     ) -> Float[np.ndarray, "presses places"]:
         """The part of the neighbours at each place."""
-        return self._voters.predict_proba(readings)
-
-    @cached_property
-    def _voters(self) -> Any:
-        try:
-            from sklearn.neighbors import KNeighborsClassifier
-        except ImportError as error:
-            raise InputError(
-                "missing-extra", "nearest neighbours need scikit-learn, which is not installed.",
-                fix="pip install 'hysid[microchannel]', or method=\"gaussian\".",
-            ) from error  # fmt: skip
-        return KNeighborsClassifier(self.neighbours).fit(self.readings, self.place)
+        ranks = range(1, self.neighbours + 1)
+        nearest = scipy.spatial.KDTree(self.readings).query(readings, ranks)[1]
+        return (self.place[nearest][..., None] == np.unique(self.place)).mean(axis=1)
 
 
 LEAST_PRESSES = 3
@@ -258,7 +248,7 @@ class Localizer:
         - `least`: a press is one where some channel reads more; five times the noise unless given.
 
         **Raises:** `InputError` where shapes differ, a reading is not finite, a named place has fewer
-        than 3 presses or none, a place is not named, and where scikit-learn is needed and missing.
+        than 3 presses or none, and a place is not named.
         """
         if method not in ("gaussian", "neighbours"):
             raise _fault(f"no method {method!r}.", '"gaussian" or "neighbours".')

@@ -9,7 +9,6 @@ import time
 import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,7 +17,6 @@ import scipy
 from matplotlib.figure import Figure
 
 import identify
-from hysteresis import InputError
 from hysteresis._atomic_file import write_figure, write_whole
 from hysteresis._show import aligned
 from identify.internal import versions
@@ -27,7 +25,7 @@ from ..intake._folders import check_writable
 
 RESULT = "reproduction.json"
 MODULES = {"tsuji2014": "_armor_paper", "kim2018": "_skin_paper"}
-"""Of each paper: `carry_out(asked, paper)`, and the packages that it `NEEDS` with the extra of each."""
+"""Of each paper: `carry_out(asked)`."""
 
 TOLERANCE = (
     "Virtual: mean and standard deviation over synthetic laboratories. Tolerance: what the paper's own n "
@@ -116,16 +114,8 @@ class Published(NamedTuple):
         `within`: the laboratories' mean is within the tolerance.
         """
         named = (
-            "key",
-            "what",
-            "where",
-            "unit",
-            "at_most",
-            "half_digit",
-            "repeats",
-            "label",
-            "differs",
-        )
+            "key", "what", "where", "unit", "at_most", "half_digit", "repeats", "label", "differs",
+        )  # fmt: skip
         (mean, sd), tolerance = _spread(found), self.tolerance()
         within = None if tolerance is None else bool(tolerance[0] <= mean <= tolerance[1])
         row = {name: getattr(self, name) for name in named} | {"published": self.value}
@@ -149,10 +139,8 @@ class Paper:
         found = []
         for key, said in self.said["findings"].items():
             text = said["reproduced"] + (said.get("ours", "") if with_ours else "")
-            reproduced = text.format_map(numbers)
-            found.append(
-                {"published": said["published"], "reproduced": reproduced, "holds": bool(true[key])}
-            )
+            one = {"published": said["published"], "reproduced": text.format_map(numbers)}
+            found.append(one | {"holds": bool(true[key])})
         return found
 
 
@@ -182,18 +170,9 @@ def reproduce(
     epochs: int | None = None, quick: bool = False, overwrite: bool = False,
     say: Callable[[str], None] = lambda _: None,
 ) -> dict[str, Any]:  # fmt: skip
-    """Make a paper's experiments anew: DIR/reproduction.json, table.md, pictures, and what it adds.
-
-    Raises `InputError` `missing-extra` before any work where a package that it needs is not installed.
-    """
+    """Make a paper's experiments anew: DIR/reproduction.json, table.md, pictures, and what it adds."""
     begin = time.perf_counter()
     module = import_module(f"{__package__}.{MODULES[paper]}")
-    if missing := [name for name in module.NEEDS if find_spec(name) is None]:
-        extras = ",".join(sorted({module.NEEDS[name] for name in missing}))
-        raise InputError(
-            "missing-extra", f"{paper} needs {', '.join(missing)}, which is not installed.",
-            fix=f"pip install 'hysid[{extras}]'",
-        )  # fmt: skip
     identify.internal.check_free(out, overwrite, RESULT)
     check_writable(out)
     said = module.PAPER.said
@@ -213,9 +192,7 @@ def reproduce(
 def terminal(document: dict[str, Any]) -> list[str]:
     """The tables, and below them what the paper says in words."""
     lines = aligned(rows := _cells(document), range(2, len(rows[0]) - 2))
-    tables = [
-        line for name, text in document.get("tables", {}).items() for line in (name, text, "")
-    ]
+    tables = [line for pair in document.get("tables", {}).items() for line in (*pair, "")]
     said = [line[:1].upper() + line[1:] for line in _said(document)]
     return [document["rig"], "", *lines, "", TOLERANCE, "", *said, "", *tables]
 

@@ -1,7 +1,5 @@
 """Which place is pressed: the paper's neighbours, a calibrated likelihood beside them, and bad presses."""
 
-import sys
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -187,10 +185,3 @@ def test_bad_training_data_are_refused():
             Localizer.train(wrong, labels)
     with pytest.raises(InputError, match=r"\[bad-option\]"):
         GAUSSIAN.locate(reading[0])
-
-
-def test_without_scikit_learn_only_neighbours_are_missing(monkeypatch):
-    monkeypatch.setitem(sys.modules, "sklearn.neighbors", None)
-    assert trained().locate(KNOWN.reading[:1]).place == 0
-    with pytest.raises(InputError, match=r"hysid\[microchannel\].*\[missing-extra\]"):
-        trained(method="neighbours").locate(KNOWN.reading[:1])
