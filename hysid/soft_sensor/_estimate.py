@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from itertools import permutations
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -18,37 +18,14 @@ from hysteresis._show import aligned
 from identify.internal import read_checked
 
 from ..intake._selection import Selection
-from ._sensor import MAKE, SoftSensor, load_sensor
+from ._sensor import MAKE, Estimates, SoftSensor, load_sensor
 from ._sessions import NOWHERE, Targets
 
 TRAINING = "training.json"
-SOUND = ("OK", "NO_PRESS")
-WORDS = ("channels", "force_status", "place", "place_status", "position_status")
 MANY = 0.2
 """Part of the presses that are unknown, from which swapped wires are looked for."""
 MOST_ORDERS = 6
 """Channels whose orders can all be tried."""
-
-
-class Estimates(NamedTuple):
-    """Over rows: numbers NaN and words "" for what the sensor was not taught."""
-
-    channels: np.ndarray
-    force: Float[np.ndarray, " rows"]
-    force_sd: Float[np.ndarray, " rows"]
-    force_status: np.ndarray
-    place: np.ndarray
-    probability: Float[np.ndarray, " rows"]
-    place_status: np.ndarray
-    position: Float[np.ndarray, "rows coordinates"]
-    position_sd: Float[np.ndarray, " rows"]
-    position_status: np.ndarray
-
-    @property
-    def flagged(self) -> Bool[np.ndarray, " rows"]:
-        """Rows where something is not to be used without a thought."""
-        words = (self.force_status, self.place_status, self.position_status)
-        return np.any(~np.isin(words, (*SOUND, "")), axis=0)
 
 
 def estimates_of(
@@ -58,28 +35,13 @@ def estimates_of(
     streams: Iterable[np.ndarray | slice],
 ) -> Estimates:
     """Every stream, given by its rows, from rest."""
-    n = len(readings)
-    empty = {name: np.full(n, "", object) for name in WORDS}
-    empty |= {name: np.full(n, np.nan) for name in Estimates._fields if name not in WORDS}
-    out = Estimates(**empty | {"position": np.full((n, len(sensor.position_in)), np.nan)})
-    for rows in streams:
-        found = sensor.estimate(None if time is None else time[rows], readings[rows])
-        said = sensor.words(found)
-        out.channels[rows] = said.channels
-        if found.force is not None:
-            out.force[rows], out.force_sd[rows] = found.force.value, found.force.deviation
-            out.force_status[rows] = said.force
-        if found.place is not None and sensor.localizer is not None:
-            names = np.array([*map(str, sensor.localizer.names), ""], object)
-            out.place[rows] = names[found.place.place]
-            out.probability[rows] = found.place.probability.max(1)
-            out.place_status[rows] = said.place
-        if found.position is not None:
-            idle = np.isin(said.position, ("NO_PRESS", "INVALID"))
-            out.position[rows] = np.where(idle[:, None], np.nan, found.position.point)
-            out.position_sd[rows] = np.where(idle, np.nan, found.position.deviation)
-            out.position_status[rows] = said.position
-    return out
+    each = [
+        (rows, sensor.estimate(None if time is None else time[rows], readings[rows]))
+        for rows in streams
+    ]
+    order = np.argsort(np.concatenate([np.arange(len(readings))[rows] for rows, _ in each]))
+    columns = zip(*(found for _, found in each), strict=True)
+    return Estimates(*(np.concatenate(column)[order] for column in columns))
 
 
 def judged(

@@ -5,21 +5,17 @@ soft_sensor.json   channels, names, settings       soft_sensor.npz   all arrays
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
-from compensate import Status, UncertainEstimate
+from compensate import Status
 from compensate.microchannel import (
-    Changes,
     ChannelStatus,
     ForceEstimator,
     Localizer,
-    Located,
     PlaceStatus,
-    Position,
     PositionEstimator,
     Readout,
 )
@@ -42,29 +38,30 @@ class Quantity(NamedTuple):
 FORCE = Quantity("force", "N")
 
 
-class SoftEstimate(NamedTuple):
-    """Of readings (samples, channels): what each channel is worth, and what was learnt to be told of them.
+class Estimates(NamedTuple):
+    """Over rows: numbers NaN and words "" for what the sensor was not taught.
 
-    `force` in the sensor's unit; `place` an index into `localizer.names`; None for what was not learnt.
+    `force` in the sensor's unit. Statuses are "OK" only where every channel is sound: `channels` names
+    those that are not, "layer 2: STUCK". A stuck or saturated channel stands before the status of what was
+    made of it, a gap behind.
     """
 
-    channels: Changes
-    force: UncertainEstimate | None
-    place: Located | None
-    position: Position | None
+    channels: np.ndarray
+    force: Float[np.ndarray, " rows"]
+    force_sd: Float[np.ndarray, " rows"]
+    force_status: np.ndarray
+    place: np.ndarray
+    probability: Float[np.ndarray, " rows"]
+    place_status: np.ndarray
+    position: Float[np.ndarray, "rows coordinates"]
+    position_sd: Float[np.ndarray, " rows"]
+    position_status: np.ndarray
 
-
-class Words(NamedTuple):
-    """The statuses of a `SoftEstimate` as words (samples,): "OK" only where every channel is sound.
-
-    `channels` names those that are not, "layer 2: STUCK". A stuck or saturated channel stands before the
-    status of what was made of it, a gap behind.
-    """
-
-    channels: list[str]
-    force: list[str]
-    place: list[str]
-    position: list[str]
+    @property
+    def flagged(self) -> Bool[np.ndarray, " rows"]:
+        """Rows where something is not to be used without a thought."""
+        words = (self.force_status, self.place_status, self.position_status)
+        return np.any(~np.isin(words, ("OK", "NO_PRESS", "")), axis=0)
 
 
 @dataclass(frozen=True)
@@ -110,46 +107,54 @@ class SoftSensor:
         self,
         time: Float[np.ndarray, " samples"] | None,
         readings: Float[np.ndarray, "samples channels"],
-    ) -> SoftEstimate:
+    ) -> Estimates:
         """All estimates over a stream that begins with the sensor at rest. Never raises for its values.
 
         `time` in `time_unit`; None where nothing depends on it. After a gap the stream goes on.
         """
         readings = np.asarray(readings, float)
-        samples = len(readings)
-        t = np.zeros(samples) if time is None else np.asarray(time, float)
+        n, none, silent = (
+            len(readings),
+            np.full(len(readings), np.nan),
+            np.full(len(readings), "", object),
+        )
+        t = np.zeros(n) if time is None else np.asarray(time, float)
         t, y = (lengthened(part) for part in (t, readings))
-        changes = self.readout.simulate(t, y)
-        value, states = (np.asarray(part)[:samples] for part in changes)
+        value, states = (np.asarray(part)[:n] for part in self.readout.simulate(t, y))
         sound = np.where(states == ChannelStatus.MISSING, np.nan, value)
-        force, position = None, None
+        worst = states.max(axis=1).tolist()
+        said = np.array([self._faults(row) for row in states.tolist()], object)
+        nowhere = np.full((n, len(self.position_in)), np.nan)
+        found = Estimates(said, none, none, silent, silent, none, silent, nowhere, none, silent)
         if self.force is not None:
-            seen = y if len(self.channels) > 1 else y[:, 0]
-            found = self.force.simulate(self._forwards(t), seen)
-            whole = (jnp.broadcast_to(part, (len(y),)) for part in found[:3])
-            force = UncertainEstimate(*(part[:samples] for part in whole))
+            of = self.force.simulate(self._forwards(t), y if len(self.channels) > 1 else y[:, 0])
+            value, deviation, status = (
+                np.broadcast_to(part, len(y))[:n] for part in (of.value, of.deviation, of.status)
+            )
+            words = _worst(worst, status, Status)
+            found = found._replace(force=value, force_sd=deviation, force_status=words)
+        if self.localizer is not None:
+            names = np.array([*map(str, self.localizer.names), ""], object)
+            at = self.localizer.locate(sound)
+            found = found._replace(
+                place=names[at.place], probability=at.probability.max(1),
+                place_status=_worst(worst, at.status, PlaceStatus),
+            )  # fmt: skip
         if self.position is not None:
             there = self.position.estimate(lengthened(sound))
-            position = Position(*(part[:samples] for part in there))
-        channels = Changes(*(part[:samples] for part in changes))
-        place = None if self.localizer is None else self.localizer.locate(sound)
-        return SoftEstimate(channels, force, place, position)
+            point, deviation, status = (np.asarray(part)[:n] for part in there)
+            words = _worst(worst, status, PlaceStatus)
+            idle = np.isin(words, ("NO_PRESS", "INVALID"))
+            found = found._replace(
+                position=np.where(idle[:, None], np.nan, point),
+                position_sd=np.where(idle, np.nan, deviation), position_status=words,
+            )  # fmt: skip
+        return found
 
-    def words(self, found: SoftEstimate) -> Words:
-        """Of `estimate`."""
-        states = np.asarray(found.channels.status)
-        channels = []
-        for row in states.tolist():
-            pairs = zip(self.channels, row, strict=True)
-            faults = [f"{c.name}: {ChannelStatus(s).name}" for c, s in pairs if s]
-            channels.append(", ".join(faults) or "OK")
-        worst = states.max(axis=1).tolist()
-        return Words(
-            channels,
-            [] if found.force is None else _worst(worst, found.force.status, Status),
-            [] if found.place is None else _worst(worst, found.place.status, PlaceStatus),
-            [] if found.position is None else _worst(worst, found.position.status, PlaceStatus),
-        )
+    def _faults(self, states: list[int]) -> str:
+        """The channels of a row that are not sound, with what is wrong."""
+        pairs = zip(self.channels, states, strict=True)
+        return ", ".join(f"{c.name}: {ChannelStatus(s).name}" for c, s in pairs if s) or "OK"
 
     def _forwards(self, t: np.ndarray) -> np.ndarray:
         """A clock that never goes back: where it does, a step later."""
@@ -167,14 +172,14 @@ def lengthened(rows: np.ndarray) -> np.ndarray:
     return np.pad(rows, [(0, length - len(rows))] + [(0, 0)] * (rows.ndim - 1), mode="edge")
 
 
-def _worst(channels: list[int], own: object, kind: type[Status] | type[PlaceStatus]) -> list[str]:
+def _worst(channels: list[int], own: Any, kind: type[Status] | type[PlaceStatus]) -> Any:
     found = []
     for channel, status in zip(channels, np.asarray(own).tolist(), strict=True):
         word, faulty = kind(status).name, channel in (ChannelStatus.STUCK, ChannelStatus.SATURATED)
         if (faulty and word != "INVALID") or (channel and word == "OK"):
             word = ChannelStatus(channel).name
         found.append(word)
-    return found
+    return np.array(found, object)
 
 
 SCHEMA = 1
