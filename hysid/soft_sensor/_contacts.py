@@ -11,9 +11,8 @@ from jaxtyping import Bool, Float
 from compensate.microchannel import ChannelSensor, MotionFilter, MultiContactEstimator
 from hysteresis import InputError
 from hysteresis.networks import StaircaseNetwork
-from identify import train
 
-from ._force_networks import BATCH, RATE, THRESHOLDS, decaying, lags_of, staircase_squares
+from ._force_networks import THRESHOLDS, lags_of, train_staircase
 from ._force_records import ForceData, ForceRecord, gather, held_out_parts
 
 PARTS, UPDATES = 5, 20_000
@@ -140,17 +139,15 @@ def motion_of(data: Sequence[ForceData], high: float) -> MotionFilter:
     Machines move at constant rates between turns, and fingers do not. So within a second a rate may change
     by as much as it changes at a turn.
     """
-    squares, moving, turns, seconds = 0.0, 0, 0, 0.0
-    for one in data:
-        for rows in one.sequences():
-            rate = np.diff(one.force[rows]) / np.diff(one.time[rows])
-            moves = np.abs(rate) > STILL * max(float(np.abs(rate).max(initial=0.0)), 1e-300)
-            sign = np.where(moves, np.sign(rate), 0.0)
-            turns += int((np.diff(sign) != 0).sum())
-            squares += float((rate[moves] ** 2).sum())
-            moving += int(moves.sum())
-            seconds += float(np.ptp(one.time[rows]))
-    turn = max(float(np.sqrt(squares / max(moving, 1))), 1e-3 * high)
+    rates, turns, seconds = [np.zeros(0)], 0, 0.0
+    for one, rows in ((each, rows) for each in data for rows in each.sequences()):
+        rate = np.diff(one.force[rows]) / np.diff(one.time[rows])
+        moves = np.abs(rate) > STILL * max(float(np.abs(rate).max(initial=0.0)), 1e-300)
+        turns += int((np.diff(np.where(moves, np.sign(rate), 0.0)) != 0).sum())
+        seconds += float(np.ptp(one.time[rows]))
+        rates.append(rate[moves])
+    moving = np.concatenate(rates)
+    turn = max(float(np.sqrt(np.sum(moving**2) / max(len(moving), 1))), 1e-3 * high)
     return MotionFilter(
         high, acceleration=turn, turn=turn, turns=max(turns, 1) / max(seconds, 1e-9)
     )
@@ -174,12 +171,5 @@ def _learnt(
     )  # fmt: skip
     held = held_out_parts(data, min(PARTS, data.presses)) == 0
     x = np.asarray(start.prepare(data.time, data.force, starts=data.starts))
-    rows = int((~held).sum())
-    batch = min(BATCH, rows)
-    epochs = max(1, updates * batch // rows)
-    found = train(
-        start, staircase_squares, (x[~held], signal[~held]), validation=(x[held], signal[held]),
-        epochs=epochs, batch=batch, float32=True, seed=seed, progress=tell,
-        optimizer=decaying(epochs * (rows // batch), rate=RATE),
-    )  # fmt: skip
-    return found.module, held
+    pairs = [(x[at], signal[at]) for at in (~held, held)]
+    return train_staircase(start, pairs, updates, seed=seed, progress=tell).module, held

@@ -1,7 +1,6 @@
 """Models from reading to force: networks that each leave a part of the records out, and fits."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -117,13 +116,9 @@ def train_networks(
             (np.concatenate([x[at] for x in both]), np.tile(data.force[at], len(both)))
             for at in (known & ~held, known & held)
         ]
-        rows = len(pairs[0][1])
-        batch = min(BATCH, rows)
-        epochs = max(1, settings.updates * batch // rows)
-        found = train(
-            starts[k], staircase_squares, pairs[0], validation=pairs[1], epochs=epochs, batch=batch,
-            float32=True, seed=settings.seed, progress=_told(settings, done, f"network {k + 1}"),
-            optimizer=decaying(epochs * (rows // batch), decay),
+        found = train_staircase(
+            starts[k], pairs, settings.updates, decay, seed=settings.seed,
+            progress=_told(settings, done, f"network {k + 1}"),
             **_kept(settings, f"network-{k}-decay-{decay:g}"),
         )  # fmt: skip
         done["now"] += 1
@@ -139,6 +134,20 @@ def train_networks(
     model = StaircaseNetwork.mean([found.module for found in trained])
     words = {"thresholds": THRESHOLDS, "lags": own["lags"], "hidden": HIDDEN, "decay": decay}
     return Found(model, held_out, tuple(trained), words)
+
+
+def train_staircase(
+    start: StaircaseNetwork, pairs: Sequence[Any], updates: int, decay: float = 0.0, **options: Any
+) -> Trained:  # fmt: skip
+    """A network of rows (inputs x, output), learnt and held out, by about so many steps."""
+    learnt, held_out = pairs
+    rows = len(learnt[1])
+    batch = min(BATCH, rows)
+    epochs = max(1, updates * batch // rows)
+    return train(
+        start, staircase_squares, learnt, validation=held_out, epochs=epochs, batch=batch, float32=True,
+        optimizer=decaying(epochs * (rows // batch), decay), **options,
+    )  # fmt: skip
 
 
 def train_everett(data: ForceData, part: np.ndarray, settings: Settings) -> Found:
@@ -159,10 +168,8 @@ def train_everett(data: ForceData, part: np.ndarray, settings: Settings) -> Foun
     weights = [_stacked(data, 1.0 * (learnt & at), 0.0) for at in (~held, held)]
     both = []
     for weight in weights:
-        used = weight.sum(1) > 0
-        # The mean over records of a batch is that over rows.
-        scale = used.sum() / weight.sum()
-        both.append(tuple(a[used] for a in (*stacked, scale * weight)))
+        used = weight.sum(1) > 0  # the mean over records of a batch is that over rows
+        both.append(tuple(a[used] for a in (*stacked, used.sum() / weight.sum() * weight)))
     batch = min(RECORDS, len(both[0][0]))
     steps = len(both[0][0]) // batch
     epochs = max(1, settings.updates // (40 * steps))
@@ -189,14 +196,11 @@ def _stacked(
     data: ForceData, column: np.ndarray, fill: float | None = None
 ) -> Float[np.ndarray, "records samples"]:
     """Records of one length, the last sample repeated, or `fill`, after the end."""
-    sequences = data.sequences()
-    length = max(rows.stop - rows.start for rows in sequences)
-    out = np.empty((len(sequences), length))
-    for row, rows in zip(out, sequences, strict=True):
-        count = rows.stop - rows.start
-        row[:count] = np.nan_to_num(column[rows])
-        row[count:] = row[count - 1] if fill is None else fill
-    return out
+    parts = [np.nan_to_num(column[rows]) for rows in data.sequences()]
+    length = max(map(len, parts))
+    ends = [part[-1] if fill is None else fill for part in parts]
+    pairs = zip(parts, ends, strict=True)
+    return np.array([np.pad(x, (0, length - len(x)), constant_values=end) for x, end in pairs])
 
 
 def staircase_squares(network: StaircaseNetwork, rows: Any, key: Any) -> Array:
@@ -218,10 +222,9 @@ def decaying(steps: int, decay: float = 0.0, rate: float = RATE) -> optax.Gradie
 
 
 def _kept(settings: Settings, name: str) -> dict[str, Any]:
-    if settings.checkpoint is None:
-        return {"resume": settings.resume}
-    settings.checkpoint.mkdir(parents=True, exist_ok=True)
-    return {"checkpoint": settings.checkpoint / f"{name}.npz", "resume": settings.resume}
+    if (folder := settings.checkpoint) is not None:
+        folder.mkdir(parents=True, exist_ok=True)
+    return {"checkpoint": folder and folder / f"{name}.npz", "resume": settings.resume}
 
 
 def _told(settings: Settings, done: dict[str, int], name: str) -> Tell:
@@ -237,7 +240,7 @@ def fit_structured(data: ForceData, part: np.ndarray, settings: Settings) -> Fou
     data.check_one_channel("a structured estimator", "`hysid.fit` of several inputs")
     held = part == part.max()
     learnt = data.known & (part >= 0) & ~held
-    tried: dict[str, tuple[float, AbstractModel, np.ndarray]] = {}
+    tried: list[tuple[float, int, Found]] = []
     faults = []
     for k, way in enumerate(("reading -> force", "force -> reading, run backwards")):
         settings.tell(k, 2, way)
@@ -246,32 +249,26 @@ def fit_structured(data: ForceData, part: np.ndarray, settings: Settings) -> Fou
         except InputError as error:
             faults.append(str(error))
             continue
-        estimate = predicted(model, data)
-        off = (estimate - data.force)[held & data.known]
+        held_out = np.where(held, predicted(model, data), np.nan)
+        off = float(np.mean((held_out - data.force)[held & data.known] ** 2))
         # A model that cannot be trusted to stay finite is none.
-        if np.isfinite(off).all():
-            tried[f"{way}: {words}"] = float(np.mean(off**2)), model, estimate
+        if np.isfinite(off):
+            tried.append((off, k, Found(model, held_out, (), {"model": f"{way}: {words}"})))
     if not tried:
         raise InputError("nothing-fits", " ".join(faults))
     settings.tell(2, 2, "fitted")
-    best = min(tried, key=lambda way: tried[way][0])
-    held_out = np.where(held, tried[best][2], np.nan)
-    return Found(tried[best][1], held_out, (), {"model": best})
+    return min(tried)[2]
 
 
 def _fitted(
     data: ForceData, learnt: np.ndarray, seed: int, *, backwards: bool
 ) -> tuple[AbstractModel, str]:
     """The model as the readings come: a lag between clocks would need those of later."""
-    labels = tuple(map(str, range(len(data.starts))))
+    pair, labels = (data.reading, data.force), tuple(map(str, range(len(data.starts))))
+    if backwards:
+        force = np.interp(data.time, data.time[data.known], data.force[data.known])
+        pair = force, data.reading
     rows = np.arange(len(data.time))
-    record = Record(
-        data.reading, data.force, data.time, np.array(data.starts), labels, learnt, rows
-    )
-    if not backwards:
-        found = identify.fit(record, clocks="keep", seed=seed)
-        return found.model, found.name
-    force = np.interp(data.time, data.time[data.known], data.force[data.known])
-    record = replace(record, input=force, output=data.reading)
+    record = Record(*pair, data.time, np.array(data.starts), labels, learnt, rows)
     found = identify.fit(record, clocks="keep", seed=seed)
-    return BackwardsModel(invert(found.model)), found.name
+    return BackwardsModel(invert(found.model)) if backwards else found.model, found.name

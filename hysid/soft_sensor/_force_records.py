@@ -68,8 +68,8 @@ def gather(records: Sequence[Any], nan: str = "raise") -> ForceData:
     `nan="omit"`), pull, or do not move; less than 100 rows with a force, or 3 presses.
     """
     if nan not in ("raise", "omit"):
-        fix = 'Use nan="raise" or nan="omit".'
-        raise InputError("bad-option", f"nan={nan!r} is not a choice.", fix=fix)
+        said, fix = f"nan={nan!r} is not a choice.", 'Use nan="raise" or nan="omit".'
+        raise InputError("bad-option", said, fix=fix)
     if not len(records):
         raise InputError("no-rows", "There are no records to learn from.")
     checked = [_checked(k, t, y, F, nan) for k, (t, y, F) in enumerate(records)]
@@ -121,8 +121,9 @@ def held_out_parts(
 
     Raises `InputError` for groups that are not one for each record, or less than two.
     """
-    part = np.full(len(data.time), -1)
+    part, whole = np.full(len(data.time), -1), []
     sequences, presses = data.sequences(), _slices(data.rests, len(data.time))
+    firsts = [rows.start + int(skip * (rows.stop - rows.start)) for rows in sequences]
     if groups is not None:
         names = list(dict.fromkeys(groups))
         if len(groups) != len(sequences) or len(names) < 2:
@@ -131,22 +132,20 @@ def held_out_parts(
                 f"{len(groups)} groups, {len(names)} of them different, for {len(sequences)} records.",
                 fix="Give one group for each record, and at least two different ones.",
             )
-        for group, rows in zip(groups, sequences, strict=True):
-            part[rows] = names.index(group) % parts
+        whole = [names.index(group) % parts for group in groups]
     elif len(sequences) >= 2 * parts:
-        own = np.random.default_rng(seed).permutation(np.arange(len(sequences)) % parts)
-        for k, rows in zip(own, sequences, strict=True):
-            part[rows] = k
+        whole = np.random.default_rng(seed).permutation(np.arange(len(sequences)) % parts)
     elif (kept := [rows for rows in presses if _is_kept(rows, sequences, skip)])[parts - 1 :]:
         for k, rows in enumerate(kept):
             part[rows] = k * parts // len(kept)
     else:
-        for rows in sequences:
-            first = rows.start + int(skip * (rows.stop - rows.start))
+        for rows, first in zip(sequences, firsts, strict=True):
             count = rows.stop - first
             part[first : rows.stop] = np.arange(count) * parts // count
-    for rows in sequences:
-        part[rows.start : rows.start + int(skip * (rows.stop - rows.start))] = -1
+    for k, rows in zip(whole, sequences, strict=False):
+        part[rows] = k
+    for rows, first in zip(sequences, firsts, strict=True):
+        part[rows.start : first] = -1
     return part
 
 

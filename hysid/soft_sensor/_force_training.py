@@ -162,11 +162,8 @@ def _judged(kind: str, found: Found, data: ForceData, part: np.ndarray) -> Force
         own, others = seen & (part == k), seen & (part != k)
         band = _deviation(off[others]) if others.any() else deviation
         inside.append(off[own] < NORMAL_95 * band)
-    readings = data.reading.reshape(len(data.time), -1)
-    margin = 0.02 * np.ptp(readings, axis=0)
-    ends = [(f(readings, axis=0) + s * margin) for f, s in ((np.min, -1), (np.max, 1))]
-    if data.channels == 1:
-        ends = [float(end[0]) for end in ends]
+    margin = 0.02 * np.ptp(data.reading, axis=0)
+    ends = data.reading.min(axis=0) - margin, data.reading.max(axis=0) + margin
     estimator = ForceEstimator(found.model, deviation, high, *ends)
     rmse = float(np.sqrt(np.mean(off[seen] ** 2)))
     return ForceTraining(
