@@ -163,22 +163,16 @@ def design_excitation(
             fine = np.tile(fine, 1 + turns)
             dt = clock(len(fine), motion.dt / substeps)
             y, by = family.moved(q, fine, dt, kept=(first, substeps))
-            if not np.abs(y).max() < FAR * trained * max(1.0, level / usual):
-                continue
             reach = float(np.abs(y[first:]).max())
-            if largest is not None and reach > largest:
+            stable = np.abs(y).max() < FAR * trained * max(1.0, level / usual)
+            if not stable or reach > (np.inf if largest is None else largest):
                 continue
             J = by / fit.noise.sigma
             spread = covariance_of(J.T @ J + prior)
             error = float(np.sqrt(np.mean(np.einsum("pi,ij,pj->p", slopes, spread, slopes))))
-            plant = np.sqrt(np.diag(spread)[:3]) / np.abs(q[:3])
-            mass, damping, stiffness = map(float, plant)
-            found.append(
-                Excitation(
-                    low, high, float(level), error / size, mass, damping, stiffness, reach,
-                    reach > 1.05 * trained, force,
-                )
-            )  # fmt: skip
+            mass, damping, stiffness = map(float, np.sqrt(np.diag(spread)[:3]) / np.abs(q[:3]))
+            errors, far = (error / size, mass, damping, stiffness), reach > 1.05 * trained
+            found.append(Excitation(low, high, float(level), *errors, reach, far, force))
     if not found:
         raise InputError(
             "no-design",

@@ -85,14 +85,6 @@ def kept_arrays(run: Any) -> dict[str, np.ndarray]:
     return {f"leaf{k}": np.asarray(leaf) for k, leaf in enumerate(jax.tree.leaves(run))}
 
 
-def kept_run(arrays: dict[str, np.ndarray] | None, like: Any) -> Any:
-    """The inverse, in the structure of `like`; `like` itself where nothing was kept."""
-    if arrays is None:
-        return like
-    leaves = [jnp.asarray(arrays[f"leaf{k}"]) for k in range(len(arrays))]
-    return jax.tree.unflatten(jax.tree.structure(like), leaves)
-
-
 Loss = Callable[[Any, Any, PRNGKeyArray], Float[Array, ""]]
 Tell = Callable[[int, int, str], None]
 
@@ -209,11 +201,8 @@ def train(
     _check_settings(batch, epochs, patience, learning_rate)
     count = _rows(data, "data")
     if checkpoint is None and resume:
-        raise InputError(
-            "no-checkpoint",
-            "resume=True needs a checkpoint to resume.",
-            fix="give checkpoint=FILE.",
-        )
+        said = "resume=True needs a checkpoint to resume."
+        raise InputError("no-checkpoint", said, fix="give checkpoint=FILE.")
     precision = jnp.float32 if float32 else None
     weights, rest = eqx.partition(module, eqx.is_inexact_array)
     if not jax.tree.leaves(weights):
@@ -236,9 +225,14 @@ def train(
     if resume:
         if (kept := file.read()) is not None and checkpoint is not None:
             file.said.append(f"resumed from {checkpoint.name}.")
-        run = kept_run(kept, run)
-        file.check_length(epochs, int(run.epoch))
-        run = _with_room(run, epochs)
+        if kept is not None:
+            leaves = [jnp.asarray(kept[f"leaf{k}"]) for k in range(len(kept))]
+            run = jax.tree.unflatten(jax.tree.structure(run), leaves)
+        done = int(run.epoch)
+        file.check_length(epochs, done)
+        # A run may be resumed for more epochs than before.
+        room = jnp.full((2, epochs), jnp.nan, run.curves.dtype)
+        run = run._replace(curves=room.at[:, :done].set(run.curves[:, :done]))
     problem = (template, rest, data, held_out, jax.random.key(seed))
     settings = (loss, optimizer, batch, epochs if patience is None else patience)
 
@@ -263,7 +257,23 @@ def train(
         file.write(kept_arrays(run), int(run.epoch))
         raise
     file.write(kept_arrays(run), int(run.epoch))
-    return _finished(run, template, rest, weights, epochs, file, since)
+    done = int(run.epoch)
+    seen, judged = np.asarray(run.curves, float)[:, :done]
+    if not np.isfinite(float(run.least)):
+        raise InputError(
+            "diverged",
+            "the loss was not finite after the first epoch.",
+            cause="too large a step, or inputs or outputs of a size far from 1.",
+            fix="scale the data, or give a smaller learning_rate.",
+        )
+    stopped = "epochs" if done == epochs else "patience"
+    stopped = "diverged" if not np.isfinite(seen[-1]) else stopped
+    best = ravel_pytree(template)[1](run.best)
+    best = jax.tree.map(lambda new, old: new.astype(old.dtype), best, weights)
+    return Trained(
+        eqx.combine(best, rest), seen, judged, int(run.best_epoch), stopped,
+        time.perf_counter() - since, tuple(file.said),
+    )  # fmt: skip
 
 
 @cache
@@ -323,44 +333,9 @@ def _is_over(run: _Run, epochs: int, patience: Any) -> Array:
     return (run.epoch >= epochs) | waited | diverged
 
 
-def _finished(
-    run: _Run,
-    template: Any,
-    rest: Any,
-    weights: Any,
-    epochs: int,
-    file: Checkpoint,
-    since: float,
-) -> Trained:
-    done = int(run.epoch)
-    seen, judged = np.asarray(run.curves, float)[:, :done]
-    if not np.isfinite(float(run.least)):
-        raise InputError(
-            "diverged",
-            "the loss was not finite after the first epoch.",
-            cause="too large a step, or inputs or outputs of a size far from 1.",
-            fix="scale the data, or give a smaller learning_rate.",
-        )
-    stopped = "epochs" if done == epochs else "patience"
-    stopped = "diverged" if not np.isfinite(seen[-1]) else stopped
-    best = ravel_pytree(template)[1](run.best)
-    best = jax.tree.map(lambda new, old: new.astype(old.dtype), best, weights)
-    return Trained(
-        eqx.combine(best, rest), seen, judged, int(run.best_epoch), stopped,
-        time.perf_counter() - since, tuple(file.said),
-    )  # fmt: skip
-
-
 def _words(run: _Run) -> str:
     last = float(run.curves[0, int(run.epoch) - 1])
     return f"loss {last:.3g}, least {float(run.least):.3g} after epoch {int(run.best_epoch) + 1}"
-
-
-def _with_room(run: _Run, epochs: int) -> _Run:
-    """The run with room for `epochs` in its curves: a run may be resumed for more epochs than before."""
-    done = int(run.epoch)
-    room = jnp.full((2, epochs), jnp.nan, run.curves.dtype)
-    return run._replace(curves=room.at[:, :done].set(run.curves[:, :done]))
 
 
 def _split(data: Any, validation: Any, count: int, seed: int) -> tuple[Any, Any]:
@@ -376,15 +351,14 @@ def _split(data: Any, validation: Any, count: int, seed: int) -> tuple[Any, Any]
     held = round(validation * count)
     if not held:
         return data, None
-    order = np.random.default_rng(seed).permutation(count)
     if held == count:
         raise InputError("too-few-rows", f"{count} rows leave none to train on.")
-    own, other = np.sort(order[held:]), np.sort(order[:held])
-    return _take(data, own), _take(data, other)
-
-
-def _take(data: Any, rows: Int[np.ndarray, " rows"]) -> Any:
-    return jax.tree.map(lambda leaf: jnp.asarray(leaf)[rows], data)
+    order = np.random.default_rng(seed).permutation(count)
+    own, other = (
+        jax.tree.map(lambda leaf, at=at: jnp.asarray(leaf)[at], data)
+        for at in (np.sort(order[held:]), np.sort(order[:held]))
+    )
+    return own, other
 
 
 def _cast(tree: Any, precision: Any) -> Any:
@@ -401,19 +375,13 @@ def _rows(data: Any, name: str) -> int:
     leaves = jax.tree.leaves(data)
     lengths = {np.shape(leaf)[0] if np.ndim(leaf) else 0 for leaf in leaves}
     if len(lengths) != 1 or 0 in lengths:
-        raise InputError(
-            "length-mismatch",
-            f"{name} consists of arrays with {sorted(lengths)} rows.",
-            fix="give arrays of one length, at least 1.",
-        )
+        said = f"{name} consists of arrays with {sorted(lengths)} rows."
+        raise InputError("length-mismatch", said, fix="give arrays of one length, at least 1.")
     for leaf in leaves:
         known = is_concrete(leaf) and np.issubdtype(leaf.dtype, np.floating)
         if known and not np.isfinite(np.asarray(leaf)).all():
-            raise InputError(
-                "not-finite",
-                f"{name} has entries that are not finite.",
-                fix="exclude those rows.",
-            )
+            said = f"{name} has entries that are not finite."
+            raise InputError("not-finite", said, fix="exclude those rows.")
     return lengths.pop()
 
 
