@@ -1,7 +1,8 @@
 """What every rig says of an argument that it cannot take."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import fields
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -20,18 +21,34 @@ def require(rig: str, holds: bool, problem: str, fix: str) -> None:
         raise fault(rig, problem, fix)
 
 
-def check_fields(rig: Any, at_zero: Collection[str] = (), other: Collection[str] = ()) -> None:
+def check_fields(
+    rig: Any, at_zero: Collection[str] = (), other: Collection[str] = (),
+    below: Mapping[str, float] = MappingProxyType({}),
+) -> None:  # fmt: skip
     """Raises it where a field of a rig is not finite and above 0.
 
-    Those `at_zero` may be 0; `other` ones are not looked at.
+    Those `at_zero` may be 0; `other` ones are not looked at; some have to lie `below` a number.
     """
-    for one in fields(rig):
-        if one.name in other:
+    for name in (one.name for one in fields(rig)):
+        if name in other:
             continue
-        value, zero = np.asarray(getattr(rig, one.name), float), one.name in at_zero
+        value, least = (
+            np.asarray(getattr(rig, name), float),
+            "of 0 or more" if name in at_zero else "above 0",
+        )
+        high = below.get(name, np.inf)
         require(
             type(rig).__name__,
-            bool(np.all(np.isfinite(value) & ((value >= 0) if zero else (value > 0)))),
-            f"{one.name} = {getattr(rig, one.name)} is out of range.",
-            f"Give a finite number {'of 0 or more' if zero else 'above 0'}.",
+            bool(np.all(((value >= 0) if name in at_zero else (value > 0)) & (value < high))),
+            f"{name} = {getattr(rig, name)} is out of range.",
+            f"Give a finite number {least}{f' and below {high:g}' if high < np.inf else ''}.",
         )
+
+
+def check_lengths(rig: Any, *pairs: tuple[str, str]) -> None:
+    """Raises it where two fields differ in length."""
+    for one, other in pairs:
+        require(
+            type(rig).__name__, len(getattr(rig, one)) == len(getattr(rig, other)),
+            f"{one} and {other} differ in length.", "Give one of each per element.",
+        )  # fmt: skip

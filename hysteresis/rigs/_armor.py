@@ -4,7 +4,7 @@ It makes what a person with a push-pull gauge would record at known points. Noth
 a contact point: data made by the solver under test would prove nothing.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache, partial
 from typing import Any, Final, NamedTuple
 
@@ -102,9 +102,6 @@ class ArmorRig:
     - `soft`: sponge or bare acrylic.
     - `cover`: the sponge. `sheet`: a. Of a `FoamBlock` the sheet is stiffer by 1/a, and by a part
       that changes smoothly from place to place with the deviation `uneven`.
-    - `edge_thickness`, `edge_width_mm`: the cover may be thinner near the edges: it has this part of
-      its thickness at the edge itself, and grows evenly to the whole over this width. As it is, the
-      sheet is even. The paper's points are 30 mm from the edge and do not notice up to there.
     - `sag_mm`, `sag_width_mm`: s and w. `scatter_mm`: standard deviation of e.
     - `frame`: plates, instead of the sag of s and w. `sensor`: the force sensor.
 
@@ -126,8 +123,6 @@ class ArmorRig:
     cover: SpongeRig | FoamBlock = field(default_factory=SpongeRig)
     sheet: float = 0.94
     uneven: float = 0.02
-    edge_thickness: float = 1.0
-    edge_width_mm: float = 30.0
     sag_mm: float = 1.5
     sag_width_mm: float = 60.0
     scatter_mm: float = 0.6
@@ -149,11 +144,7 @@ class ArmorRig:
 
         No model of `hysteresis` is the whole of either; `FoamBlock` says which part of it one is.
         """
-        parts = {
-            "cover": FoamBlock(),
-            "frame": PlateFrame(),
-            "sheet": 0.9,
-        }
+        parts = {"cover": FoamBlock(), "frame": PlateFrame(), "sheet": 0.9}
         return cls(seed=seed, **parts | changes)
 
     @cached_property
@@ -167,11 +158,8 @@ class ArmorRig:
         Each line goes from -270 to 270 mm in steps of 30 mm. Numbers 10, 29, 48, 67 are the middle.
         """
         t, zero = 0.03 * np.arange(-9, 10), np.zeros(19)
-        x = np.concatenate([t, zero, t, t])
-        y = np.concatenate([zero, t, t, -t])
-        return ArmorPoints(
-            np.stack([x, y, np.full(76, self.size.dz1)], axis=1), np.ones(76, dtype=int)
-        )
+        x, y = np.concatenate([t, zero, t, t]), np.concatenate([zero, t, t, -t])
+        return ArmorPoints(np.stack([x, y, np.full(76, self.size.dz1)], axis=1), np.ones(76, int))
 
     def points_of_the_body(self) -> ArmorPoints:
         """The 45 points of the paper's fig 13: nine of each surface, 200 mm apart about its middle."""
@@ -202,7 +190,6 @@ class ArmorRig:
         *,
         direction: ArrayLike | None = None,
         dt: float = 6.0,
-        cycles_before: int = 0,
         session: int = 0,
     ) -> ArmorPresses:
         """Press at known points; every press finds the cover and the sensor at rest.
@@ -213,7 +200,6 @@ class ArmorRig:
         - `force`: (samples,) for all or (presses, samples), 0 to 40 N, each sample the end of a ramp
           of `dt` seconds; the first ramp starts from 0 N.
         - `direction`: (presses, 3), where the gauge points; the inward normal unless given.
-        - `cycles_before`: of 0 to 20 to 0 N at that rate, not recorded, which condition the cover.
         - `session`: presses of another session have other scatter and noise, on the same sensor.
 
         **Raises:** `InputError` outside these ranges, for a point that is not on its surface, a
@@ -233,34 +219,20 @@ class ArmorRig:
             f"a force is outside 0 to {FORCE_LIMIT:g} N.",
             "Stay where the rig is known to resemble the sponge.",
         )
-        _require(
-            bool(np.isfinite(dt) and dt > 0) and cycles_before >= 0,
-            f"dt = {dt} s, cycles_before = {cycles_before}.",
-            "Give seconds > 0, and 0 cycles or more.",
-        )
+        _require(bool(np.isfinite(dt) and dt > 0), f"dt = {dt} s.", "Give seconds > 0.")
         normal = INWARD[surface - 1]
         along = normal if direction is None else _unit(np.asarray(direction, float), normal)
-        before = np.tile(force_path((0.0, *(20.0, 0.0) * cycles_before)), (len(points), 1))
-        whole = np.concatenate([before, force], axis=1)
         rng = np.random.default_rng([self.seed, 1, session])
-        d = self._displacement(points, surface, whole * np.sum(along * normal, axis=1)[:, None], dt)
+        d = self._displacement(points, surface, force * np.sum(along * normal, axis=1)[:, None], dt)
         d += self.soft * 1e-3 * self.scatter_mm * rng.normal(size=(len(points), 1))
         contact = points[:, None] + d[..., None] * normal[:, None]
-        pushed = whole[..., None] * along[:, None]
+        pushed = force[..., None] * along[:, None]
         load = np.concatenate([pushed, np.cross(contact, pushed)], axis=2)
-        wrench = self.sensor.read(load, self.specimen, rng)
-        kept = slice(before.shape[1], None)
-        return ArmorPresses(
-            time=dt * np.arange(1, force.shape[1] + 1),
-            force=force,
-            direction=along,
-            wrench=wrench[:, kept],
-            surface=surface,
-            touched=points,
-            contact=contact[:, kept],
-            displacement=d[:, kept],
-            load=load[:, kept],
+        wrench, time = (
+            self.sensor.read(load, self.specimen, rng),
+            dt * np.arange(1, force.shape[1] + 1),
         )
+        return ArmorPresses(time, force, along, wrench, surface, points, contact, d, load)
 
     def calibrate(self, points: ArrayLike, surface: ArrayLike, *, session: int = 1) -> ArmorPresses:
         """Presses up to 20 N and back with reversals in between (`CALIBRATION_TURNS`), at 0.5 N/s."""
@@ -277,11 +249,11 @@ class ArmorRig:
         if not self.soft:
             return np.zeros(force.shape)
         inside, half = self._from_the_middle(points, surface), self._half_widths(surface)
-        from_edge = np.min(half - np.abs(inside), axis=1)
         if isinstance(self.cover, FoamBlock):
+            from_edge = np.min(half - np.abs(inside), axis=1)
             d = self._foam(self.cover, points, surface, force, dt, from_edge)
         else:
-            d = self.sheet * self._sponge(self.cover, force, dt, from_edge)
+            d = self.sheet * np.array([_followed(self.cover, row.tobytes(), dt) for row in force])
         if self.frame is None:
             near = np.exp(-np.sum(inside**2, axis=1) / (2 * (1e-3 * self.sag_width_mm) ** 2))
             give = self.sag_mm / PRESS_FORCE * near
@@ -290,23 +262,6 @@ class ArmorRig:
             part = 1 - 1e-3 * self.cover.thickness_mm / half
             give = self.frame.compliance(inside * part, half * part, surface > 1)
         return 1e-3 * (d + give[:, None] * force)
-
-    def _sponge(
-        self,
-        cover: SpongeRig,
-        force: Float[np.ndarray, "presses samples"],
-        dt: float,
-        from_edge: Float[np.ndarray, " presses"],
-    ) -> Float[np.ndarray, "presses samples"]:
-        """d_s in mm, thinner near the edges."""
-        part = np.clip(1e3 * from_edge / self.edge_width_mm, 0, 1)
-        thickness = cover.thickness_mm * (part + self.edge_thickness * (1 - part))
-        return np.array(
-            [
-                _followed(replace(cover, thickness_mm=float(h)), row.tobytes(), dt)
-                for h, row in zip(thickness, force, strict=True)
-            ]
-        )
 
     def _foam(
         self,
@@ -317,7 +272,7 @@ class ArmorRig:
         dt: float,
         from_edge: Float[np.ndarray, " presses"],
     ) -> Float[np.ndarray, "presses samples"]:
-        """The same of foam: its density changes over a decimetre, and its cone is cut off at an edge."""
+        """d in mm of foam: its density changes over a decimetre, and its cone is cut off at an edge."""
         rng = np.random.default_rng([self.seed, 3])
         waves, phase = rng.normal(size=(5, 3, 24)) / 0.1, rng.uniform(0, 2 * np.pi, (5, 24))
         angle = np.einsum("pi,pik->pk", points, waves[surface - 1]) + phase[surface - 1]
@@ -330,10 +285,8 @@ class ArmorRig:
     def _half_widths(self, surface: Int[np.ndarray, " presses"]) -> Float[np.ndarray, "presses 2"]:
         """Of each surface, along its two axes: x then y then z, without the normal's."""
         dx, dy, dz1, dz2 = self.size
-        height = (dz1 - dz2) / 2
-        return np.array([(dx, dy), (dx, height), (dx, height), (dy, height), (dy, height)])[
-            surface - 1
-        ]
+        high = (dz1 - dz2) / 2
+        return np.array([(dx, dy), (dx, high), (dx, high), (dy, high), (dy, high)])[surface - 1]
 
     def _from_the_middle(
         self, points: Float[np.ndarray, "presses 3"], surface: Int[np.ndarray, " presses"]

@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
 
-from ._arguments import check_fields, require
-from ._sponge import FORCE_LIMIT, SpongeCycles, cyclic_forces
+from ._arguments import check_fields, check_lengths, require
+from ._sponge import FORCE_LIMIT, SpongeCycles, five_cycles_of
 
 _require = partial(require, "FoamBlock")
 
@@ -112,11 +112,7 @@ class FoamBlock:
 
     def __post_init__(self) -> None:
         check_fields(self, ("aged",))
-        _require(
-            len(self.flow_share) == len(self.flow_s),
-            "flow_share and flow_s differ in length.",
-            "Give one of each per element.",
-        )
+        check_lengths(self, ("flow_share", "flow_s"))
         _require(
             self.softening + self.friction_share < 1 and self.aged < 1 and self.dense_strain <= 1,
             "softening, friction_share or aged leave nothing of the struts.",
@@ -183,10 +179,7 @@ class FoamBlock:
 
         **Raises:** `InputError` if the steps do not make the peak, or the peak is out of range.
         """
-        time, force, cycle = cyclic_forces(peak, step)
-        displacement = self.follow(force)
-        displacement += np.random.default_rng(seed).normal(0.0, noise, force.size)
-        return SpongeCycles(time, force, displacement, cycle)
+        return five_cycles_of(self.follow, peak, step, noise, seed)
 
     def mixed_cycles(self, noise: float = 0.0, seed: int | None = None) -> SpongeCycles:
         """Cycles of which no two have the same peak, rate and rest (`MIXED_CYCLES`), every 0.5 s.
@@ -285,11 +278,9 @@ class FoamBlock:
         """Pressure of every layer for a rate of closing 1/s of every layer: kPa s."""
         k = self.permeability_mm2 * (1 - strain) ** 3 / AIR
         between = 2 / (1 / k[:, 1:] + 1 / k[:, :-1]) / height**2
-        flow = np.zeros((*strain.shape, self.layers))
-        i = np.arange(self.layers)
+        flow, i = np.zeros((*strain.shape, self.layers)), np.arange(self.layers)
         flow[:, i, i] = 8 * k / radius**2
-        flow[:, i[1:], i[:-1]] -= between
-        flow[:, i[:-1], i[1:]] -= between
-        flow[:, i[1:], i[1:]] += between
-        flow[:, i[:-1], i[:-1]] += between
+        for one, other in ((i[1:], i[:-1]), (i[:-1], i[1:])):
+            flow[:, one, other] -= between
+            flow[:, one, one] += between
         return np.linalg.inv(flow)

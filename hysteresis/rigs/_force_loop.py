@@ -165,8 +165,8 @@ class ForceLoopRig:
     highest_n: float = 12.0
 
     def __post_init__(self) -> None:
-        check_fields(self, ("stiffness_error", "sway_mm"), ("sensor", "location"))
-        _require(self.damping < 1, f"damping = {self.damping}.", "Give a number below 1.")
+        at_zero = ("stiffness_error", "sway_mm")
+        check_fields(self, at_zero, ("sensor", "location"), below={"damping": 1})
         _require(
             self.highest_n < self.sensor.closing_force_n,
             f"highest_n = {self.highest_n} closes the channel.",

@@ -184,12 +184,10 @@ class GaugeSensor:
         strain = np.concatenate([up, aside]) + self.misplaced * rng.normal(size=(8, 6))
         # A cubic a x^3 leaves its best line by 0.38 a at most, a quadratic a x^2 by half of a.
         bend = self.nonlinearity * rng.uniform(-1, 1, (8, 2)) * [0.5, 1.0]
-        mounting = _moved(self.mount_deg, self.mount_mm, self.full_scale, rng)
-        jig = np.stack(
-            [_moved(self.jig_deg, self.jig_mm, self.full_scale, rng)[:, k] for k in range(6)]
-        )
-        loads = _LEVELS[:, None] * np.eye(6)[:, None]
-        meant = loads.reshape(-1, 6)
+        full = self.full_scale
+        mounting = _moved(self.mount_deg, self.mount_mm, full, rng)
+        jig = np.stack([_moved(self.jig_deg, self.jig_mm, full, rng)[:, k] for k in range(6)])
+        meant = (_LEVELS[:, None] * np.eye(6)[:, None]).reshape(-1, 6)
         bridges = self._bridges(_LEVELS[:, None] * jig[:, None], strain, bend).reshape(-1, 8)
         decoupling = np.linalg.lstsq(bridges, meant, rcond=None)[0].T
         return Gauges(mounting, strain, bend, decoupling)
@@ -234,10 +232,8 @@ def _moved(
     degrees: float, millimetres: float, full: Float[np.ndarray, " 6"], rng: np.random.Generator
 ) -> Float[np.ndarray, "6 6"]:
     """Wrenches, in parts of full scale, seen from axes that are a little turned and moved."""
-    (a, b, c), (x, y, z) = (
-        np.deg2rad(degrees) * rng.normal(size=3),
-        1e-3 * millimetres * rng.normal(size=3),
-    )
+    a, b, c = np.deg2rad(degrees) * rng.normal(size=3)
+    x, y, z = 1e-3 * millimetres * rng.normal(size=3)
     turn = np.eye(3) + np.array([[0, -c, b], [c, 0, -a], [-b, a, 0]])
     arm = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     whole = np.block([[turn, np.zeros((3, 3))], [arm @ turn, turn]])

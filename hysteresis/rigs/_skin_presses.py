@@ -8,6 +8,7 @@ from itertools import count
 from typing import Final, NamedTuple
 
 import numpy as np
+import scipy
 from jaxtyping import Float, Int
 from numpy.typing import ArrayLike
 
@@ -324,12 +325,7 @@ class AbstractSkinRig(abc.ABC):
 
 def lag(u: np.ndarray, dt: float, tau: float) -> np.ndarray:
     """tau dq/dt + q = u from rest, u constant over each step; along the first axis."""
-    kept, q, out = np.exp(-dt / tau), np.zeros(u.shape[1:]), np.empty_like(u)
-    taken = -np.expm1(-dt / tau) * u
-    for n in range(len(u)):
-        q = kept * q + taken[n]
-        out[n] = q
-    return out
+    return scipy.signal.lfilter([-np.expm1(-dt / tau)], [1.0, -np.exp(-dt / tau)], u, axis=0)
 
 
 def _ramps(

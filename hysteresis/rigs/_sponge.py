@@ -7,7 +7,7 @@ identification: it has more parameters than the paper prints statistics.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
@@ -18,7 +18,7 @@ from jaxtyping import Float, Int
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
-from ._arguments import check_fields, fault, require
+from ._arguments import check_fields, check_lengths, fault, require
 
 _fault = partial(fault, "SpongeRig")
 _require = partial(require, "SpongeRig")
@@ -96,25 +96,18 @@ class SpongeCycles(NamedTuple):
             down = force[peak:], displacement[peak:]
             loss.append(1 + np.trapezoid(*down) / np.trapezoid(*up))
             forces, i, j = np.intersect1d(up[0], down[0], return_indices=True)
-            inside = (forces >= 2) & (forces < force[peak])
-            gaps += [
-                (float(gap), float(at_force), int(cycle))
-                for gap, at_force in zip(
-                    (down[1][j] - up[1][i])[inside], forces[inside], strict=True
-                )
-            ]
+            gap, inside = down[1][j] - up[1][i], (forces >= 2) & (forces < force[peak])
+            pairs = zip(gap[inside].tolist(), forces[inside].tolist(), strict=True)
+            gaps += [(*pair, int(cycle)) for pair in pairs]
             rising.append(up)
             falling.append(down)
         largest, at_force, at_cycle = max(gaps)
+        mean, lines = (
+            float(np.mean([gap for gap, _, _ in gaps])),
+            (rising, rising + falling, falling),
+        )
         return SpongeStatistics(
-            mean_gap=float(np.mean([gap for gap, _, _ in gaps])),
-            largest_gap=largest,
-            largest_gap_force=at_force,
-            largest_gap_cycle=at_cycle,
-            loading=_line(rising),
-            both=_line(rising + falling),
-            unloading=_line(falling),
-            loss=np.array(loss),
+            mean, largest, at_force, at_cycle, *map(_line, lines), loss=np.array(loss)
         )
 
 
@@ -191,19 +184,8 @@ class SpongeRig:
     relaxation_s: tuple[float, ...] = (4.0, 40.0)
 
     def __post_init__(self) -> None:
-        check_fields(self)
-        for name in ("friction_gain", "conditioning"):
-            _require(
-                getattr(self, name) < 1,
-                f"{name} = {getattr(self, name)} would turn the foam curve negative.",
-                "Give a fraction below 1.",
-            )
-        for one, other in (("strut_travel_mm", "strut_share"), ("overstress", "relaxation_s")):
-            _require(
-                len(getattr(self, one)) == len(getattr(self, other)),
-                f"{one} and {other} differ in length.",
-                "Give one of each per element.",
-            )
+        check_fields(self, below={"friction_gain": 1, "conditioning": 1})
+        check_lengths(self, ("strut_travel_mm", "strut_share"), ("overstress", "relaxation_s"))
         _require(
             math.isclose(sum(self.strut_share), 1, abs_tol=1e-9),
             f"strut_share sums to {sum(self.strut_share)}, not 1.",
@@ -226,8 +208,23 @@ class SpongeRig:
 
         **Raises:** `InputError` outside these ranges, or if the block is squashed flat.
         """
-        path = _path("force", force, FORCE_LIMIT, "N")
-        step = _substep(dt, substeps)
+        path = np.asarray(force, float)
+        _require(
+            path.ndim == 1, f"force has {path.ndim} dimensions.", "Give a sequence of numbers."
+        )
+        outside = np.flatnonzero(~((path >= 0) & (path <= FORCE_LIMIT)))
+        if outside.size:
+            raise _fault(
+                f"force[{outside[0]}] = {path[outside[0]]:g} N is outside 0 to {FORCE_LIMIT:g} N.",
+                "Stay where the rig is known to resemble the sponge.",
+            )
+        _require(
+            math.isfinite(dt) and dt > 0,
+            f"dt = {dt} s is not a positive time.",
+            "Give seconds > 0.",
+        )
+        _require(substeps >= 1, f"substeps = {substeps} is less than 1.", "Give 1 or more.")
+        step = dt / substeps
         state, last, depth = self._virgin(), 0.0, np.empty(path.size)
         for n, target in enumerate(path.tolist()):
             for k in range(1, substeps + 1):
@@ -248,13 +245,7 @@ class SpongeRig:
 
         **Raises:** `InputError` if the steps do not make the peak, or the peak is out of range.
         """
-        _require(
-            noise >= 0, f"noise = {noise} mm is negative.", "Give a standard deviation, 0 or more."
-        )
-        time, force, cycle = cyclic_forces(peak, step)
-        displacement = self.follow(force)
-        displacement += np.random.default_rng(seed).normal(0.0, noise, force.size)
-        return SpongeCycles(time, force, displacement, cycle)
+        return five_cycles_of(self.follow, peak, step, noise, seed)
 
     @property
     def _scale(self) -> float:
@@ -310,10 +301,13 @@ class SpongeRig:
         return self._step(state, depth, dt)[0]
 
 
-def cyclic_forces(
-    peak: float, step: float
-) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"], Int[np.ndarray, " n"]]:
-    """Time in s, force in N and cycle of five times 0 to `peak` to 0 N, `step` N every 6 s."""
+def five_cycles_of(
+    follow: Callable[[np.ndarray], np.ndarray], peak: float, step: float, noise: float, seed: int | None
+) -> SpongeCycles:  # fmt: skip
+    """`SpongeRig.five_cycles` of any block."""
+    _require(
+        noise >= 0, f"noise = {noise} mm is negative.", "Give a standard deviation, 0 or more."
+    )
     steps = round(peak / step) if step > 0 else 0
     _require(
         steps >= 1 and math.isclose(steps * step, peak),
@@ -323,7 +317,8 @@ def cyclic_forces(
     ramp = np.linspace(0.0, peak, steps + 1)
     force = np.concatenate([[0.0], np.tile(np.concatenate([ramp[1:], ramp[-2::-1]]), 5)])
     cycle = np.concatenate([[1], np.repeat(np.arange(1, 6), 2 * steps)])
-    return 6.0 * np.arange(force.size), force, cycle
+    read = np.random.default_rng(seed).normal(0.0, noise, force.size)
+    return SpongeCycles(6.0 * np.arange(force.size), force, follow(force) + read, cycle)
 
 
 def force_path(turns: Sequence[float], step: float = 1.0) -> Float[np.ndarray, " samples"]:
@@ -351,24 +346,3 @@ def force_path(turns: Sequence[float], step: float = 1.0) -> Float[np.ndarray, "
 
 def _softplus(v: float) -> float:
     return max(v, 0.0) + math.log1p(math.exp(-abs(v)))
-
-
-def _path(name: str, values: ArrayLike, limit: float, unit: str) -> Float[np.ndarray, " n"]:
-    path = np.asarray(values, float)
-    _require(path.ndim == 1, f"{name} has {path.ndim} dimensions.", "Give a sequence of numbers.")
-    outside = np.flatnonzero(~((path >= 0) & (path <= limit)))
-    if outside.size:
-        n = outside[0]
-        raise _fault(
-            f"{name}[{n}] = {path[n]:g} {unit} is outside 0 to {limit:g} {unit}.",
-            "Stay where the rig is known to resemble the sponge.",
-        )
-    return path
-
-
-def _substep(dt: float, substeps: int) -> float:
-    _require(
-        math.isfinite(dt) and dt > 0, f"dt = {dt} s is not a positive time.", "Give seconds > 0."
-    )
-    _require(substeps >= 1, f"substeps = {substeps} is less than 1.", "Give 1 or more.")
-    return dt / substeps

@@ -200,7 +200,6 @@ TOP = ArmorPoints(np.array([[0.0, 0.0, 0.55]]), np.array([1]))
         lambda: RIG.press(*TOP, []),
         lambda: RIG.press(*TOP, [[1.0], [2.0]]),
         lambda: RIG.press(*TOP, dt=0.0),
-        lambda: RIG.press(*TOP, cycles_before=-1),
         lambda: RIG.press(*TOP, direction=[[0.0, 0.0, 1.0]]),
         lambda: RIG.random_points(0),
         lambda: RIG.random_points(5, margin=0.3),
