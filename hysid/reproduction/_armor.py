@@ -185,17 +185,15 @@ def nominal(rig: ArmorRig) -> Armor:
 def foam(block: Block) -> AbstractModel:
     """A Preisach model of the foam's first touch, from eight blocks pressed up and down at random."""
     random = np.random.default_rng(2014)
-    force, depth = [], []
-    for _ in range(8):
+    parts = []
+    for label in "01234567":
         turns = random.uniform(0, 7, random.integers(4, 9))
         turns[::2] += 13
         path = force_path((0.0, 0.0, *turns), 0.5)
-        force.append(path)
-        depth.append(block.follow(path, dt=1.0) + random.normal(0, 1e3 * STAGE, len(path)))
-    lengths = [len(path) for path in force]
-    time, label = np.concatenate([*map(np.arange, lengths)]), np.repeat([*"01234567"], lengths)
-    f, d = map(np.concatenate, (force, depth))
-    record = Record.from_arrays(f, d, 1.0 * time, label, input_unit="N", output_unit="mm")
+        depth = block.follow(path, dt=1.0) + random.normal(0, 1e3 * STAGE, len(path))
+        parts.append((path, depth, np.arange(1.0 * len(path)), [label] * len(path)))
+    columns = map(np.concatenate, zip(*parts, strict=True))
+    record = Record.from_arrays(*columns, input_unit="N", output_unit="mm")
     return fit(record, "Preisach").model
 
 
@@ -219,11 +217,7 @@ def chosen_points() -> tuple[Float[np.ndarray, "presses 3"], np.ndarray]:
 
 
 @eqx.filter_jit
-def followed(
-    armor: UncertainArmor,
-    time: Float[Array, " samples"],
-    readings: Float[Array, "presses samples 6"],
-) -> UncertainContact:
+def followed(armor: UncertainArmor, time: Array, readings: Array) -> UncertainContact:
     """The contacts of presses, every one a stream of its own: arrays (presses, ...)."""
     return jax.lax.map(lambda each: armor.simulate(time, each), readings)
 

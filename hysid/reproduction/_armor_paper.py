@@ -29,7 +29,6 @@ from ._armor import (
 )
 from ._frame import Asked, Measure, Paper, compared
 
-NEEDS: dict[str, str] = {}
 STRONGLY = 1.5
 """Times the nonlinearity of the others from which that of a thin sponge is seen in a figure."""
 MIDDLE = np.array([10, 29, 48, 67]) - 1

@@ -1,7 +1,7 @@
 """Three experiments of Kim and Park (2018) on one virtual skin, by the paper's methods and by ours:
 (A) the force of one contact, (B) which place is pressed, (C) which places are pressed at once."""
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Final, NamedTuple
@@ -124,9 +124,8 @@ class Skin:
     def timeless(self) -> Learnt:
         """The paper's network: it sees the Preisach transform of the readings, which has no time."""
         t, F, z = self.taught
-        return train_staircase(
-            t, z, F, epochs=self.epochs, thresholds=READING["thresholds"], lags=()
-        )
+        seen = READING["thresholds"]
+        return train_staircase(t, z, F, epochs=self.epochs, thresholds=seen, lags=())
 
     @cached_property
     def network(self) -> Learnt:
@@ -157,21 +156,21 @@ class Skin:
     @cached_property
     def by_filter(self) -> Followed:
         """The same by the filter."""
-        pairs = zip(self.loops.time, self.loops.reading, strict=True)
-        found = [
-            (len(t), self.filter.simulate(lengthened(t), lengthened(z[:, None]))) for t, z in pairs
-        ]
+        found = self._followed(self.filter, self.loops, (-1, 1))
         parts = ("value", "late", "deviation")
         return Followed(*([np.asarray(getattr(f, k))[:n, 0] for n, f in found] for k in parts))
+
+    @staticmethod
+    def _followed(estimator: Any, loops: Records, shape: tuple[int, ...]) -> list[tuple[int, Any]]:
+        """Length and estimates of every record."""
+        pairs = zip(loops.time, loops.reading, strict=True)
+        ready = ((t, lengthened(z.reshape(shape))) for t, z in pairs)
+        return [(len(t), estimator.simulate(lengthened(t), z)) for t, z in ready]
 
     def by(self, learnt: Learnt, loops: Records | None = None) -> list[Series]:
         """Forces of the loops by a network from reading to force, N."""
         estimator, loops = ForceEstimator(learnt.model, learnt.off, HIGH_N), loops or self.loops
-        pairs = zip(loops.time, loops.reading, strict=True)
-        return [
-            np.asarray(estimator.simulate(lengthened(t), lengthened(z)).value)[: len(t)]
-            for t, z in pairs
-        ]
+        return [np.asarray(f.value)[:n] for n, f in self._followed(estimator, loops, (-1,))]
 
     def rms(self, found: Sequence[Series]) -> float:
         """Error of the loops' forces, N."""
@@ -198,11 +197,9 @@ class Skin:
     def _confusion(self, method: str) -> Confusion:
         known, asked = self.rig.finger_presses(), self.rig.finger_presses(20, session=1)
         taught, judged = self._volts(known.reading), self._volts(asked.reading)
-        localizer = Localizer.train(
-            taught, known.location, method=method, noise=self.rig.readout.noise
-        )
-        counts = localizer.confusion(judged, asked.location).counts
-        return Confusion(tuple(PLACES), counts)
+        noise = self.rig.readout.noise
+        localizer = Localizer.train(taught, known.location, method=method, noise=noise)
+        return Confusion(tuple(PLACES), localizer.confusion(judged, asked.location).counts)
 
     # (C) Which places at once
 
@@ -250,32 +247,35 @@ class Skin:
     @cached_property
     def decisions(self) -> list[Pressed]:
         """Table III with all fingers pressing alike, and what the table says of each."""
-        found = [self.logic.decide(one).places for one in self._together(equal=True)]
-        return list(zip(self.pressed_together, found, strict=True))
+        return self._decided(lambda one: self.logic.decide(one).places, equal=True)
 
     @cached_property
     def unequal(self) -> list[Pressed]:
         """The same with fingers whose forces differ and are not known."""
-        found = [self.unknown_force.decide(one).places for one in self._together(equal=False)]
-        return list(zip(self.pressed_together, found, strict=True))
+        return self._decided(lambda one: self.unknown_force.decide(one).places, equal=False)
 
     @cached_property
     def by_ranks(self) -> list[Pressed]:
         """The unequal presses by the published table: the nearest sums of ranks 3, 2 and 1."""
         unit, table = level(self.rig, FINGER_FORCE), self.logic
-        nearest = [
-            table.combinations[int(np.argmin(np.sum((one / unit - table.sums) ** 2, axis=1)))]
-            for one in self._together(equal=False)
-        ]
-        return list(zip(self.pressed_together, nearest, strict=True))
 
-    def _together(self, equal: bool) -> Float[np.ndarray, "presses layers"]:
+        def nearest(one: np.ndarray) -> frozenset[Hashable]:
+            return table.combinations[
+                int(np.argmin(np.sum((one / unit - table.sums) ** 2, axis=1)))
+            ]
+
+        return self._decided(nearest, equal=False)
+
+    def _decided(
+        self, by: Callable[[np.ndarray], frozenset[Hashable]], equal: bool
+    ) -> list[Pressed]:
         places = np.array(
             [[name in one for name in PLACES] for one in self.pressed_together], float
         )
         random = np.random.default_rng([self.seed, 9])
         forces = FINGER_FORCE if equal else random.uniform(*FINGER_FORCES, places.shape)
-        return self._volts(self.rig.press_together(places * forces))
+        found = map(by, self._volts(self.rig.press_together(places * forces)))
+        return list(zip(self.pressed_together, found, strict=True))
 
 
 def rig_of(seed: int, inside: bool) -> AbstractSkinRig:

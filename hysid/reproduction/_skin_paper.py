@@ -13,7 +13,6 @@ from ._frame import Asked, Measure, Paper, compared
 from ._skin import DELAY, PLACES, Skin
 from ._skin_pair import OURS_FOR_ONE, SkinPair, error, found_peaks, of_pair
 
-NEEDS = {"sklearn": "microchannel"}
 EPOCHS, PAIRS = 1000, 3
 """Of the network of (A), a tenth of them of those of (D); sensors of which (D) is made."""
 QUICK_EPOCHS, QUICK_PAIRS = 60, 1

@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from compensate.microchannel import SearchEstimator
-from hysid.reproduction import _frame, _skin, _skin_paper, terminal
+from hysid.reproduction import _skin, _skin_paper, terminal
 from hysid.reproduction._frame import reproduce
 from hysid.reproduction._skin import converted
 from hysid.reproduction._skin_pair import DT, PAIR, SkinPair, peaks
 from hysid.reproduction._skin_paper import PAPER
-from hysteresis import InputError
 from hysteresis.rigs import ResistiveReadout
 
 SEED = 300
@@ -94,15 +93,6 @@ def test_the_search_follows_a_machine_through_lines(document):
     assert rows["placed"]["reproduced"] < 1.6
     assert {peak["location"] for peak in document[0]["peaks"]["paper"]} == {"B", "D"}
     assert len(document[0]["peaks"]["paper"]) == 16
-
-
-def test_a_missing_package_is_named_before_any_work(tmp_path, monkeypatch):
-    monkeypatch.setattr(_frame, "find_spec", lambda name: None)
-    with pytest.raises(InputError, match="sklearn") as error:
-        reproduce("kim2018", tmp_path / "out", rigs=2, quick=True)
-    assert error.value.code == "missing-extra"
-    assert error.value.fix == "pip install 'hysid[microchannel]'"
-    assert not (tmp_path / "out").exists()
 
 
 def test_the_electronics_give_back_what_the_sensor_said():
