@@ -1,11 +1,11 @@
 """Logic table: the combination of pressed places from sums of levels, without training."""
 
 from collections.abc import Hashable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from enum import IntEnum
 from functools import cached_property
 from itertools import combinations, permutations, product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
@@ -47,21 +47,6 @@ def apart(
     return np.minimum(parts, parts.T)
 
 
-def remedies(
-    levels: Float[np.ndarray, "layers places"],
-    names: tuple[Hashable, ...],
-    chosen: Bool[np.ndarray, "combinations places"],
-    ratio: float,
-    most_changes: int,
-    margin: float,
-) -> tuple[Remedy, ...]:
-    """See `LogicTable.remedies`; ratio = f_high/f_low."""
-    found = [_fewest_changes(levels, names, chosen, ratio, most_changes, margin)]
-    found += [_best(_rewired(levels, names), chosen, ratio)]
-    found += [_layered(levels, names, chosen, ratio, margin)]
-    return tuple(remedy for remedy in found if remedy and remedy.separation >= margin)
-
-
 def _best(
     tables: Iterable[tuple[str, np.ndarray]], chosen: np.ndarray, ratio: float
 ) -> Remedy | None:
@@ -72,22 +57,6 @@ def _best(
         separation = float(far.min())
         if best is None or separation > best.separation:
             best = Remedy(change, levels, separation)
-    return best
-
-
-def _fewest_changes(
-    levels: np.ndarray,
-    names: tuple[Hashable, ...],
-    chosen: np.ndarray,
-    ratio: float,
-    most: int,
-    margin: float,
-) -> Remedy | None:
-    best = None
-    for count in range(1, most + 1):
-        best = _best(_changed(levels, names, count), chosen, ratio)
-        if best is not None and best.separation >= margin:
-            break
     return best
 
 
@@ -103,18 +72,17 @@ def _changed(
     values = values[:: max(1, int(np.ceil((tables / MOST_TABLES) ** (1 / count))))]
     for at in combinations(cells, count):
         for new in product(values, repeat=count):
-            if all(levels[cell] != value for cell, value in zip(at, new, strict=True)):
-                table = levels.copy()
-                for cell, value in zip(at, new, strict=True):
-                    table[cell] = value
-                yield _words(levels, table, names), table
-
-
-def _words(levels: np.ndarray, table: np.ndarray, names: tuple[Hashable, ...]) -> str:
-    return "; ".join(
-        f"level of {names[k]} in layer {layer + 1}: {table[layer, k]:g} instead of {levels[layer, k]:g}"
-        for layer, k in zip(*np.nonzero(levels != table), strict=True)
-    )
+            table = levels.copy()
+            table[tuple(zip(*at, strict=True))] = new
+            changed = np.argwhere(levels != table)
+            if len(changed) == count:
+                yield (
+                    "; ".join(
+                        f"level of {names[k]} in layer {n + 1}: {table[n, k]:g} instead of {levels[n, k]:g}"
+                        for n, k in changed
+                    ),
+                    table,
+                )
 
 
 def _rewired(levels: np.ndarray, names: tuple[Hashable, ...]) -> Iterable[tuple[str, np.ndarray]]:
@@ -189,7 +157,7 @@ class Decision(NamedTuple):
     status: LogicStatus
 
 
-@dataclass(frozen=True, init=False)
+@dataclass(frozen=True)
 class LogicTable:
     """Levels of serial sections add up: a press on the places s at once reads
 
@@ -221,28 +189,18 @@ class LogicTable:
         ['A', 'B']
     """
 
-    levels: Float[np.ndarray, "layers places"]
-    names: tuple[Hashable, ...]
-    unit: tuple[float, float]
-    noise: float
-    common: float
-    differential: float
-    reject: float
-    doubt: float
+    levels: Any
+    names: Any = None
+    _: KW_ONLY
+    unit: Any = 1.0
+    noise: float = 0.0
+    common: float = 0.10
+    differential: float = 0.066
+    reject: float = 1e-4
+    doubt: float = 0.05
 
-    def __init__(
-        self,
-        levels: ArrayLike | Sequence[Sequence[float]],
-        names: Sequence[Hashable] | None = None,
-        *,
-        unit: float | Sequence[float] = 1.0,
-        noise: float = 0.0,
-        common: float = 0.10,
-        differential: float = 0.066,
-        reject: float = 1e-4,
-        doubt: float = 0.05,
-    ):
-        levels = np.array(levels, float)
+    def __post_init__(self) -> None:
+        levels, names, unit = np.array(self.levels, float), self.names, self.unit
         low, high = unit if isinstance(unit, Sequence) else (unit, unit)
         if levels.ndim != 2 or not 1 <= levels.shape[1] <= MOST_PLACES:
             raise _fault(
@@ -258,10 +216,11 @@ class LogicTable:
             )
         if not 0 < low <= high < np.inf:
             raise _fault(f"unit = {unit}.", "the reading of one level, or its bounds; above 0.")
-        if not (noise >= 0 and common > 0 and differential > 0 and 0 <= reject < 1 and doubt > 0):
+        above = self.common > 0 and self.differential > 0 and self.doubt > 0
+        if not (self.noise >= 0 and above and 0 <= self.reject < 1):
             raise _fault("a deviation or a part is out of range.", "all above 0, noise 0 or more.")
-        values = (levels, tuple(names), (float(low), float(high)), noise, common, differential)
-        for name, value in zip(self.__dataclass_fields__, (*values, reject, doubt), strict=True):
+        values = {"levels": levels, "names": tuple(names), "unit": (float(low), float(high))}
+        for name, value in values.items():
             object.__setattr__(self, name, value)
 
     @cached_property
@@ -297,9 +256,20 @@ class LogicTable:
         - `most_changes`: levels that may be changed at once.
         - `margin`: the least distance, as a part of the reading, that counts as a remedy.
         """
-        return remedies(
-            self.levels, self.names, self._chosen, self.unit[1] / self.unit[0], most_changes, margin
+        levels, names, chosen, ratio = (
+            self.levels,
+            self.names,
+            self._chosen,
+            self.unit[1] / self.unit[0],
         )
+        fewest = None
+        for count in range(1, most_changes + 1):
+            fewest = _best(_changed(levels, names, count), chosen, ratio)
+            if fewest is not None and fewest.separation >= margin:
+                break
+        rewired = _best(_rewired(levels, names), chosen, ratio)
+        found = (fewest, rewired, _layered(levels, names, chosen, ratio, margin))
+        return tuple(remedy for remedy in found if remedy and remedy.separation >= margin)
 
     def decide(self, reading: ArrayLike) -> Decision:
         """The places behind one reading (layers,). Never raises for what it says."""
