@@ -1,6 +1,7 @@
 """Calibration of an armor from presses at known points: `compensate.armor` gives the residuals."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -118,21 +119,11 @@ def calibrate_armor(
         found = identify.calibrate(armor, residuals, free, begin=found.point)
     told = residuals.with_noise_left(found.system)
     unseen = spread_of_unseen(found, residuals, starts)
-    uncertain = UncertainArmor(
-        found.system,
-        found.draws(DRAWS, seed),
-        jnp.asarray(unseen.noise),
-        jnp.hypot(told.scatter, told.reading) if unseen.depth is None else unseen.depth,
-        seed,
-    )
-    return CalibratedArmor(
-        found.system,
-        uncertain,
-        found,
-        np.asarray(told.noise),
-        float(told.scatter),
-        float(told.reading),
-    )
+    depth = jnp.hypot(told.scatter, told.reading) if unseen.depth is None else unseen.depth
+    draws, noise = found.draws(DRAWS, seed), jnp.asarray(unseen.noise)
+    uncertain = UncertainArmor(found.system, draws, noise, depth, seed)
+    left = np.asarray(told.noise), float(told.scatter), float(told.reading)
+    return CalibratedArmor(found.system, uncertain, found, *left)
 
 
 def choose_presses(
@@ -213,9 +204,7 @@ def spread_of_unseen(
     whole = squares.sum(0) + np.eye(len(z))
     wrench, depth = [], []
     for k in range(count):
-        prior = found.prior
-        if starts:
-            prior = eqx.tree_at(lambda p: p.system, prior, starts[k])
+        prior = replace(found.prior, system=starts[k]) if starts else found.prior
         r = np.asarray(_residuals_at(residuals, prior, z))
         rest = np.arange(count) != k
         slope = np.einsum("pri,pr->i", J[rest], r[rest]) + np.asarray(z)
@@ -232,9 +221,7 @@ def spread_of_unseen(
 
 
 @eqx.filter_jit
-def _residuals_at(
-    residuals: PressResiduals, prior: Prior, z: Array
-) -> Float[Array, "presses residuals"]:
+def _residuals_at(residuals: PressResiduals, prior: Prior, z: Array) -> Array:
     return residuals(prior.at(z))
 
 

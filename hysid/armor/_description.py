@@ -83,23 +83,15 @@ class Description:
         shape = self.shape()
         frame: Any = 0.0
         if self.frame_width is not None:
-            faces = shape.faces()
-            centres = getattr(shape, "centres", None)
-            if centres is None:
-                raise InputError(
-                    "bad-option", f"the frame below a mesh of {len(faces.offset)} faces has no dents.",
-                    fix="leave frame_width out.",
-                )  # fmt: skip
-            frame = Bumps(centres(), 0.0, self.frame_width)
-        gives_force = (
-            material.units is not None
-            and conversion(material.units.input, "m") is not None
-            and conversion(material.units.output, "N") is not None
-        )
-        cover = Cover(
-            invert(material) if gives_force else material, 1.0, frame, thickness=self.thickness
-        )
-        plays = None
+            if not isinstance(shape, Box):
+                count = len(shape.faces().offset)
+                said = f"the frame below a mesh of {count} faces has no dents."
+                raise InputError("bad-option", said, fix="leave frame_width out.")
+            frame = Bumps(shape.centres(), 0.0, self.frame_width)
+        units, given, plays = material.units, material, None
+        if units is not None and conversion(units.input, "m") and conversion(units.output, "N"):
+            given = invert(material)  # it gives forces
+        cover = Cover(given, 1.0, frame, thickness=self.thickness)
         if self.full_scale is not None:
             full = np.repeat(np.asarray(self.full_scale, float), 3)
             plays = [
@@ -124,12 +116,8 @@ def read_description(file: Path, unit: str | None = None) -> Description:
     """
     if file.suffix.lower() != ".toml":
         return Description(**_mesh(file, unit or "m"))
-    if not file.is_file():
-        raise InputError(
-            "file-not-found", f"There is no file {file}.", fix="Name a TOML or mesh file."
-        )
     try:
-        given = tomllib.loads(file.read_text("utf-8"))
+        given = tomllib.loads(_there(file).read_text("utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputError("bad-config", f"This is not TOML: {error}.", place=str(file)) from error
     box = given.pop("box", None) or {key: given.pop(key) for key in BOX if key in given}
@@ -167,10 +155,13 @@ def read_description(file: Path, unit: str | None = None) -> Description:
 
 
 def _mesh(file: Path, unit: str) -> dict[str, Any]:
+    corners = np.asarray(Mesh.load(_there(file), unit).corners()).reshape(-1, 3)
+    return {"corners": corners, "triangles": np.arange(len(corners)).reshape(-1, 3)}
+
+
+def _there(file: Path) -> Path:
     if not file.is_file():
         raise InputError(
             "file-not-found", f"There is no file {file}.", fix="Name a TOML or mesh file."
         )
-    mesh = Mesh.load(file, unit)
-    corners = np.asarray(mesh.corners()).reshape(-1, 3)
-    return {"corners": corners, "triangles": np.arange(len(corners)).reshape(-1, 3)}
+    return file

@@ -29,14 +29,9 @@ from hysteresis._limits import damage_told, parse_json
 
 FILE = "touches.json"
 COLUMNS = {
-    "force": (3,),
-    "moment": (3,),
-    "point": (3,),
-    "displacement": (),
-    "spin": (),
-    "covariance": (3, 3),
+    "force": (3,), "moment": (3,), "point": (3,), "displacement": (), "spin": (), "covariance": (3, 3),
     "truth": (3,),
-}
+}  # fmt: skip
 """Numbers at each time, and their shape."""
 OPTIONAL = ("covariance", "truth")
 MOST = 20_000
@@ -102,13 +97,13 @@ def save_touches(
     status = [ContactStatus(int(s)).name for s in np.asarray(contact.status)]
     surface = np.asarray(contact.surface)
     point = np.where(surface[:, None] > 0, np.asarray(contact.point), np.nan)
-    columns = {"force": force, "moment": moment, "point": point}
-    columns |= {"displacement": contact.displacement, "spin": contact.spin}
-    columns |= {"covariance": covariance} if covariance is not None else {}
-    columns |= {"truth": truth} if truth is not None else {}
+    columns = {
+        "force": force, "moment": moment, "point": point, "displacement": contact.displacement,
+        "spin": contact.spin, "covariance": covariance, "truth": truth,
+    }  # fmt: skip
     document = {"schema": 1, "title": title, "vertices": shell[0], "triangles": shell[1]}
     document |= {"time": time, "surface": surface, "status": status}
-    document |= {name: _rounded(np.asarray(values)) for name, values in columns.items()}
+    document |= {k: _rounded(np.asarray(x)) for k, x in columns.items() if x is not None}
     file = folder / FILE
     write_whole(file, json.dumps(identify.internal.plain(document), separators=(",", ":")) + "\n")
     return file
@@ -119,11 +114,9 @@ def read_touches(folder: Path) -> dict[str, Any]:
     file = folder / FILE
     if not file.is_file():
         raise InputError(
-            "file-not-found",
-            f"This folder has no {FILE}.",
-            place=str(folder),
+            "file-not-found", f"This folder has no {FILE}.", place=str(folder),
             fix="Name a folder that hysid reproduce tsuji2014 wrote.",
-        )
+        )  # fmt: skip
     with damage_told(FILE, file, "Write it again: hysid reproduce tsuji2014 --overwrite."):
         document = parse_json(file.read_bytes())
         if document["schema"] != 1:
@@ -136,13 +129,10 @@ def _check(document: dict[str, Any]) -> None:
     count = len(document["time"])
     if not 0 < count <= MOST:
         raise ValueError(f"{count} rows, where 1 to {MOST} can be replayed")
-    vertices = np.array(document["vertices"], float)
-    triangles = np.array(document["triangles"])
+    vertices, triangles = np.array(document["vertices"], float), np.array(document["triangles"])
     if vertices.shape[1:] != (3,) or triangles.shape[1:] != (3,) or triangles.dtype.kind != "i":
         raise ValueError("vertices or triangles are not triples")
-    if not (
-        np.isfinite(vertices).all() and triangles.min() >= 0 and triangles.max() < len(vertices)
-    ):
+    if not np.isfinite(vertices).all() or not np.isin(triangles, np.arange(len(vertices))).all():
         raise ValueError("a triangle names a corner that is not there")
     for name in ("surface", "status"):
         if len(document[name]) != count:
@@ -168,8 +158,5 @@ def _check(document: dict[str, Any]) -> None:
 
 def _rounded(values: np.ndarray) -> Any:
     """Five digits, a hundredth of a millimetre of a metre; null for a row that is not finite."""
-    return [_five(row) if np.isfinite(row).all() else None for row in values]
-
-
-def _five(row: Any) -> Any:
-    return np.vectorize(lambda x: float(f"{x:.5g}"), otypes=[float])(row).tolist()
+    five = np.vectorize(lambda x: float(f"{x:.5g}"), otypes=[float])
+    return [five(row).tolist() if np.isfinite(row).all() else None for row in values]

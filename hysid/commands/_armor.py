@@ -72,16 +72,12 @@ def calibrate(asked: Calibrate) -> Done:
     }  # fmt: skip
     document["armor"]["thickness"] = None if np.isinf(known.thickness) else known.thickness
     identify.internal.write_set(
-        out, DOCUMENT, document,
-        {ARRAYS: arrays},
+        out, DOCUMENT, document, {ARRAYS: arrays},
         remove=(RUNTIME,), check=partial(identify.internal.check_free, out, overwrite, DOCUMENT),
     )  # fmt: skip
     runtime, notes = _exported(found.armor, out / RUNTIME, material)
-    told = {
-        "folder": str(out), "presses": document["presses"], "table": document["table"],
-        "noise": document["noise"], "scatter": document["scatter"], "runtime": runtime,
-        "notes": notes,
-    }  # fmt: skip
+    told = {k: document[k] for k in ("presses", "table", "noise", "scatter")}
+    told = {"folder": str(out), **told, "runtime": runtime, "notes": notes}
     said = f"The cover differs by {1e3 * told['scatter']:.2g} mm from place to place."
     return Done(told, [*warnings(notes), told["table"], said, f"Armor: {out}"])
 
@@ -170,12 +166,8 @@ def load_calibration(
         words |= {k: arrays[k] for k in ("corners", "triangles") if k in arrays}
         known = replace(Description(**words), dwell=dwell)
         leaves, tree = jax.tree.flatten(known.armor(material))
-        armor, draws = (
-            jax.tree.unflatten(
-                tree, [jnp.asarray(arrays[f"{part}.{k}"]) for k in range(len(leaves))]
-            )
-            for part in ("armor", "draws")
-        )
+        names = [[f"{part}.{k}" for k in range(len(leaves))] for part in ("armor", "draws")]
+        armor, draws = (tree.unflatten([jnp.asarray(arrays[k]) for k in own]) for own in names)
         noise, scatter = jnp.asarray(arrays["noise"]), document["scatter"]
     return UncertainArmor(armor, draws, noise, scatter), material
 
@@ -187,9 +179,8 @@ def _scatter(fit: identify.FitResult) -> float:
     if figures is None or units is None:
         return 0.0
     metres = conversion(units.output, "m")
-    if (
-        metres is None
-    ):  # of a force: as much as it makes where the sponge is as stiff as in the mean
+    if metres is None:
+        # Of a force: as much as it makes where the sponge is as stiff as in the mean.
         used = record.mask
         slope = np.ptp(record.input[used]) / np.ptp(record.output[used])
         metres = (conversion(units.input, "m") or 0.0) * float(slope)
