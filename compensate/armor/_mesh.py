@@ -47,10 +47,11 @@ class Hierarchy:
         **Arguments:** `foot`, `along`: (lines, 3), a point of each line and its direction, of length 1;
         `reach`: (lines,). The pairs are in the order of the lines.
         """
-        line, node = _product(np.arange(len(foot)), np.arange(len(self.levels[0][0])))
+        line, node = np.indices((len(foot), len(self.levels[0][0]))).reshape(2, -1)
         for depth, (centre, radius) in enumerate(self.levels):
             if depth:
-                line, node = np.repeat(line, GROUP), _children(node)
+                line = np.repeat(line, GROUP)
+                node = (node[:, None] * GROUP + np.arange(GROUP)).ravel()
                 inside = node < len(radius)
                 line, node = line[inside], node[inside]
             away = centre[node] - foot[line]
@@ -61,20 +62,10 @@ class Hierarchy:
         return line, self.order[node]
 
 
-def _product(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    return np.repeat(a, len(b)), np.tile(b, len(a))
-
-
-def _children(node: np.ndarray) -> np.ndarray:
-    return (node[:, None] * GROUP + np.arange(GROUP)).ravel()
-
-
 def _around(centre: np.ndarray, radius: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Bounding spheres of each eight consecutive items."""
     first = np.arange(0, len(centre), GROUP)
-    low = np.minimum.reduceat(centre, first)
-    high = np.maximum.reduceat(centre, first)
-    middle = (low + high) / 2
+    middle = (np.minimum.reduceat(centre, first) + np.maximum.reduceat(centre, first)) / 2
     far = np.linalg.norm(centre - np.repeat(middle, GROUP, axis=0)[: len(centre)], axis=1) + radius
     return middle, np.maximum.reduceat(far, first)
 
@@ -247,31 +238,26 @@ class Search:
         force, size = force[usable], size[usable]
         lines = (force / size[:, None], np.cross(force, moment[usable]) / size[:, None] ** 2)
         reach, tolerance = reach[usable], tolerance[usable]
-        line, triangle, cost, cosine, met = self._crossed(*lines, reach, np.zeros_like(tolerance))
+        pairs = self._crossed(*lines, reach, np.zeros_like(tolerance))
+        line, _, _, cosine, met = pairs
         hit = np.zeros(len(usable), bool)
         hit[line[met & (cosine >= (threshold[usable] / size)[line])]] = True
         # A line that pushes nothing where it passes is looked at again with all that it comes close to.
         rest = np.flatnonzero(~hit)
         if len(rest):
-            again = self._crossed(*(a[rest] for a in (*lines, reach, tolerance)))[:4]
-            first = hit[line]
-            line, triangle, cost, cosine = (
-                np.concatenate([a[first], b])
-                for a, b in zip(
-                    (line, triangle, cost, cosine), (rest[again[0]], *again[1:]), strict=True
-                )
-            )
+            again = self._crossed(*(a[rest] for a in (*lines, reach, tolerance)))
+            again, first = (rest[again[0]], *again[1:]), hit[line]
+            pairs = tuple(np.concatenate([a[first], b]) for a, b in zip(pairs, again, strict=True))
+        line, triangle, cost, cosine, _ = pairs
         order = np.lexsort((-cosine, cost, line))
         line, triangle = line[order], triangle[order]
         place = np.arange(len(line)) - np.searchsorted(line, line)
         kept = place < CAPACITY
         most = int(place[kept].max(initial=0)) + 1
         # Powers of two only: the solver is compiled once for each length of the list.
-        near = np.full((len(size), 1 << (most - 1).bit_length()), -1)
-        near[line[kept], place[kept]] = triangle[kept]
-        whole = np.full((len(moment), near.shape[1]), -1)
-        whole[usable] = near
-        return whole
+        near = np.full((len(moment), 1 << (most - 1).bit_length()), -1)
+        near[usable[line[kept]], place[kept]] = triangle[kept]
+        return near
 
     def _crossed(
         self, along: np.ndarray, foot: np.ndarray, reach: np.ndarray, tolerance: np.ndarray
@@ -287,13 +273,11 @@ class Search:
         line, triangle, normal, cosine = (a[crossed] for a in (line, triangle, normal, cosine))
         height = self.sides.offset[triangle] + np.einsum("ij,ij->i", normal, foot[line])
         point = foot[line] - (height / cosine)[:, None] * along[line]
-        beyond = (
-            np.einsum("ijk,ik->ij", self.sides.edge[triangle], point) - self.sides.limit[triangle]
-        )
+        beyond = np.einsum("ijk,ik->ij", self.sides.edge[triangle], point)
+        beyond = (beyond - self.sides.limit[triangle]).max(axis=1)
         # In the face's plane that is d tan(angle).
         cell = np.minimum(np.searchsorted(COSINES, np.maximum(cosine, 0)), len(COSINES) - 1)
         aside = reach[line, cell] * np.sqrt(np.maximum(1 - cosine**2, 0)) / np.abs(cosine)
-        beyond = beyond.max(axis=1)
         met = beyond <= self.rounding
         apart = np.where(beyond - aside <= self.rounding, 0, beyond - aside)
         close = apart <= tolerance[line]
@@ -402,27 +386,22 @@ def head(
     centre = neck_length - az * np.cos(low)
     rings = np.stack([centre + az * np.cos(angle), ax * np.sin(angle), ay * np.sin(angle)], axis=1)
     foot = np.linspace(0, neck_length, max(along // 4, 2), endpoint=False)
-    straight = np.stack([foot, np.full_like(foot, neck), np.full_like(foot, neck)], axis=1)
+    straight = np.stack([foot, *np.full((2, len(foot)), neck)], axis=1)
     return _turned(np.vstack([straight, rings]), (0.0, centre + az), around)
 
 
 def _turned(rings: np.ndarray, ends: tuple[float, float], around: int) -> Mesh:
     """Ellipses (z, half width in x, in y) one above the other, closed by a point at either end."""
-    if (
-        around < 3
-        or len(rings) < 2
-        or not (rings[:, 1:] > 0).all()
-        or not (np.diff(rings[:, 0]) > 0).all()
-    ):
+    rises = (rings[:, 1:] > 0).all() and (np.diff(rings[:, 0]) > 0).all()
+    if around < 3 or len(rings) < 2 or not rises:
         raise InputError(
             "bad-option", "these lengths and divisions make no body.",
             fix="give positive lengths and three divisions or more.",
         )  # fmt: skip
     turn = 2 * np.pi * np.arange(around) / around
     z, x, y = rings.T
-    points = np.stack(
-        [np.outer(x, np.cos(turn)), np.outer(y, np.sin(turn)), np.outer(z, np.ones(around))], axis=2
-    )
+    ways = ((x, np.cos(turn)), (y, np.sin(turn)), (z, np.ones(around)))
+    points = np.stack([np.outer(*pair) for pair in ways], axis=2)
     vertices = np.vstack([points.reshape(-1, 3), [[0, 0, ends[0]], [0, 0, ends[1]]]])
     first = np.arange(len(rings) * around).reshape(len(rings), around)
     beside = np.roll(first, -1, axis=1)

@@ -19,7 +19,7 @@ from identify.internal import read_checked
 
 from ..intake._selection import Selection
 from ._sensor import MAKE, Estimates, SoftSensor, load_sensor
-from ._sessions import NOWHERE, Targets
+from ._sessions import Targets, places_of
 
 TRAINING = "training.json"
 MANY = 0.2
@@ -76,17 +76,13 @@ def _places(
     assert sensor.localizer is not None
     names = [*map(str, sensor.localizer.names)]
     truths = [*names, *sorted(set(place[known].tolist()) - set(names))]
-    taken = [
-        [int(((place == t) & known & (found.place == e)).sum()) for e in [*names, ""]]
-        for t in truths
-    ]
+    pairs = Counter(zip(place[known].tolist(), found.place[known].tolist(), strict=True))
+    taken = [[pairs[truth, name] for name in (*names, "")] for truth in truths]
     return {
-        "accuracy": float((found.place[known] == place[known]).mean()),
-        "rows": int(known.sum()),
+        "accuracy": float((found.place[known] == place[known]).mean()), "rows": int(known.sum()),
         "confusion": {"places": truths, "estimates": [*names, "none"], "counts": taken},
-        "rows_at_rest": int(rest.sum()),
-        "rest_taken_for_a_place": int((rest & (found.place != "")).sum()),
-    }
+        "rows_at_rest": int(rest.sum()), "rest_taken_for_a_place": int((rest & (found.place != "")).sum()),
+    }  # fmt: skip
 
 
 def confusion_lines(table: dict[str, Any]) -> list[str]:
@@ -192,28 +188,23 @@ def _streams(
 def _truths(
     table: Table, targets: Targets, rows: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    force, place = np.full(len(rows), np.nan), np.full(len(rows), "")
-    position = np.full((len(rows), len(targets.position)), np.nan)
-    if targets.force in table.columns:
-        force = table.number(str(targets.force))[rows]
-    if targets.place in table.columns:
-        place = table.text[str(targets.place)][rows]
-        place = np.where(np.isin(np.char.lower(place), NOWHERE), "", place)
-    for k, name in enumerate(targets.position):
-        if name in table.columns:
-            position[:, k] = table.number(name)[rows]
-    return force, place, position
+    none = np.full(len(rows), np.nan)
+    force, *position = (
+        table.number(str(name))[rows] if name in table.columns else none
+        for name in (targets.force, *targets.position)
+    )
+    position = np.array(position).reshape(len(position), len(rows)).T
+    return force, places_of(table, targets.place, rows), position
 
 
 def _faults(sensor: SoftSensor, found: Estimates) -> dict[str, dict[str, int]]:
     """Of each channel, how many rows have which fault."""
     said = Counter(word for words in found.channels.tolist() for word in words.split(", "))
-    counts: dict[str, dict[str, int]] = {}
-    for name in (channel.name for channel in sensor.channels):
-        for fault in (status.name for status in ChannelStatus):
-            if count := said[f"{name}: {fault}"]:
-                counts.setdefault(name, {})[fault] = count
-    return counts
+    counts = {
+        name: {s.name: n for s in ChannelStatus if (n := said[f"{name}: {s.name}"])}
+        for name, _ in sensor.channels
+    }
+    return {name: faults for name, faults in counts.items() if faults}
 
 
 def _swapped(
@@ -250,10 +241,9 @@ def _write(
     columns: dict[str, Iterable[Any]] = {"line": line.tolist()}
     if time is not None:
         columns["time"] = [_digits(t, 12) for t in time]
-    if sensor.force is not None:
-        columns |= {name: getattr(found, name) for name in ("force", "force_sd", "force_status")}
-    if sensor.localizer is not None:
-        columns |= {name: getattr(found, name) for name in ("place", "probability", "place_status")}
+    names = ("force", "force_sd", "force_status") if sensor.force is not None else ()
+    names += ("place", "probability", "place_status") if sensor.localizer is not None else ()
+    columns |= {name: getattr(found, name) for name in names}
     if sensor.position is not None:
         columns |= {q.name: found.position[:, k] for k, q in enumerate(sensor.position_in)}
         columns |= {name: getattr(found, name) for name in ("position_sd", "position_status")}

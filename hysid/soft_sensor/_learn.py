@@ -145,8 +145,7 @@ def learn_places(
     Raises `InputError` as `Localizer.train` does.
     """
     rows = [part.counts & (part.place != "") for part in parts]
-    x = np.concatenate([_changes(part, checks)[at] for part, at in zip(parts, rows, strict=True)])
-    place = np.concatenate([part.place[at] for part, at in zip(parts, rows, strict=True)])
+    x, place = _taught(parts, checks, rows, "place")
     pressed = (x > NOISES * checks.noise[None]).any(1)
     x, place = x[pressed], place[pressed]
     there = sorted(set(place.tolist()))
@@ -197,8 +196,7 @@ def learn_positions(
     Raises `InputError` as `fit_positions` does.
     """
     rows = [part.counts & np.isfinite(part.position).all(1) for part in parts]
-    x = np.concatenate([_changes(part, checks)[at] for part, at in zip(parts, rows, strict=True)])
-    y = np.concatenate([part.position[at] for part, at in zip(parts, rows, strict=True)])
+    x, y = _taught(parts, checks, rows, "position")
     least = NOISES * float(np.sqrt(np.sum(checks.noise**2)))
     pressed = np.flatnonzero(np.linalg.norm(x, axis=1) > least)
     kept = _some(pressed, MOST_POSITIONS)
@@ -208,9 +206,17 @@ def learn_positions(
     return fit_positions(x[kept], y[kept], least=least, seed=seed), notes
 
 
-def _changes(part: Streams, checks: Checks) -> np.ndarray:
-    readout = checks.readout
-    return (part.readings - np.asarray(readout.zero)) / np.asarray(readout.scale)
+def _taught(
+    parts: Sequence[Streams], checks: Checks, rows: Sequence[np.ndarray], name: str
+) -> tuple[np.ndarray, np.ndarray]:
+    """Of some rows of every part the changes of the readings, and what was pressed."""
+    zero, scale = np.asarray(checks.readout.zero), np.asarray(checks.readout.scale)
+    each = [
+        ((part.readings[at] - zero) / scale, getattr(part, name)[at])
+        for part, at in zip(parts, rows, strict=True)
+    ]
+    x, y = (np.concatenate(column) for column in zip(*each, strict=True))
+    return x, y
 
 
 def _some(rows: np.ndarray, most: int) -> np.ndarray:
@@ -251,17 +257,14 @@ def _noise(parts: Sequence[Streams], readings: np.ndarray, rest: np.ndarray) -> 
 
 def _longest_run(readings: np.ndarray) -> int:
     """Equal readings in a row, of any channel."""
-    longest = 1
-    for column in readings.T:
-        edges = np.flatnonzero(np.append(True, np.diff(column) != 0))
-        longest = max(longest, int(np.diff(np.append(edges, len(column))).max()))
-    return longest
+    ends = (np.flatnonzero([True, *(np.diff(column) != 0), True]) for column in readings.T)
+    return max([1, *(int(np.diff(at).max()) for at in ends)])
 
 
 def _clipped(channel: Quantity, column: np.ndarray, is_stream: bool) -> list[str]:
     at = float(column.max())
     share = float(np.mean(column == at))
-    if not is_stream or at == float(np.median(column)) or share < 0.01 or share * len(column) < 8:
+    if not is_stream or at == float(np.median(column)) or share < max(0.01, 8 / len(column)):
         return []
     return [
         f"{share:.1%} of {channel.name!r} stands at its largest reading, {at:g}: clipped? Name the"

@@ -110,7 +110,15 @@ def _session(file: Path, selection: Selection, targets: Targets) -> Session:
     names = tuple(train.channels) or (train.input_name,)
     units = [*train.channels.values()] or [train.input_unit]
     force = None if targets.force is None else Quantity(train.output_name, train.output_unit)
-    position, coordinates = _coordinates(table, selection, targets.position)
+    # `read_csv` says what is wrong with a column of coordinates, and knows its unit.
+    alone = [
+        read_csv(table, input=_first(selection), output=name, nan="omit")
+        for name in targets.position
+    ]
+    units_of = zip(targets.position, alone, strict=True)
+    position = tuple(Quantity(name, record.output_unit) for name, record in units_of)
+    coordinates = np.array([table.number(name) for name in targets.position])
+    coordinates = coordinates.reshape(len(position), len(table.line)).T
     return Session(
         Path(file), len(table.line), table.sha256,
         _streams(train, table, targets, coordinates),
@@ -123,30 +131,20 @@ def _first(selection: Selection) -> str:
     return selection.input[0] if isinstance(selection.input, tuple) else str(selection.input)
 
 
-def _coordinates(
-    table: Table, selection: Selection, names: tuple[str, ...]
-) -> tuple[tuple[Quantity, ...], np.ndarray]:
-    """Names with their units, and every row's numbers."""
-    units = []
-    for name in names:
-        alone = read_csv(table, input=_first(selection), output=name, nan="omit")
-        units.append(Quantity(name, alone.output_unit))
-    columns = [table.number(name) for name in names]
-    return tuple(units), np.column_stack(columns) if columns else np.empty((len(table.line), 0))
-
-
 def _streams(record: Record, table: Table, targets: Targets, coordinates: np.ndarray) -> Streams:
     rows = np.searchsorted(table.line, record.line)
     channels = [record.columns[name] for name in record.channels] or [record.input]
-    unknown = np.full(len(record), np.nan)
-    place = np.full(len(record), "")
-    if targets.place is not None:
-        place = table.text[targets.place][rows]
-        place = np.where(np.isin(np.char.lower(place), NOWHERE), "", place)
-    return Streams(
-        record, np.column_stack(channels), np.array(record.mask),
-        record.output if targets.force is not None else unknown, place, coordinates[rows],
-    )  # fmt: skip
+    force = record.output if targets.force is not None else np.full(len(record), np.nan)
+    columns = np.column_stack(channels), np.array(record.mask), force
+    return Streams(record, *columns, places_of(table, targets.place, rows), coordinates[rows])
+
+
+def places_of(table: Table, name: str | None, rows: np.ndarray) -> np.ndarray:
+    """The places that rows name, "" where nothing is pressed, or nothing names them."""
+    if name not in table.columns:
+        return np.full(len(rows), "")
+    place = table.text[str(name)][rows]
+    return np.where(np.isin(np.char.lower(place), NOWHERE), "", place)
 
 
 def _check_alike(first: Session, other: Session) -> None:
