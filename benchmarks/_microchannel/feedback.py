@@ -20,7 +20,7 @@ from compensate.microchannel import (
     MultiContactEstimator,
 )
 from compensate.runtime import load
-from hysid.reproduction._skin import FORCE, train_staircase
+from hysid.reproduction._skin import FORCE, off_of, train_staircase
 from hysteresis import AbstractModel, GeneralizedKelvinVoigt, Record, Series
 from hysteresis.networks import StaircaseNetwork
 from hysteresis.rigs import ChannelStream, MicrochannelRig
@@ -163,7 +163,7 @@ def _learnt(
 ) -> tuple[StaircaseNetwork, float]:
     """A network that has seen the memory at 1 kHz, taught by every twentieth reading."""
     found = train_staircase([t], [inputs], [outputs], epochs=EPOCHS, rate=rate, every=EVERY, **sees)
-    return found.model, found.off
+    return found.module, off_of(found)
 
 
 def _compiled(

@@ -13,7 +13,6 @@ from compensate.microchannel import EverettNetwork
 from hysid.reproduction._skin import (
     DELAY,
     HIGH_N,
-    Learnt,
     Series,
     Skin,
     converted_record,
@@ -22,7 +21,7 @@ from hysid.reproduction._skin import (
 )
 from hysid.reproduction._skin_pair import SkinPair, error, found_peaks
 from hysteresis.rigs import MicrochannelRig, ResistiveReadout
-from identify import train
+from identify import Trained, train
 
 from .._measure import Row, judged, means, noted
 from .floor import floor, placement_floor
@@ -55,9 +54,9 @@ def _single(seed: int, quick: bool) -> dict[str, float]:
     skin = Skin(seed, 200 if quick else 1000, sessions=4, inside=True)
     t, F, z = skin.taught
     everett = _train_everett(t, z, F, epochs=150 if quick else 600, high_force=HIGH_N)
-    now = skin.by_filter.now
+    now = skin.by_filter["value"]
     off = [np.abs(a - b) for a, b in zip(now, skin.loops.force, strict=True)]
-    pairs = zip(off, skin.by_filter.deviation, strict=True)
+    pairs = zip(off, skin.by_filter["deviation"], strict=True)
     least, least_late = floor(MicrochannelRig(seed=seed), skin.loops)
     return {
         "network": skin.rms(skin.by_network),
@@ -153,15 +152,14 @@ def _train_everett(
     *,
     epochs: int = 600,
     high_force: float,
-) -> Learnt:
+) -> Trained:
     """`EverettNetwork` from readings to forces, records of one length; five of them a batch."""
     t, z, F = (jnp.asarray(np.stack(part)) for part in (times, readings, forces))
     start = EverettNetwork.random(jax.random.key(0), high=float(z.max()), force=high_force)
-    found = train(
+    return train(
         start, _sequence_squares, (t, z, F), batch=5, epochs=epochs,
         optimizer=decaying_over(2e-2, epochs, len(times), 5),
     )  # fmt: skip
-    return Learnt.of(found)
 
 
 def _sequence_squares(network: EverettNetwork, rows: Any, key: Any) -> Array:

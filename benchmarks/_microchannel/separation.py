@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Float
 
 from compensate.microchannel import ForceEstimator, MultiContactEstimator, gains_in_use
-from hysid.reproduction._skin import FORCE, HIGH_N, NOISE_V, rms, train_staircase
+from hysid.reproduction._skin import FORCE, HIGH_N, NOISE_V, off_of, rms, train_staircase
 from hysid.reproduction._skin_pair import train_channels
 from hysid.soft_sensor._force_records import ForceRecord
 from hysteresis import InputError
@@ -146,7 +146,7 @@ def teach(seed: int, fabrication: float, places: tuple[int, int], epochs: int) -
             [one.time for one in found], [one.reading @ g / (g @ g) for one in found],
             [one.force for one in found], **SIGNAL, epochs=epochs,
         )  # fmt: skip
-        estimators.append(ForceEstimator(learnt.model, learnt.off, HIGH_N))
+        estimators.append(ForceEstimator(learnt.module, off_of(learnt), HIGH_N))
     return Taught(gains, tuple(estimators), whole)
 
 

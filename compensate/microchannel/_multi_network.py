@@ -13,6 +13,8 @@ from numpy.typing import ArrayLike
 
 from hysteresis import InputError
 
+from .._contract import scan_steps
+
 SEQUENCE = 20
 PREOCCUPIED = 10
 REACH_N, RESOLUTION_N = 0.4, 0.1
@@ -185,9 +187,4 @@ class SearchEstimator(eqx.Module):
         self, t: ArrayLike | None, readings: ArrayLike
     ) -> Float[Array, "samples contacts"]:
         """`step` over readings (samples, layers)."""
-        return _search(self, jnp.asarray(readings, float))
-
-
-@eqx.filter_jit
-def _search(estimator: SearchEstimator, z: Array) -> Array:
-    return jax.lax.scan(lambda s, now: estimator.step(s, None, now), estimator.init(), z)[1]
+        return scan_steps(self, None, readings, self.init())[1]

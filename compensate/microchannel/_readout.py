@@ -13,6 +13,8 @@ from numpy.typing import ArrayLike
 from hysteresis import InputError, Scalar, is_concrete, parameter, register
 from hysteresis._parameter import as_float
 
+from .._contract import scan_steps
+
 Values = Float[Array, "..."] | Any
 """Numbers, kept as an array."""
 
@@ -202,7 +204,7 @@ class Readout(eqx.Module):
                 f"{t.shape} times and {volts.shape} readings.",
                 "give (samples,) and (samples, channels).",
             )
-        return _scan(self, t, jnp.asarray(readings, self.scale.dtype))
+        return scan_steps(self, t, readings, self.init())[1]
 
     def _volts(self, readings: Any) -> Array:
         readings = jnp.asarray(readings, self.scale.dtype)
@@ -214,12 +216,6 @@ class Readout(eqx.Module):
         if self.bits is None:
             return readings
         return self.low + (self.high - self.low) * (readings / (2**self.bits - 1))
-
-
-@eqx.filter_jit
-def _scan(readout: Readout, t: Array, readings: Array) -> Changes:
-    rows = (t, readings)
-    return jax.lax.scan(lambda state, now: readout.step(state, *now), readout.init(), rows)[1]
 
 
 def _fault(problem: str, fix: str) -> InputError:

@@ -63,26 +63,9 @@ class Records(NamedTuple):
     reading: list[Series]
 
 
-class Followed(NamedTuple):
-    """A filter's estimates of records' forces, N: as the readings come, of the force `DELAY` readings
-    before, and the deviation of the first."""
-
-    now: list[Series]
-    late: list[Series]
-    deviation: list[Series]
-
-
-class Learnt(NamedTuple):
-    """A network, its RMSE on the tenth of the rows it did not learn from, and how it learnt."""
-
-    model: Any
-    off: float
-    trained: Trained
-
-    @classmethod
-    def of(cls, found: Trained) -> "Learnt":
-        """What `identify.train` found."""
-        return cls(found.module, float(np.sqrt(found.validation[found.best])), found)
+def off_of(found: Trained) -> float:
+    """RMSE of a network on the tenth of the rows that it did not learn from."""
+    return float(np.sqrt(found.validation[found.best]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,14 +104,14 @@ class Skin:
         return self._read([loop for four in every for loop in four])
 
     @cached_property
-    def timeless(self) -> Learnt:
+    def timeless(self) -> Trained:
         """The paper's network: it sees the Preisach transform of the readings, which has no time."""
         t, F, z = self.taught
         seen = READING["thresholds"]
         return train_staircase(t, z, F, epochs=self.epochs, thresholds=seen, lags=())
 
     @cached_property
-    def network(self) -> Learnt:
+    def network(self) -> Trained:
         """Ours: the same with delayed readings beside the transform."""
         t, F, z = self.taught
         return train_staircase(t, z, F, epochs=self.epochs, **READING)
@@ -138,9 +121,9 @@ class Skin:
         """Ours, where there is time: a network from force to reading, run backwards."""
         t, F, z = self.taught
         found = train_staircase(t, F, z, epochs=self.epochs, rate=3e-3, **FORCE)
-        sensor = ChannelSensor([found.model])
+        sensor = ChannelSensor([found.module])
         return MultiContactEstimator(
-            sensor, max(found.off, NOISE_V), MotionFilter(HIGH_N, **STEADY)
+            sensor, max(off_of(found), NOISE_V), MotionFilter(HIGH_N, **STEADY)
         )
 
     @cached_property
@@ -154,11 +137,12 @@ class Skin:
         return self.by(self.network)
 
     @cached_property
-    def by_filter(self) -> Followed:
-        """The same by the filter."""
+    def by_filter(self) -> dict[str, list[Series]]:
+        """The same by the filter: as the readings come (`value`), of the force `DELAY` readings before
+        (`late`), and the `deviation` of the first."""
         found = self._followed(self.filter, self.loops, (-1, 1))
         parts = ("value", "late", "deviation")
-        return Followed(*([np.asarray(getattr(f, k))[:n, 0] for n, f in found] for k in parts))
+        return {k: [np.asarray(getattr(f, k))[:n, 0] for n, f in found] for k in parts}
 
     @staticmethod
     def _followed(estimator: Any, loops: Records, shape: tuple[int, ...]) -> list[tuple[int, Any]]:
@@ -167,9 +151,12 @@ class Skin:
         ready = ((t, lengthened(z.reshape(shape))) for t, z in pairs)
         return [(len(t), estimator.simulate(lengthened(t), z)) for t, z in ready]
 
-    def by(self, learnt: Learnt, loops: Records | None = None) -> list[Series]:
+    def by(self, learnt: Trained, loops: Records | None = None) -> list[Series]:
         """Forces of the loops by a network from reading to force, N."""
-        estimator, loops = ForceEstimator(learnt.model, learnt.off, HIGH_N), loops or self.loops
+        estimator, loops = (
+            ForceEstimator(learnt.module, off_of(learnt), HIGH_N),
+            loops or self.loops,
+        )
         return [np.asarray(f.value)[:n] for n, f in self._followed(estimator, loops, (-1,))]
 
     def rms(self, found: Sequence[Series]) -> float:
@@ -179,7 +166,7 @@ class Skin:
     @property
     def rms_late(self) -> float:
         """Of ours of the forces `DELAY` readings before, N."""
-        pairs = zip(self.by_filter.late, self.loops.force, strict=True)
+        pairs = zip(self.by_filter["late"], self.loops.force, strict=True)
         return rms([late[DELAY:] - force[:-DELAY] for late, force in pairs])
 
     # (B) Which place
@@ -343,7 +330,7 @@ def train_staircase(
     epochs: int = 1000,
     rate: float = 2e-3,
     every: int = 1,
-) -> Learnt:
+) -> Trained:
     """`StaircaseNetwork` from inputs to outputs, one array for each record.
 
     `every`: it learns from every so many rows; its memory has seen them all.
@@ -354,11 +341,10 @@ def train_staircase(
     pairs = zip(times, inputs, strict=True)
     x = np.concatenate([np.asarray(start.prepare(t, u))[::every] for t, u in pairs])
     y = np.concatenate([one[::every] for one in outputs])
-    found = train(
+    return train(
         start, staircase_squares, (x, y), epochs=epochs, batch=BATCH, float32=True,
         optimizer=decaying_over(rate, epochs, len(y)),
     )  # fmt: skip
-    return Learnt.of(found)
 
 
 def decaying_over(

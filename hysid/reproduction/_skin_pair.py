@@ -21,12 +21,12 @@ from compensate.microchannel import (
     windows,
 )
 from hysteresis.rigs import AbstractSkinRig, ChannelRecord
-from identify import train
+from identify import Trained, train
 
 from ..soft_sensor._contacts import train_contacts
 from ..soft_sensor._force_networks import BATCH, updates_of
 from ..soft_sensor._force_records import ForceRecord
-from ._skin import FORCE, HIGH_N, NOISE_V, Learnt, decaying_over, read, rig_of, rms
+from ._skin import FORCE, HIGH_N, NOISE_V, decaying_over, read, rig_of, rms
 
 OURS_FOR_ONE = 6
 """Epochs of our networks for each one of the paper's recurrent networks."""
@@ -111,7 +111,7 @@ class SkinPair:
     def paper(self) -> SearchEstimator:
         """A recurrent network of each location, and the search among 81 pairs."""
         networks = [
-            train_recurrent(found, epochs=self.epochs, seed=place).model
+            train_recurrent(found, epochs=self.epochs, seed=place).module
             for found, place in zip(self.taught, PAIR, strict=True)
         ]
         return SearchEstimator(networks)
@@ -152,7 +152,7 @@ class SkinPair:
         return Pressed(self, self._read(self.rig.simultaneous(**presses)))
 
 
-def train_recurrent(records: Sequence[ForceRecord], *, epochs: int = 100, seed: int = 0) -> Learnt:
+def train_recurrent(records: Sequence[ForceRecord], *, epochs: int = 100, seed: int = 0) -> Trained:
     """The paper's `ForceNetwork` from the last forces on one location to all layers' readings."""
     forces = np.concatenate([windows(one.force) for one in records])
     readings = np.concatenate([one.reading for one in records])
@@ -161,7 +161,7 @@ def train_recurrent(records: Sequence[ForceRecord], *, epochs: int = 100, seed: 
         epochs=epochs, batch=BATCH, float32=True, patience=10,
         optimizer=decaying_over(2e-3, epochs, len(forces)),
     )  # fmt: skip
-    return Learnt.of(found._replace(module=eqx.nn.inference_mode(found.module)))
+    return found._replace(module=eqx.nn.inference_mode(found.module))
 
 
 def train_channels(

@@ -35,7 +35,7 @@ def _pair(measure: Callable[[SkinPair, bool], Any]) -> Measure:
 
 
 def _network(skin: Skin, ours: bool) -> Trained:
-    return (skin.network if ours else skin.timeless).trained
+    return skin.network if ours else skin.timeless
 
 
 def _places(skin: Skin, ours: bool) -> Confusion:

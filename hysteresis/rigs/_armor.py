@@ -214,11 +214,9 @@ class ArmorRig:
             f"force has the shape {force.shape} for {len(points)} points.",
             "Give (samples,) or (presses, samples).",
         )
-        _require(
-            bool(np.all((force >= 0) & (force <= FORCE_LIMIT))),
-            f"a force is outside 0 to {FORCE_LIMIT:g} N.",
-            "Stay where the rig is known to resemble the sponge.",
-        )
+        within = bool(np.all((force >= 0) & (force <= FORCE_LIMIT)))
+        fix = "Stay where the rig is known to resemble the sponge."
+        _require(within, f"a force is outside 0 to {FORCE_LIMIT:g} N.", fix)
         _require(bool(np.isfinite(dt) and dt > 0), f"dt = {dt} s.", "Give seconds > 0.")
         normal = INWARD[surface - 1]
         along = normal if direction is None else _unit(np.asarray(direction, float), normal)
@@ -239,11 +237,7 @@ class ArmorRig:
         return self.press(points, surface, force_path(CALIBRATION_TURNS), dt=2.0, session=session)
 
     def _displacement(
-        self,
-        points: Float[np.ndarray, "presses 3"],
-        surface: Int[np.ndarray, " presses"],
-        force: Float[np.ndarray, "presses samples"],
-        dt: float,
+        self, points: np.ndarray, surface: np.ndarray, force: np.ndarray, dt: float
     ) -> Float[np.ndarray, "presses samples"]:
         """The cover's and the frame's part of d in m under normal forces."""
         if not self.soft:
@@ -264,14 +258,9 @@ class ArmorRig:
         return 1e-3 * (d + give[:, None] * force)
 
     def _foam(
-        self,
-        cover: FoamBlock,
-        points: Float[np.ndarray, "presses 3"],
-        surface: Int[np.ndarray, " presses"],
-        force: Float[np.ndarray, "presses samples"],
-        dt: float,
-        from_edge: Float[np.ndarray, " presses"],
-    ) -> Float[np.ndarray, "presses samples"]:
+        self, cover: FoamBlock, points: np.ndarray, surface: np.ndarray, force: np.ndarray, dt: float,
+        from_edge: np.ndarray,
+    ) -> Float[np.ndarray, "presses samples"]:  # fmt: skip
         """d in mm of foam: its density changes over a decimetre, and its cone is cut off at an edge."""
         rng = np.random.default_rng([self.seed, 3])
         waves, phase = rng.normal(size=(5, 3, 24)) / 0.1, rng.uniform(0, 2 * np.pi, (5, 24))
@@ -296,10 +285,7 @@ class ArmorRig:
         return (points - middle)[lateral].reshape(-1, 2)
 
     def _place(
-        self,
-        surface: Int[np.ndarray, " presses"],
-        u: Float[np.ndarray, " presses"],
-        v: Float[np.ndarray, " presses"],
+        self, surface: np.ndarray, u: np.ndarray, v: np.ndarray
     ) -> Float[np.ndarray, "presses 3"]:
         """Points at (u, v) from the middle of their surface."""
         dx, dy, dz1, dz2 = self.size
@@ -339,13 +325,10 @@ def _followed(cover: SpongeRig, force: bytes, dt: float) -> Float[np.ndarray, " 
     return cover.follow(np.frombuffer(force), dt=dt)
 
 
-def _unit(
-    direction: Float[np.ndarray, "presses 3"], normal: Float[np.ndarray, "presses 3"]
-) -> Float[np.ndarray, "presses 3"]:
-    length = np.linalg.norm(direction, axis=1, keepdims=True)
+def _unit(direction: np.ndarray, normal: np.ndarray) -> Float[np.ndarray, "presses 3"]:
     _require(
         direction.shape == normal.shape and bool(np.all(np.sum(direction * normal, axis=1) > 0)),
         "a direction does not push on its surface.",
         "Give (presses, 3), each with a part along the inward normal.",
     )
-    return direction / length
+    return direction / np.linalg.norm(direction, axis=1, keepdims=True)

@@ -86,9 +86,8 @@ class ChannelGeometryRig(AbstractSkinRig):
         """c: the relative change of each layer, behind the low-pass."""
         locations = force.shape[-1]
         place = np.broadcast_to(placement, (*force.shape[:-1], 2, locations))
-        inside = self.pitch_mm * 0.9 * ((np.arange(_POINTS) + 0.5) / _POINTS - 0.5)
         middle = self.pitch_mm * np.arange(locations)
-        points = middle[:, None] + inside
+        points = middle[:, None] + self._along
         radius, pressure, flow = self._footprint(force, dt)
         total = np.zeros((*force.shape[:-1], locations, _POINTS))
         for k in np.flatnonzero(force.reshape(-1, locations).any(axis=0)):
@@ -98,11 +97,8 @@ class ChannelGeometryRig(AbstractSkinRig):
             below = (pressure + flow)[..., k, None, None]
             total += below * np.sqrt(np.maximum(1 - away, 0))
         part = total / self.closing_kpa
-        _require(
-            bool(part.max(initial=0) < 0.95),
-            "a channel is squeezed shut.",
-            "Press with less force.",
-        )
+        shut = part.max(initial=0) >= 0.95
+        _require(not shut, "a channel is squeezed shut.", "Press with less force.")
         # In N: what 1 N in the middle does to a section, before the channel closes.
         closed = np.mean(part / (1 - part), axis=-1) / self._per_newton
         c = np.moveaxis(closed @ self.gains.T, -2, 0)
@@ -112,9 +108,13 @@ class ChannelGeometryRig(AbstractSkinRig):
     def _per_newton(self) -> float:
         """Mean closing of a section that 4 N press in its middle, for 1 N."""
         r, pressure = self._hertz(np.array([4.0]))
-        s = self.pitch_mm * 0.9 * ((np.arange(_POINTS) + 0.5) / _POINTS - 0.5)
-        part = pressure * np.sqrt(np.maximum(1 - (s / r) ** 2, 0)) / self.closing_kpa
+        part = pressure * np.sqrt(np.maximum(1 - (self._along / r) ** 2, 0)) / self.closing_kpa
         return float(np.mean(part / (1 - part))) / 4
+
+    @property
+    def _along(self) -> np.ndarray:
+        """Places in mm along a section, from its middle."""
+        return self.pitch_mm * 0.9 * ((np.arange(_POINTS) + 0.5) / _POINTS - 0.5)
 
     def _hertz(self, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Radius of the footprint in mm and pressure in its middle in kPa."""
@@ -127,8 +127,8 @@ class ChannelGeometryRig(AbstractSkinRig):
         """r, P and the flow q in the middle, for every sample."""
         F = np.moveaxis(force, -2, 0)
         hertz, _ = self._hertz(F)
-        r, q, before = np.zeros(F.shape[1:]), np.zeros(F.shape[1:]), np.zeros(F.shape[1:])
-        radius, pressure, flow = np.empty_like(F), np.empty_like(F), np.empty_like(F)
+        r, q, before = np.zeros((3, *F.shape[1:]))
+        found = np.empty((3, *F.shape))
         for n, now in enumerate(F):
             kept = np.exp(-np.abs(now - before) / self.rim_n)
             r = np.maximum(hertz[n], np.where(now < before, hertz[n] + (r - hertz[n]) * kept, r))
@@ -136,5 +136,5 @@ class ChannelGeometryRig(AbstractSkinRig):
             off = self.flow * P - q
             # Of d(off)/dt = -off/T exp(|off|/Q) the rate at the start of the step, without overshoot.
             q = q + off * -np.expm1(-dt / self.flow_s * np.exp(np.abs(off) / self.flow_kpa))
-            before, radius[n], pressure[n], flow[n] = now, r, P, q
-        return tuple(np.moveaxis(x, 0, -2) for x in (radius, pressure, flow))  # type: ignore[return-value]
+            before, found[:, n] = now, (r, P, q)
+        return tuple(np.moveaxis(x, 0, -2) for x in found)  # type: ignore[return-value]

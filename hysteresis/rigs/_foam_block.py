@@ -161,15 +161,12 @@ class FoamBlock:
         zero = np.zeros((columns, self.layers))
         kinds, times = len(self.slip_strain), len(self.flow_s)
         state = _State(zero, zero, np.zeros((kinds, *zero.shape)), np.zeros((times, *zero.shape)))
-        last, depth = np.zeros((columns, 1)), np.empty(force.shape)
-        step = dt / SUBSTEPS
-        for n in range(force.shape[1]):
-            end = force[:, n : n + 1]
+        last, depth, step = np.zeros((columns, 1)), np.empty(force.shape), dt / SUBSTEPS
+        for n, end in enumerate(force.T[..., None]):
             for k in range(1, SUBSTEPS + 1):
                 now = last + (end - last) * k / SUBSTEPS
                 state = self._yield(state, now / area, factor, radius, height, step)
-            last = end
-            depth[:, n] = height * state.strain.sum(axis=1)
+            last, depth[:, n] = end, height * state.strain.sum(axis=1)
         return depth
 
     def five_cycles(
@@ -202,14 +199,8 @@ class FoamBlock:
         return replace(self, aged=aged)
 
     def _yield(
-        self,
-        state: _State,
-        stress: Layers,
-        factor: Float[np.ndarray, "columns 1"],
-        radius: Layers,
-        height: float,
-        dt: float,
-    ) -> _State:
+        self, state: _State, stress: Layers, factor: np.ndarray, radius: Layers, height: float, dt: float
+    ) -> _State:  # fmt: skip
         """The layers after `dt` seconds in which struts and air come to carry `stress`, kPa."""
         resistance = self._air(state.strain, radius, height) / dt
         scale = self.modulus_kpa * factor
@@ -223,10 +214,8 @@ class FoamBlock:
             off = carried + np.einsum("cij,cj->ci", resistance, moved) - stress
             held = (e <= 0) & (off > 0)
             matrix = resistance + slope[..., None] * np.eye(self.layers)
-            change = np.linalg.solve(
-                np.where(held[..., None], np.eye(self.layers), matrix),
-                np.where(held, 0, -off)[..., None],
-            )[..., 0]
+            matrix = np.where(held[..., None], np.eye(self.layers), matrix)
+            change = np.linalg.solve(matrix, np.where(held, 0, -off)[..., None])[..., 0]
             new = np.clip(e + (1 if n < 20 else 0.5) * change, 0, e + 0.5 * (self.dense_strain - e))
             if np.all(np.abs(new - e) < _ENOUGH) or np.all(held | (np.abs(off) < 1e-10 * scale)):
                 break
@@ -270,9 +259,8 @@ class FoamBlock:
         curve, slope = e + y * (loose - (1 - self.toe_slope)), 1 - loose
         room = 1 - e / self.dense_strain
         dense = E * room**-self.dense_power
-        return dense * curve, dense * (
-            slope + curve * self.dense_power / (self.dense_strain * room)
-        )
+        steeper = self.dense_power / (self.dense_strain * room)
+        return dense * curve, dense * (slope + curve * steeper)
 
     def _air(self, strain: Layers, radius: Layers, height: float) -> Float[np.ndarray, "c n n"]:
         """Pressure of every layer for a rate of closing 1/s of every layer: kPa s."""
