@@ -193,9 +193,16 @@ class Cover(eqx.Module):
                 "parameter-out-of-bounds", f"a thickness of {float(self.thickness):g} m.",
                 fix="give a length above 0, in metres.",
             )  # fmt: skip
-        leaves = jax.tree.leaves(self)
-        if self.length_unit is None and all(map(is_concrete, leaves)):
-            self._check_unit()
+        if self.length_unit is not None or not all(map(is_concrete, jax.tree.leaves(self))):
+            return
+        pressed = self.hard_push()
+        if not pressed >= THINNEST:
+            raise InputError(
+                "wrong-unit",
+                f"{HARD_PUSH:g} N press this cover in by {1e3 * pressed:.3g} mm.",
+                cause="its lengths are metres, or it gives forces and not displacements.",
+                fix='length_unit="m"; or invert(model), where the model\'s output is a force.',
+            )
 
     @property
     def scales(self) -> tuple[float, float, float]:
@@ -225,12 +232,12 @@ class Cover(eqx.Module):
         own = force * of_force
         found: Any
         state, found = self.compensator.step(state, None if t is None else t * of_time, own)
-        beyond = jnp.zeros_like(force, bool)
+        beyond, judged = jnp.zeros_like(force, bool), own
         if isinstance(self.compensator, AbstractCompensator):
-            beyond, found = found.status == int(Status.EXTRAPOLATED), found.value
+            beyond, judged = found.status == int(Status.EXTRAPOLATED), found.value
+            found = judged
         if (most := self.known_to()) is not None:
-            is_inverse = isinstance(self.compensator, AbstractCompensator)
-            beyond = beyond | ((found if is_inverse else own) > most)
+            beyond = beyond | (judged > most)
         return state, of_length * found, beyond
 
     def known_to(self) -> Array | None:
@@ -268,16 +275,6 @@ class Cover(eqx.Module):
             state, now, _ = self.press(self.init(), 0.0, force)
             then = self.press(state, LATER, force)[1]
         return abs(float(then - now)) > 1e-3 * abs(float(now))
-
-    def _check_unit(self) -> None:
-        pressed = self.hard_push()
-        if not pressed >= THINNEST:
-            raise InputError(
-                "wrong-unit",
-                f"{HARD_PUSH:g} N press this cover in by {1e3 * pressed:.3g} mm.",
-                cause="its lengths are metres, or it gives forces and not displacements.",
-                fix='length_unit="m"; or invert(model), where the model\'s output is a force.',
-            )
 
 
 def scales_of(

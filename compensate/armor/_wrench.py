@@ -160,6 +160,12 @@ def combined_axes() -> Float[np.ndarray, "combinations 6"]:
     return np.array([*one, *pairs])
 
 
+SHAPES = {
+    "matrix": (6, 6), "bias": (6,), "range": (6,), "rotation": (3, 3), "inertia": (3, 3),
+    "offset": (3,), "turn": (3,), "centre": (3,),
+}  # fmt: skip
+
+
 class WristSensor(eqx.Module):
     """A six-axis force sensor under a shell. Its reading w = (F, M), N and N m, says of the load
 
@@ -198,45 +204,31 @@ class WristSensor(eqx.Module):
         [1.0, 2.0, 3.0]
     """
 
-    matrix: Values = parameter(meaning="calibration of the wrench")
-    bias: Values = parameter(meaning="reading without load")
-    rotation: Values = parameter(fixed=True, meaning="from the sensor's axes to the shell's")
-    turn: Values = parameter(unit="rad", meaning="small turn after that rotation")
-    offset: Values = parameter(unit="m", meaning="from P_o to the sensor")
-    range: Values = parameter(fixed=True, meaning="end of each channel's range")
-    mass: Scalar = parameter(unit="kg", meaning="of all that the sensor carries")
-    centre: Values = parameter(unit="m", meaning="centre of that mass, from P_o")
-    inertia: Values = parameter(unit="kg m^2", meaning="about that centre")
-    time_constant: Scalar = parameter(unit="s", fixed=True, meaning="of the low-pass")
-    hysteresis: tuple[AbstractModel, ...] | None = None
+    matrix: Values = parameter(None, meaning="calibration of the wrench")
+    bias: Values = parameter(0.0, meaning="reading without load")
+    rotation: Values = parameter(None, fixed=True, meaning="from the sensor's axes to the shell's")
+    turn: Values = parameter(0.0, unit="rad", meaning="small turn after that rotation")
+    offset: Values = parameter(0.0, unit="m", meaning="from P_o to the sensor")
+    range: Values = parameter(float("inf"), fixed=True, meaning="end of each channel's range")
+    mass: Scalar = parameter(0.0, unit="kg", meaning="of all that the sensor carries")
+    centre: Values = parameter(0.0, unit="m", meaning="centre of that mass, from P_o")
+    inertia: Values = parameter(None, unit="kg m^2", meaning="about that centre")
+    time_constant: Scalar = parameter(0.0, unit="s", fixed=True, meaning="of the low-pass")
+    hysteresis: Sequence[AbstractModel] | None = eqx.field(
+        default=None, converter=lambda given: given if given is None else tuple(given)
+    )
     slip: Slip | None = None
     reports: str = eqx.field(default="load", static=True)
 
-    def __init__(
-        self,
-        matrix: ArrayLike | None = None,
-        bias: ArrayLike = 0.0,
-        rotation: ArrayLike | None = None,
-        offset: ArrayLike = 0.0,
-        *,
-        reports: str = "load",
-        turn: ArrayLike = 0.0,
-        range: ArrayLike = float("inf"),
-        mass: ArrayLike = 0.0,
-        centre: ArrayLike = 0.0,
-        inertia: ArrayLike | None = None,
-        time_constant: ArrayLike = 0.0,
-        hysteresis: Sequence[AbstractModel] | None = None,
-        slip: Slip | None = None,
-    ):
-        self.matrix = np.eye(6) if matrix is None else matrix
-        self.rotation = np.eye(3) if rotation is None else rotation
-        self.inertia = np.zeros((3, 3)) if inertia is None else inertia
-        self.bias, self.range = _filled(bias, 6), _filled(range, 6)
-        self.offset, self.turn, self.centre = (_filled(v, 3) for v in (offset, turn, centre))
-        self.mass, self.time_constant = as_float(mass), as_float(time_constant)
-        self.reports, self.slip = reports, slip
-        self.hysteresis = None if hysteresis is None else tuple(hysteresis)
+    def __post_init__(self) -> None:
+        whole = {"matrix": np.eye(6), "rotation": np.eye(3), "inertia": np.zeros((3, 3))}
+        for name, shape in SHAPES.items():
+            value = getattr(self, name)
+            if name in whole:
+                value = as_float(whole[name]) if value is None else value
+            elif jnp.ndim(value) == 0:
+                value = jnp.full(shape, value)
+            setattr(self, name, value)
 
     def __check_init__(self) -> None:
         if self.reports not in ("load", "reaction"):
@@ -249,11 +241,7 @@ class WristSensor(eqx.Module):
                 "wrong-shape", f"{len(self.hysteresis)} models of hysteresis for six channels.",
                 fix="one for each of Fx, Fy, Fz, Mx, My, Mz.",
             )  # fmt: skip
-        wanted = {
-            "matrix": (6, 6), "bias": (6,), "range": (6,), "rotation": (3, 3), "inertia": (3, 3),
-            "offset": (3,), "turn": (3,), "centre": (3,),
-        }  # fmt: skip
-        for name, shape in wanted.items():
+        for name, shape in SHAPES.items():
             if (found := jnp.shape(getattr(self, name))) != shape:
                 said = f"the sensor's {name} has the shape {found}."
                 raise InputError("wrong-shape", said, fix=f"give {shape}.")
@@ -422,11 +410,6 @@ def _slowed(time_constant: Any, state: Any, rows: tuple[Array, Array, Array]) ->
         return (held, jnp.where(usable, t, time)), held
 
     return jax.lax.scan(one, state, rows)
-
-
-def _filled(values: Any, count: int) -> Any:
-    """One value for all, or one for each."""
-    return values if np.ndim(values) else jnp.full(count, values)
 
 
 def _along(values: Array, beside: Array) -> Array:
