@@ -226,22 +226,18 @@ def estimate_contacts(
         selection = replace(selection, output=document["inputs"][0]["name"], output_unit=None)
     record = selection.records(table)[0][""][0]
     parts = stretches(record, table, document["forces"])
-    found = [found_in(estimator, one) for one in parts]
+    value, deviation, status = zip(*(found_in(estimator, one) for one in parts), strict=True)
     target = target or folder / f"estimated-{Path(file).stem}.csv"
     header = [f"{name} (N)" for name in names] + [f"{name} sd (N)" for name in names]
-    words = [[Status(int(one)).name for one in status] for _, _, status in found]
-    rows = [
-        [line, *(f"{x:.6g}" for x in row), word]
-        for one, (value, deviation, _), said in zip(parts, found, words, strict=True)
-        for line, row, word in zip(
-            one.line.tolist(), np.column_stack([one.time, value, deviation]), said, strict=True
-        )
-    ]
+    words = [Status(int(one)).name for one in np.concatenate(status)]
+    line, time = (np.concatenate([getattr(x, k) for x in parts]) for k in ("line", "time"))
+    numbers = np.column_stack([time, *(np.concatenate(x) for x in (value, deviation))])
+    columns = zip(line.tolist(), numbers, words, strict=True)
+    rows = [[at, *(f"{x:.6g}" for x in row), word] for at, row, word in columns]
     write_table(target, ["line", "time (s)", *header, "status"], rows)
-    count = Counter(word for said in words for word in said)
+    count = Counter(words)
     return {
-        "contacts": judged(estimator, parts, names), "rmse": None, "rows": count.total(),
-        "flagged": count.total() - count["OK"],
-        "statuses": {"status": dict(count)},
+        "contacts": judged(estimator, parts, names), "rmse": None, "rows": len(words),
+        "flagged": len(words) - count["OK"], "statuses": {"status": dict(count)},
         "channels_at_fault": {}, "notes": [], "file": str(target),
     }  # fmt: skip

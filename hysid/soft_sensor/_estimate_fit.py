@@ -121,7 +121,7 @@ def _found(
 
 def _exported(fitted: identify.FitResult, held_out: Record, inverse: bool, file: Path) -> Path:
     """The estimator without JAX."""
-    record, newtons = fitted.train, 1.0
+    record = fitted.train
     model: Any = BackwardsModel(invert(fitted.model)) if inverse else fitted.model
     readings, forces = (record.output, record.input) if inverse else (record.input, record.output)
     newtons = conversion(record.input_unit if inverse else record.output_unit, NEWTON) or 1.0

@@ -92,7 +92,8 @@ def gather(records: Sequence[Any], nan: str = "raise") -> ForceData:
     _check_moves(reading, force[known])
     sequences = _slices(starts, len(time))
     low, span = force[known].min(), np.ptp(force[known])
-    presses = max(len(checked), sum(_rises(force[rows], low, span) for rows in sequences))
+    found = [_presses(force[rows], low, span) for rows in sequences]
+    presses = max(len(checked), sum(rises for rises, _ in found))
     if presses < LEAST_PRESSES:
         raise InputError(
             "too-few-presses",
@@ -101,8 +102,8 @@ def gather(records: Sequence[Any], nan: str = "raise") -> ForceData:
             cause="The record is a single loading or a single hold.",
             fix=f"Give at least {LEAST_PRESSES} presses, in one record or several.",
         )
-    rests = [rows.start + at for rows in sequences for at in _rests(force[rows], low, span)]
-    rests = tuple(sorted({*starts, *rests}))
+    pairs = zip(starts, found, strict=True)
+    rests = tuple(sorted({*starts, *(first + at for first, (_, own) in pairs for at in own)}))
     return ForceData(time, reading, force, starts, known, rests, presses)
 
 
@@ -152,8 +153,7 @@ def held_out_parts(
 def _is_kept(press: slice, sequences: Sequence[slice], skip: float) -> bool:
     """Whether most of a press comes after what is skipped of its record."""
     record = next(rows for rows in sequences if rows.start <= press.start < rows.stop)
-    middle = (press.start + press.stop) / 2
-    return middle >= record.start + skip * (record.stop - record.start)
+    return press.start + press.stop >= 2 * (record.start + skip * (record.stop - record.start))
 
 
 def _slices(starts: Sequence[int], rows: int) -> list[slice]:
@@ -222,26 +222,16 @@ def _check_moves(reading: np.ndarray, force: np.ndarray) -> None:
         )
 
 
-def _sides(force: np.ndarray, low: float, span: float) -> tuple[np.ndarray, np.ndarray]:
-    """1 where the force is in the upper part of its range, -1 in the lower, and the rows of both."""
+def _presses(force: np.ndarray, low: float, span: float) -> tuple[int, list[int]]:
+    """How often the force goes from the lower part of its range to the upper; and the middle of where it is
+    least, between every two presses."""
     side = np.where(force > low + 0.4 * span, 1, np.where(force < low + 0.2 * span, -1, 0))
     rows = np.flatnonzero(side)
-    return side[rows], rows
-
-
-def _rises(force: np.ndarray, low: float, span: float) -> int:
-    """How often the force goes from the lower part of its range to the upper."""
-    return int((np.diff(_sides(force, low, span)[0]) > 0).sum())
-
-
-def _rests(force: np.ndarray, low: float, span: float) -> list[int]:
-    """The middle of where the force is least, between two presses."""
-    side, rows = _sides(force, low, span)
-    turns = np.flatnonzero(np.diff(side))
-    found = []
-    for down, up in pairwise(turns):
+    side = side[rows]
+    rests = []
+    for down, up in pairwise(np.flatnonzero(np.diff(side))):
         if side[down] > 0:
             between = force[rows[down + 1] : rows[up] + 1]
             least = np.flatnonzero(between <= np.nanmin(between) + 0.02 * span)
-            found.append(int(rows[down + 1] + least[len(least) // 2]))
-    return found
+            rests.append(int(rows[down + 1] + least[len(least) // 2]))
+    return int((np.diff(side) > 0).sum()), rests
