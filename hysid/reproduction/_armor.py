@@ -336,15 +336,13 @@ def changed(before: SpongeCycles, after: SpongeCycles) -> Change:
     """
     used = before.force >= 2
     force, difference = before.force[used], (after.displacement - before.displacement)[used]
-    design = np.stack([force, np.ones_like(force)], axis=1)
-    estimate = np.linalg.solve(design.T @ design, design.T @ difference)
-    left = difference - design @ estimate
+    line = scipy.stats.linregress(force, difference)
+    explained = line.slope * force + line.intercept
     freedom = len(force) - 2
-    variance = left @ left / freedom
-    errors = np.sqrt(variance * np.diagonal(np.linalg.inv(design.T @ design)))
-    ratio = np.sum((design @ estimate) ** 2) / 2 / variance
-    p = scipy.stats.f.sf(ratio, 2, freedom)
-    return Change(*map(float, (estimate[0], errors[0], estimate[1], errors[1], p)))
+    variance = np.sum((difference - explained) ** 2) / freedom
+    p = scipy.stats.f.sf(np.sum(explained**2) / 2 / variance, 2, freedom)
+    found = (line.slope, line.stderr, line.intercept, line.intercept_stderr, p)
+    return Change(*map(float, found))
 
 
 def nonlinearity(cycles: SpongeCycles) -> float:

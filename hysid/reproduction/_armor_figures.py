@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from hysteresis.rigs import SpongeCycles
 
-from ..figures._base import BLUE, DIM, GREEN, GREY, INK, SIZE, VERMILLION, styled
+from ..figures._base import BLUE, DIM, GREEN, GREY, INK, SIZE, VERMILLION, single, styled
 from ._armor import METHODS, Rig, body_errors, linear_range
 
 WIDE = (9.6, 3.7)
@@ -79,8 +79,7 @@ def force_range(cycles: SpongeCycles) -> Figure:
 def thickness(records: dict[float, SpongeCycles]) -> Figure:
     """Fig 10: blocks of other thicknesses."""
     figure, axes = _one("Fig 10. Thickness")
-    colours = (INK, BLUE, VERMILLION)
-    for (height, cycles), colour in zip(records.items(), colours, strict=False):
+    for (height, cycles), colour in zip(records.items(), (INK, BLUE, VERMILLION), strict=True):
         axes.plot(cycles.force, cycles.displacement, color=colour, lw=1.1, label=f"{height:g} mm")
     axes.legend(loc="upper left")
     return figure
@@ -114,12 +113,10 @@ def surface_1(by_name: Mapping[str, Float[np.ndarray, "rigs points"]]) -> Figure
     below.set_ylim(0, None)
     below.set_xlim(0, 77)
     below.set_xticks((1, 10, 29, 48, 67, 76))
-    below.set_xlabel(
-        "point: along x, along y, along both diagonals; dotted: the middle of the surface"
-    )
-    handles = [a.get_legend_handles_labels() for a in (above, below)]
-    figure.legend([h for hs, _ in handles for h in hs], [x for _, xs in handles for x in xs],
-                  loc="outside lower center", ncols=4, columnspacing=1.4, handlelength=1.4)  # fmt: skip
+    below.set_xlabel("point: along x, y, both diagonals; dotted: the middle of the surface")
+    handles = [h for a in (above, below) for h in a.get_legend_handles_labels()[0]]
+    figure.legend(handles=handles, loc="outside lower center", ncols=4, columnspacing=1.4,
+                  handlelength=1.4)  # fmt: skip
     return figure
 
 
@@ -127,18 +124,15 @@ def surface_1(by_name: Mapping[str, Float[np.ndarray, "rigs points"]]) -> Figure
 def body(rigs: Sequence[Rig], names: Sequence[str]) -> Figure:
     """Fig 14: mean errors of 45 points by entries of `METHODS`, dark in mm, light over the shell's size."""
     methods = {name: METHODS[name] for name in names}
-    figure = Figure(figsize=(1.9 + 1.6 * len(methods), SIZE[1] + 0.3), layout="constrained")
-    axes = figure.subplots()
+    figure, axes = single((1.9 + 1.6 * len(methods), SIZE[1] + 0.3))
     figure.suptitle("Fig 14. Error of 45 points over the body, 15 N", fontsize=10)
     beside = axes.twinx()
     beside.spines["right"].set_visible(True)
     beside.grid(False)
     for n, method in enumerate(methods.values()):
         means = np.array([body_errors(rig, method).mean() for rig in rigs])
-        sides = (
-            (axes, n - 0.2, 1.0, BLUE),
-            (beside, n + 0.2, 100 / rigs[0].width(method), "#bcd9ea"),
-        )
+        part = 100 / rigs[0].width(method)
+        sides = ((axes, n - 0.2, 1.0, BLUE), (beside, n + 0.2, part, "#bcd9ea"))
         for on, at, scale, colour in sides:
             on.bar(at, scale * means.mean(), 0.38, color=colour, yerr=scale * means.std(),
                    error_kw={"lw": 1.0, "capsize": 3, "ecolor": INK})  # fmt: skip
@@ -158,8 +152,6 @@ def body(rigs: Sequence[Rig], names: Sequence[str]) -> Figure:
 
 
 def _one(title: str) -> tuple[Figure, Any]:
-    figure = Figure(figsize=(5.6, 4.0), layout="constrained")
-    axes = figure.subplots()
-    axes.set(xlabel=FORCE, ylabel=DISPLACEMENT)
-    axes.set_title(title)
+    figure, axes = single((5.6, 4.0))
+    axes.set(xlabel=FORCE, ylabel=DISPLACEMENT, title=title)
     return figure, axes
