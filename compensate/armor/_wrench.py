@@ -104,16 +104,15 @@ class Slip(eqx.Module):
     """
 
     full_scale: Values = parameter(fixed=True, meaning="ratings of the six axes")
-    weights: Values = parameter(fixed=True, meaning="of the stops")
-    travels: Values = parameter(fixed=True, meaning="of the stops, of full scale")
+    weights: Values = parameter(None, fixed=True, meaning="of the stops")
+    travels: Values = parameter(TRAVELS, fixed=True, meaning="of the stops, of full scale")
 
-    def __init__(
-        self, full_scale: ArrayLike, weights: ArrayLike | None = None, travels: ArrayLike = TRAVELS
-    ):
-        self.full_scale = jnp.asarray(full_scale, float)
-        self.travels = jnp.asarray(travels, float)
+    def __post_init__(self) -> None:
+        if self.weights is None:
+            self.weights = np.zeros((6, len(combined_axes()), np.size(self.travels)))
+
+    def __check_init__(self) -> None:
         shape = (6, len(combined_axes()), len(self.travels))
-        self.weights = jnp.zeros(shape) if weights is None else jnp.asarray(weights, float)
         if self.full_scale.shape != (6,) or self.weights.shape != shape:
             raise InputError(
                 "wrong-shape",
@@ -207,8 +206,8 @@ class WristSensor(eqx.Module):
     matrix: Values = parameter(None, meaning="calibration of the wrench")
     bias: Values = parameter(0.0, meaning="reading without load")
     rotation: Values = parameter(None, fixed=True, meaning="from the sensor's axes to the shell's")
-    turn: Values = parameter(0.0, unit="rad", meaning="small turn after that rotation")
     offset: Values = parameter(0.0, unit="m", meaning="from P_o to the sensor")
+    turn: Values = parameter(0.0, unit="rad", meaning="small turn after that rotation")
     range: Values = parameter(float("inf"), fixed=True, meaning="end of each channel's range")
     mass: Scalar = parameter(0.0, unit="kg", meaning="of all that the sensor carries")
     centre: Values = parameter(0.0, unit="m", meaning="centre of that mass, from P_o")
@@ -226,7 +225,7 @@ class WristSensor(eqx.Module):
             value = getattr(self, name)
             if name in whole:
                 value = as_float(whole[name]) if value is None else value
-            elif jnp.ndim(value) == 0:
+            elif np.ndim(value) == 0:
                 value = jnp.full(shape, value)
             setattr(self, name, value)
 
