@@ -80,6 +80,7 @@ class AbstractShape(eqx.Module):
     def faces(self, near: Int[Array, " near"] | None = None) -> Faces:
         """All its plane faces; or those of `nearby`."""
 
+    @abc.abstractmethod
     def nearby(
         self, force: Array, moment: Array, most: Callable[[Array], Array], threshold: ArrayLike,
         tolerance: ArrayLike,
@@ -92,11 +93,14 @@ class AbstractShape(eqx.Module):
         n.F = |F| cosine can press a face in at most; `threshold`, N: below which a face is not pushed;
         `tolerance`, m: how far beyond a face's edge a contact may lie.
         """
-        return None
 
     @abc.abstractmethod
     def longest(self) -> Float[Array, ""]:
         """The longest side of the box around it, m."""
+
+
+def _every(self: Any, *wrench: Any, **limits: Any) -> None:
+    """`nearby` of a shape of few faces: every one is looked at."""
 
 
 _LENGTH = {"unit": "m", "bounds": (0.0, float("inf"))}
@@ -155,6 +159,8 @@ class Box(AbstractShape):
             jnp.stack([jnp.stack(row) for row in limit]),
             jnp.arange(1, 6),
         )
+
+    nearby = _every
 
     def centres(self) -> Float[Array, "5 3"]:
         """The middle of each surface, m."""
@@ -218,6 +224,8 @@ class Convex(AbstractShape):
 
     def faces(self, near: Array | None = None) -> Faces:
         return self.sides
+
+    nearby = _every
 
     def longest(self) -> Float[Array, ""]:
         return self.extent
