@@ -8,7 +8,7 @@ import numpy as np
 import identify
 from hysteresis import InputError, Record
 from hysteresis._precision import in_double
-from hysteresis.records._turned import turned
+from hysteresis.records._csv import turned
 
 from ._compensator import fitted_to_compensate
 from ._compile_cache import keep_compiled_by_python

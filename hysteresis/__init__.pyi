@@ -65,8 +65,8 @@ from .numerics._squared_exponential import Kernel as Kernel
 from .preisach import Preisach as Preisach
 from .records._csv import parse_condition as parse_condition
 from .records._csv import read_csv as read_csv
-from .records._data_warnings import loop_direction as loop_direction
 from .records._excitation import check_identifiable as check_identifiable
+from .records._excitation import loop_direction as loop_direction
 from .records._loop_table import LoopFigure as LoopFigure
 from .records._loop_table import LoopSummary as LoopSummary
 from .records._loop_table import LoopTable as LoopTable

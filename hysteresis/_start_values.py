@@ -13,7 +13,7 @@ from .models._foam_curve import FoamCurve
 from .models._linear_sponge import LinearSponge
 from .models._prandtl_ishlinskii import PrandtlIshlinskii
 from .models._prony import GeneralizedKelvinVoigt, GeneralizedMaxwell
-from .records._data_warnings import loop_direction
+from .records._excitation import loop_direction
 from .records._record import Record
 
 CONTACT_FORCE = 1.5

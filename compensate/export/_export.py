@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from hysteresis import AbstractModel, InputError, Oscillator, condition_of, conversion
 from hysteresis._atomic_file import write_whole
 from hysteresis.laws import announced
-from hysteresis.records._common_part import STILL
+from hysteresis.records._branch_rows import STILL
 from hysteresis.running._law import law
 from hysteresis.trees import Tree, plain
 

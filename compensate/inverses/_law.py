@@ -24,7 +24,7 @@ from hysteresis import (
     register,
 )
 from hysteresis._law_model import OWN
-from hysteresis.records._common_part import STILL
+from hysteresis.records._branch_rows import STILL
 from hysteresis.running import Known, Numbers, estimates, held_at_first, numbers_of
 from hysteresis.trees import Tree
 

@@ -64,7 +64,7 @@ def read_config(file: Path, command: Any) -> dict[str, Any]:
     Raises `InputError` for a file that does not exist or is not TOML, and for a table, a key or a kind of
     value that the command does not know.
     """
-    from ..intake._parameters import read_toml  # late: it loads NumPy
+    from ..intake._own_config import read_toml  # late: it loads NumPy
 
     document = read_toml(file)
     hints = get_type_hints(inspect.unwrap(command.callback))

@@ -136,7 +136,7 @@ class Fit(FitOptions, Command):
     @property
     def of_identify(self) -> dict[str, Any]:
         """The options of `identify.fit`."""
-        from ..intake._parameters import parameters_said  # late: it loads NumPy
+        from ..intake._own_config import parameters_said  # late: it loads NumPy
 
         found = {
             name: value

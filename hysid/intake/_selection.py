@@ -1,6 +1,7 @@
 """Which rows and columns of a file a command works on: options in, records out."""
 
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cache
 from inspect import signature
@@ -10,11 +11,9 @@ from typing import Any, get_args, get_origin, get_type_hints
 import numpy as np
 
 from hysteresis import InputError, Record, Table, parse_condition, read_csv, read_table
-from hysteresis.records._known import with_known
+from hysteresis.records._csv import with_known
 
-from ._constant_input import CONSTANT, at_hold, with_constant
-from ._lines import check_lines, on_lines
-from ._runs import RUN, with_moduli, with_runs
+from ._constant_input import CONSTANT, RUN, at_hold, with_constant, with_moduli, with_runs
 from ._selection_options import FIELDS, HELD_OUT, OF_READING, SelectionOptions
 
 Pair = tuple[Record, Record | None]
@@ -267,3 +266,45 @@ def _is_of_kind(value: Any, hint: Any) -> bool:
     if isinstance(value, bool) and hint is not bool:
         return False
     return isinstance(value, (int, float) if hint is float else hint)
+
+
+def check_lines(ranges: Sequence[str], table: Table) -> None:
+    """Raise `InputError` `no-match` where a range of lines holds no row of a table."""
+    for one in ranges:
+        if not on_lines(table.line, [one]).any():
+            raise InputError(
+                "no-match",
+                f"No row of the file is on lines {one}.",
+                place=table.path,
+                fix=f"The rows are on lines {table.line.min()} to {table.line.max()}.",
+            )
+
+
+def on_lines(line: np.ndarray, ranges: Sequence[str]) -> np.ndarray:
+    """Which rows, whose lines (n,) are given, are on one of these ranges, `FIRST-LAST` or one number.
+
+    Raises `InputError` `bad-option`.
+    """
+    found = np.zeros(len(line), bool)
+    for one in ranges:
+        match = re.fullmatch(r"\s*(\d{1,18})(?:\s*-\s*(\d{1,18}))?\s*", one)
+        first, last = (int(x or match[1]) for x in match.groups()) if match else (1, 0)
+        if last < first:
+            raise InputError(
+                "bad-option",
+                f"{one!r} is not a range of lines.",
+                fix="Write the first and the last line of the file: 120-340.",
+            )
+        found |= (line >= first) & (line <= last)
+    return found
+
+
+def as_ranges(line: np.ndarray, chosen: np.ndarray) -> list[str]:
+    """The ranges of lines that hold the chosen rows and no others; the inverse of `on_lines`.
+
+    Lines between neighbouring rows, such as comments, are taken along.
+    """
+    order = np.argsort(line, kind="stable")
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], chosen[order].astype(int), [0]])))
+    first, last = line[order][edges[::2]], line[order][edges[1::2] - 1]
+    return [f"{a}-{b}" for a, b in zip(first.tolist(), last.tolist(), strict=True)]

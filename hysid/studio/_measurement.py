@@ -10,16 +10,15 @@ from typing import Any
 import numpy as np
 
 from hysteresis import InputError, Record, Table, check_identifiable, read_table
-from hysteresis.records._data_warnings import clipped
+from hysteresis.records._excitation import clipped
 from hysteresis.records._units import written_unit
 
 from ..figures._format import plain_name, pretty
 from ..intake._constant_input import CONSTANT
 from ..intake._creep_fits import check_step
 from ..intake._init import init
-from ..intake._lines import as_ranges, on_lines
 from ..intake._own_config import config_of
-from ..intake._selection import Pair, Selection
+from ..intake._selection import Pair, Selection, as_ranges, on_lines
 from ..intake._selection_options import FIELDS, HELD_OUT, OF_READING
 from ..intake.guess._column_pairs import columns_of
 from ..intake.guess._guess import Guess, guess, table_of

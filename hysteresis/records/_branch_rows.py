@@ -1,9 +1,10 @@
-"""Rows of the loading and of the unloading branch, and a record of both side by side."""
+"""A record on other rows: those of a branch, of an even clock; and what several channels have in common."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float, Int
 
 from .._errors import InputError
 from .._format import quantity
@@ -67,3 +68,66 @@ def _side_by_side(record: Any, loading: np.ndarray, unloading: np.ndarray) -> An
     return whole._narrow(
         np.concatenate(mask), "selected", "Turning samples count in both branches."
     )
+
+
+def resampled(
+    record: AbstractRecord, dt: float
+) -> tuple[np.ndarray, Note, dict[str, Any], dict[str, np.ndarray]]:
+    """The nearest rows, what is to be noted, the fields on the new clock, and the columns on it."""
+    if record.time is None or not dt > 0:
+        why = "there is no time column" if record.time is None else f"the step is {dt:g}"
+        raise InputError("no-time", f"Cannot resample: {why}.", fix="give time= or dt=.")
+    y, clock, rows = [], [], []
+    inputs = {"": record.input}
+    inputs |= {name: record.columns[name] for name in (*record.channels, *record.conditions)}
+    moved: dict[str, list[np.ndarray]] = {name: [] for name in inputs}
+    for _, s in record.sequences():
+        t, out = record.time[s], record.output[s]
+        c = t[0] + dt * np.arange(int((t[-1] - t[0]) / dt * (1 + 1e-12)) + 1)
+        good = np.isfinite(out)
+        for name, x in inputs.items():
+            moved[name].append(np.interp(c, t, x[s]))
+        y.append(np.interp(c, t[good], out[good]) if good.any() else np.full(len(c), np.nan))
+        rows.append(s.start + np.searchsorted((t[1:] + t[:-1]) / 2, c))
+        clock.append(c)
+    starts = np.cumsum([0, *map(len, clock[:-1])])
+    whole = {name: np.concatenate(parts) for name, parts in moved.items()}
+    sentence = f"Resampled {len(record)} rows to a step of {quantity(dt, record.time_unit)}."
+    said = Note("resampled", sentence)
+    changes = {"starts": starts, "input": whole.pop(""), "output": np.concatenate(y)}
+    return np.concatenate(rows), said, changes | {"time": np.concatenate(clock)}, whole
+
+
+STILL = 0.02
+"""Part of its range over all sequences within which a condition stays in each."""
+
+
+def common_part(
+    channels: Float[np.ndarray, "samples channels"], output: Float[np.ndarray, " samples"]
+) -> Float[np.ndarray, " samples"]:
+    """What the channels have in common, in standard deviations: their first principal component.
+
+    It tells where cycles begin before anything is fitted. Each channel counts by its standard deviation,
+    and the sign is the one with which it rises with the output; NaN where a channel is.
+    """
+    whole = np.isfinite(channels).all(1)
+    known = channels[whole] if whole.any() else np.zeros((1, channels.shape[1]))
+    spread = known.std(0)
+    x = (channels - known.mean(0)) / np.where(spread > 0, spread, np.inf)
+    direction = np.linalg.eigh(x[whole].T @ x[whole])[1][:, -1]
+    s = x @ direction
+    both = whole & np.isfinite(output)
+    return -s if both.sum() > 1 and np.cov(s[both], output[both])[0, 1] < 0 else s
+
+
+def constant_within(
+    channels: Mapping[str, Float[np.ndarray, " samples"]], starts: Int[np.ndarray, " sequences"]
+) -> str | None:
+    """The one channel that stays in every sequence and differs between them; None without one."""
+    found = []
+    for name, x in channels.items():
+        if len(x) and np.isfinite(x).all():
+            within = np.maximum.reduceat(x, starts) - np.minimum.reduceat(x, starts)
+            if np.ptp(x) > 0 and within.max() <= STILL * np.ptp(x):
+                found.append(name)
+    return found[0] if len(found) == 1 else None

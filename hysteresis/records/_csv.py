@@ -1,22 +1,187 @@
-"""Reading a test rig's CSV: every fault is answered with its line, its column and its remedy."""
+"""Reading a CSV of a test rig; records with a sign turned, a zero moved, or first rows known."""
 
+import re
 from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
 from difflib import get_close_matches
 from functools import reduce
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from .._errors import InputError
+from .._format import quantity
 from .._note import Note
+from ._abstract_record import KNOWN
 from ._cells import floats
 from ._read_table import read_table
 from ._record import Record
 from ._table import Table, column_of
-from ._turned import read_jump, rezeroed, turned
-from ._two_clocks import on_one_clock
 from ._units import column_unit
+
+
+def with_known(record: Record, known: Any) -> Record:
+    """The record with the first rows of every sequence known: so many, or as many as this column says.
+
+    They tell the state that a model begins the rest in, and do not count.
+
+    **Raises:** `InputError` `bad-option` for what is neither a number of rows nor a column, `no-rows` where
+    nothing is left to predict.
+
+    **Example:**
+
+        >>> from hysteresis.records._csv import with_known
+        >>> int(record.mask.sum()), int(with_known(record, 20).mask.sum())
+        (101, 81)
+    """
+    name = str(known)
+    if name in record.columns:
+        counts = np.asarray(record.columns[name], float)[record.starts]
+    else:
+        counts = np.full(len(record.starts), float(name) if name.isdecimal() else np.nan)
+    if not (np.isfinite(counts) & (counts >= 0)).all():
+        raise InputError(
+            "bad-option",
+            f"{name!r} is neither a number of rows nor a column of such numbers.",
+            place=record.source,
+            fix="Say how many rows of each sequence are known: --known 100, or --known COL.",
+        )
+    sizes = np.diff([*record.starts, len(record)])
+    rows = np.arange(len(record)) - np.repeat(record.starts, sizes) < np.repeat(counts, sizes)
+    mask = record.mask & ~rows
+    if not mask.any():
+        raise InputError(
+            "no-rows",
+            "All rows are known: none is left to predict.",
+            place=record.source,
+            fix="Give fewer known rows (--known N).",
+        )
+    said = f"The first states are told from {rows.sum()} known rows, which do not count."
+    return record.noted("known-rows", said, mask=mask, columns={**record.columns, KNOWN: rows})
+
+
+def turned(record: Record, names: str | Sequence[str]) -> Record:
+    """The record with the sign of these columns turned: its input, output, channels or conditions.
+
+    **Raises:** `InputError` `no-column` for a name that is none of them.
+
+    **Example:**
+
+        >>> from hysteresis.records._csv import turned
+        >>> turned(record, record.output_name).output[-1] == -record.output[-1]
+        np.True_
+    """
+    changes: dict[str, Any] = {"columns": dict(record.columns)}
+    for name in (names,) if isinstance(names, str) else names:
+        roles = {record.output_name: "output"}
+        if not record.channels:
+            roles[record.input_name] = "input"
+        if name in roles:
+            changes[roles[name]] = -getattr(record, roles[name])
+        elif name not in (*record.channels, *record.conditions):
+            have = ", ".join(map(repr, (*roles, *record.channels, *record.conditions)))
+            raise InputError(
+                "no-column",
+                f"{name!r} is not used, so its sign cannot be turned; have {have}.",
+                place=record.source,
+                fix="Name the input, the output, a channel or a condition (--turn COL).",
+            )
+        if name in record.columns:
+            changes["columns"][name] = -record.columns[name]
+        note = Note("turned", f"Turned the sign of {name!r}.")
+        changes["history"] = (*changes.get("history", record.history), note)
+    return replace(record, **changes)
+
+
+def rezeroed(record: Record, jumps: Sequence[str]) -> Record:
+    """The record with jumps of the output's zero taken out.
+
+    **Arguments:**
+
+    - `jumps`: each `LINE:SIZE`. From the row of this line to the end of its sequence the output is less by
+      SIZE, in its unit. Lines that the record does not have change nothing.
+
+    **Raises:** `InputError` `bad-option`.
+
+    **Example:**
+
+        >>> from hysteresis.records._csv import rezeroed
+        >>> tared = hysteresis.Record.from_arrays([0, 1, 2, 1], [0, 1, 7, 6])
+        >>> rezeroed(tared, ["3:5"]).output
+        array([0., 1., 2., 1.])
+    """
+    y, notes = record.output.copy(), []
+    for jump in jumps:
+        line, size = read_jump(jump)
+        for label, rows in record.sequences():
+            if not (found := np.flatnonzero(record.line[rows] == line)).size:
+                continue
+            y[rows.start + found[0] : rows.stop] -= size
+            to = "" if len(record.labels) == 1 else f" of sequence {label!r}"
+            much = quantity(size, record.output_unit)
+            told = f"Subtracted {much} from the output{to}, from line {line} on."
+            notes.append(Note("rezeroed", told))
+    return replace(record, output=y, history=(*record.history, *notes))
+
+
+def read_jump(text: str) -> tuple[int, float]:
+    """Line and size of a jump, `LINE:SIZE`. Raises `InputError` `bad-option`."""
+    match = re.fullmatch(r"\s*(\d{1,18})\s*:\s*(\S+)\s*", text)
+    try:
+        size = float(match[2]) if match else np.nan
+    except ValueError:
+        size = np.nan
+    if match is None or not np.isfinite(size):
+        raise InputError(
+            "bad-option",
+            f"{text!r} is not a line and the size of a jump.",
+            fix="Write the line of the first row behind it and the size: --rezero 232:-13.7.",
+        )
+    return int(match[1]), size
+
+
+def on_one_clock(
+    inputs: Mapping[str, np.ndarray],
+    own: np.ndarray,
+    time: np.ndarray,
+    groups: np.ndarray | None,
+    own_name: str,
+    name: str,
+) -> tuple[dict[str, np.ndarray], Note]:
+    """Inputs (n,), read at the times `own` (n,), at the output's `time` (n,) instead; and a note.
+
+    Linear within each group and each run of rising times; before the first and after the last reading the
+    nearest one holds. A reading that is missing is left out.
+
+    Raises `InputError` `time-backwards` where one clock goes back and the other does not, since nothing
+    says which readings belong together.
+    """
+    label = (
+        np.zeros(len(time), int) if groups is None else np.unique(groups, return_inverse=True)[1]
+    )
+    moved = {key: np.full(len(time), np.nan) for key in inputs}
+    for value in np.unique(label):
+        rows = np.flatnonzero(label == value)
+        cut, other = (np.flatnonzero(np.diff(clock[rows]) < 0) + 1 for clock in (time, own))
+        if not np.array_equal(cut, other):
+            raise InputError(
+                "time-backwards",
+                f"The clocks {own_name!r} and {name!r} go back at different rows.",
+                cause="several runs in one file, or a clock that stumbles.",
+                fix="name the runs (--group COL), or use one clock (leave --input-time out).",
+            )
+        for part in np.split(rows, cut):
+            for key, x in inputs.items():
+                good = part[np.isfinite(x[part]) & np.isfinite(own[part])]
+                if good.size:
+                    moved[key][part] = np.interp(time[part], own[good], x[good])
+    apart = float(np.nanmedian(np.abs(time - own)))
+    said = (
+        f"Input taken from its clock {own_name!r} to the output's {name!r} by linear interpolation:"
+        f" they are {apart:.3g} apart in the median."
+    )
+    return moved, Note("one-clock", said)
 
 
 def read_csv(

@@ -1,6 +1,8 @@
 """What a record holds and what it is fit for: summary, excitation, warnings."""
 
-from typing import Any
+from collections.abc import Callable
+from functools import wraps
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -8,10 +10,222 @@ from .._errors import InputError
 from .._format import number_of, quantity
 from .._note import Note, warning
 from ._abstract_record import AbstractRecord
-from ._arrays import in_rows
+from ._arrays import in_rows, pieces
 from ._change import change_warnings
-from ._cycles import default_dead_band, noise_level, turning_points
-from ._data_warnings import clipped, correlation, loop_direction, once, suspicions
+from ._cycles import LoopSums, default_dead_band, loop_sums, noise_level, turning_points
+from ._units import FORCES, LENGTHS
+from ._zero import lost_contact, zero_jumps
+
+_Found = TypeVar("_Found")
+
+WIDER = 3.0
+"""Times the noise by which the branches of a loop are apart: noise alone makes 1.1."""
+
+MANY = 8
+"""Samples at a limit that are too many for a peak."""
+
+FURTHER = 2
+"""Times the way of the input over which the output stays as it is elsewhere, as behind a backlash."""
+
+
+class Clipped(NamedTuple):
+    """A series stuck at its largest or smallest value: which, where, and that value."""
+
+    role: str
+    rows: np.ndarray
+    limit: float
+
+
+def once(function: Callable[[AbstractRecord], _Found]) -> Callable[[AbstractRecord], _Found]:
+    """What takes long and several checks ask for: it is kept with the record."""
+
+    @wraps(function)
+    def kept(record: AbstractRecord) -> _Found:
+        results, key = vars(record), f"_{function.__name__}"
+        if key not in results:
+            results[key] = function(record)
+        return results[key]
+
+    return kept
+
+
+def loop_direction(record: AbstractRecord) -> float:
+    """Which way the loops turn, in [-1, 1]: +1 counter-clockwise (the output lags), -1 clockwise.
+
+    `sum of int D du / sum of int |D| du`, D(u) = y_unloading(u) - y_loading(u)
+
+    over the loops of `loops_of`. Crossed loops fall between the bounds; 0 where there is no loop that is
+    wider than the noise.
+
+    **Example:**
+
+        >>> round(hysteresis.loop_direction(record), 2)
+        1.0
+    """
+    loops = loops_of(record)
+    return loops.net / loops.total if loops.total and loops.width > WIDER * _noise(record) else 0.0
+
+
+@once
+def clipped(record: AbstractRecord) -> list[Clipped]:
+    """Where input or output is stuck at a limit while the other one moves.
+
+    Stuck: at least 1 % of the rows and eight of them. The output is clipped where the input moves by
+    2 % of its range, and twice as far as where the output stays as it is elsewhere, in steps of an encoder
+    or behind a backlash; the input where, in one run of rows, the output goes 2 % of its range beyond
+    both ends and comes back: in a hold it creeps one way, and single readings err. Zero and the value of
+    the first row are the rest, not a limit.
+    """
+    u, y, found = record.input, record.output, []
+    for role, x in (("output", y), ("input", u)):
+        for limit in (np.nanmax(x), np.nanmin(x)) if np.isfinite(x).any() else ():
+            rows = np.flatnonzero(x == limit)
+            if limit in (0.0, x[0]) or len(rows) < max(MANY, 0.01 * len(x)):
+                continue
+            if role == "output":
+                at, elsewhere = _ways_at_rest(record, limit)
+                stuck = np.ptp(u[rows]) > 0.02 * np.ptp(u) and at > FURTHER * elsewhere
+            else:
+                least = max(0.02 * np.nanmax(y) - 0.02 * np.nanmin(y), 8 * noise_level(y))
+                # One row or two have no middle that goes beyond their ends.
+                runs = (run for run in _runs(record, rows) if len(run) > 2)
+                stuck = any(_bulge(y[run]) > least for run in runs)
+            if stuck:
+                found.append(Clipped(role, rows, float(limit)))
+    return found
+
+
+def suspicions(record: AbstractRecord) -> list[Note]:
+    """What is probably wrong with the readings, each a sentence with its fix and its code."""
+    found = []
+    for role, rows, limit in clipped(record):
+        runs = _runs(record, rows)
+        longest = max(runs, key=len)
+        others = f" and {len(runs) - 1} more runs" if len(runs) > 1 else ""
+        other = "input" if role == "output" else "output"
+        at = quantity(limit, getattr(record, f"{role}_unit"))
+        mend = (
+            f"mask or censor (--na-values {limit:g} --nan omit), or measure with a wider range"
+            if role == "output"
+            else "measure with a wider range, or leave those rows' cycles out (--where)"
+        )
+        said = (
+            f"{len(rows) / len(record):.1%} of the {role} at {at}: clipped, {record.lines(longest)}"
+            f"{others} while the {other} moves; {mend}."
+        )
+        found.append(warning("saturation", said))
+    return [*found, *_zeros(record), *_created_energy(record)]
+
+
+def _zeros(record: AbstractRecord) -> list[Note]:
+    """One note on the jumps of the zero, and one on the rows without contact."""
+    found, unit = [], record.output_unit
+    lost = lost_contact(record)
+    jumps = zero_jumps(record, lost)
+    if jumps:
+        each = [f"{quantity(size, unit)} at {record.place(row)}" for row, size in jumps]
+        more = f", and {len(each) - 3} more times" if each[3:] else ""
+        option = ",".join(f"{record.line[row]}:{size:.4g}" for row, size in jumps)
+        mend = f"--rezero {option} subtracts" if record.source else "subtract"
+        said = (
+            f"The zero of the output jumps by {', by '.join(each[:3])}{more}, and the input does not jump"
+            f" there. If that is a tare, {mend} it from the rows behind; or fit one side alone"
+            " (--exclude-lines FIRST-LAST)."
+        )
+        values = [{"line": int(record.line[row]), "size": size} for row, size in jumps]
+        found.append(warning("zero-jump", said, {"jumps": values}))
+    if lost:
+        each = [record.lines(np.array([one.first, one.last])) for one in lost]
+        more = f" and {len(each) - 3} more stretches" if each[3:] else ""
+        first, last = record.line[[lost[0].first, lost[0].last]].tolist()
+        option = ",".join(f"{record.line[one.first]}-{record.line[one.last]}" for one in lost)
+        said = (
+            f"The output stays at {quantity(lost[0].zero, unit)} in {', '.join(each[:3])}{more}, from"
+            f" {record.place(lost[0].first)} on, while the input moves where it reads more elsewhere. If"
+            f" the contact was lost, leave those rows out (--exclude-lines {option})."
+        )
+        values = {"first": first, "last": last, "zero": lost[0].zero, "stretches": len(lost)}
+        found.append(warning("lost-contact", said, values))
+    return found
+
+
+def _created_energy(record: AbstractRecord) -> list[Note]:
+    """Loops of force over displacement that give more energy than they take."""
+    units = record.input_unit, record.output_unit
+    to_force = units[0] in LENGTHS and units[1] in FORCES
+    if not (to_force or (units[0] in FORCES and units[1] in LENGTHS)):
+        return []
+    loops = loops_of(record)
+    u, y = in_rows(np.isfinite(record.output), record.input, record.output)
+    if not (np.ptp(u) and np.ptp(y)):
+        return []
+    # Force over displacement takes energy clockwise.
+    taken = (-loops.net if to_force else loops.net) / max(loops.count, 1)
+    # Where loops are thin or crossed a small lag between the channels turns them.
+    if taken > -0.01 * np.ptp(u) * np.ptp(y) or abs(loops.net) < 0.5 * loops.total:
+        return []
+    cause, mend = "columns swapped, or a lag between them", "exchange --input and --output"
+    if correlation(record) < 0:
+        cause = "the sign of one column is turned"
+        mend = f"turn it (--turn {record.output_name!r})"
+    force, length = units[::-1] if to_force else units
+    said = (
+        f"Loops create energy ({taken:.3g} {force} {length} a loop): no specimen does. {cause}? If"
+        f" so, {mend}."
+    )
+    return [warning("energy-created", said, {"energy": taken, "loops": loops.count})]
+
+
+@once
+def correlation(record: AbstractRecord) -> float:
+    """Of input and output, in [-1, 1]; 0 where one of them is constant."""
+    u, y = in_rows(np.isfinite(record.output), record.input, record.output)
+    if not (len(u) and np.ptp(u) and np.ptp(y)):
+        return 0.0
+    off, of_both = np.array([[u.mean()], [y.mean()]]), np.zeros((2, 2))
+    for rows in pieces(len(u)):
+        both = np.stack([u[rows], y[rows]]) - off
+        of_both += both @ both.T
+    return float(of_both[0, 1] / np.sqrt(of_both[0, 0]) / np.sqrt(of_both[1, 1]))
+
+
+@once
+def loops_of(record: AbstractRecord) -> LoopSums:
+    """The sums over the loops of all sequences, in the rows that count."""
+    u, y, used = record.input, record.output, record.mask
+    return LoopSums.of(loop_sums(u[s], y[s], used[s]) for _, s in record.sequences())
+
+
+def _noise(record: AbstractRecord) -> float:
+    counted = record.mask & np.isfinite(record.output)
+    parts = [in_rows(counted[s], record.output[s])[0] for _, s in record.sequences()]
+    return float(np.median([noise_level(y) for y in parts if len(y)] or [0.0]))
+
+
+def _runs(record: AbstractRecord, rows: np.ndarray) -> list[np.ndarray]:
+    """Rows in pieces that follow each other in one sequence."""
+    cut = (np.diff(rows) > 1) | np.isin(rows[1:], record.starts)
+    return np.split(rows, np.flatnonzero(cut) + 1)
+
+
+def _ways_at_rest(record: AbstractRecord, limit: float) -> tuple[float, float]:
+    """How far the input moves at most while the output stays at `limit`, and while it stays elsewhere."""
+    u, y = record.input, record.output
+    rests = np.append(y[1:] == y[:-1], False)  # where the next row reads the same
+    rests[record.starts[1:] - 1] = False
+    ends = np.flatnonzero(np.diff(rests, prepend=False))  # the first and the last row of each rest
+    cut = ends + np.arange(len(ends)) % 2
+    cut = cut[cut < len(u)]
+    way = (np.maximum.reduceat(u, cut) - np.minimum.reduceat(u, cut))[::2]
+    at = y[ends[::2]] == limit
+    return float(way[at].max(initial=0.0)), float(way[~at].max(initial=0.0))
+
+
+def _bulge(y: np.ndarray) -> float:
+    """How far a quarter of a series lies beyond both its ends, on one side."""
+    ends = y[[0, -1]]
+    low, high = np.quantile(y, [0.25, 0.75])
+    return float(max(high - ends.max(), ends.min() - low))
 
 
 def check_identifiable(record: AbstractRecord, n_parameters: int | None = None) -> list[Note]:

@@ -13,9 +13,8 @@ from .._format import plain
 from .._show import aligned, at_most
 from ._abstract_record import AbstractRecord
 from ._loads import kind_of_units, over, times
-from ._loop_areas import area, given_back
 from ._loop_cut import loop_rows
-from ._loop_fields import field_figures, field_unit
+from ._loop_fields import area, field_figures, field_unit, given_back
 from ._loop_figures import FULL, Loops, Pair
 
 KINDS = ("mechanical", "magnetic", "ferroelectric", "plain")

@@ -19,11 +19,9 @@ from .._note import Note
 from .._show import at_most
 from ._abstract_record import AbstractRecord
 from ._arrays import fill, named_columns, numbers, same_length, seconds, tell_nothing
-from ._branch_rows import selected
-from ._common_part import common_part, constant_within
+from ._branch_rows import common_part, constant_within, resampled, selected
 from ._excitation import describe, summary
 from ._loop_table import LoopTable, loop_table
-from ._resampled import resampled
 from ._units import named_unit
 
 _FIELDS = signature(AbstractRecord.__init__)

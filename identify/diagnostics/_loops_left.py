@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float
 
 from hysteresis import Record
 from hysteresis.records._cycles import LoopSums, loop_sums, noise_level
-from hysteresis.records._data_warnings import WIDER
+from hysteresis.records._excitation import WIDER
 
 from ..results._fit_result import FitResult
 

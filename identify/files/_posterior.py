@@ -12,7 +12,7 @@ import numpy as np
 from hysteresis import InputError
 from hysteresis._limits import damage_told, load_arrays
 from hysteresis._serialisation import described, rebuilt
-from hysteresis.records.importers._hdf5 import opened_hdf5
+from hysteresis.records.importers._matlab import opened_hdf5
 
 from ..posterior._posterior import Posterior, Summary
 from ..storage._file_set import check_unedited, whole_files, write_set

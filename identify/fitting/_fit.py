@@ -12,7 +12,7 @@ from hysteresis import InputError, Mixture, Record
 from hysteresis._note import ProgressNote
 from hysteresis.numerics._compiled import forget_compiled
 from hysteresis.records._abstract_record import KNOWN
-from hysteresis.records._known import with_known
+from hysteresis.records._csv import with_known
 
 from ..noise._reml import kinds
 from ..records._folds import as_good

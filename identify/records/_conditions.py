@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from hysteresis import InputError, Record
-from hysteresis.records._common_part import STILL
+from hysteresis.records._branch_rows import STILL
 
 from ._folds import Fold, Parts
 

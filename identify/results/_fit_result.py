@@ -25,7 +25,7 @@ from hysteresis._format import quantity
 from hysteresis._precision import in_own_precision
 from hysteresis._show import aligned, at_most
 from hysteresis._verdict import Verdict
-from hysteresis.records._known import with_known
+from hysteresis.records._csv import with_known
 
 from ..noise._model import NoiseModel
 from ..noise._residual_statistics import Noise

@@ -7,7 +7,7 @@ import pytest
 from compensate import Past, Status, estimate, invert
 from compensate.inverses._compose import Unscaled
 from hysteresis import InputError, Record, with_units
-from hysteresis.records._known import with_known
+from hysteresis.records._csv import with_known
 from tests.problems import INVERTIBLE, Problem, kinds_often, random_histories
 
 FIRST, LAST, ROWS = 50, 90, 120

@@ -6,7 +6,7 @@ import pytest
 import identify
 from hysid import Record
 from hysteresis import InputError, StandardLinearSolid, with_units
-from hysteresis.records._known import with_known
+from hysteresis.records._csv import with_known
 from identify.records._from_known import Misfit, by_sequence, from_known, sequence_error, with_past
 
 KNOWN, LENGTH, SEQUENCES = 20, 60, 5

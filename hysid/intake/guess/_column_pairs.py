@@ -1,12 +1,13 @@
-"""Scores of column pairs: which quantities usually form the input and output of a hysteresis loop."""
+"""Scores of column pairs: which quantities, or without names which shapes, make a loop."""
 
+from collections.abc import Mapping
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
 
-from hysteresis import Table
+from hysteresis import InputError, Table
 
-from ._number_format import LARGEST
 from ._quantities import Kind, kind_of, unit_of
 
 _PLAIN = ("N", "mm", "V", "A", "Pa")
@@ -42,6 +43,9 @@ PAIRS: dict[tuple[str, str], float] = {
 }
 """Input, output, and how usual the pair is. The output lags the input."""
 
+
+LARGEST = 1e300
+"""No measurement is larger."""
 
 SIX_DIGITS = 1e-5
 """What two columns of six digits each may be off together, relative to the largest value."""
@@ -240,3 +244,106 @@ def _worth(column: Column) -> tuple[bool, bool, bool, float, bool, bool]:
     known = column.kind.name not in (*SENSED, "unknown")
     positive = bool(np.nanmean(column.x) > 0)
     return read, known, column.unit != "1", sure, column.unit in _PLAIN, positive
+
+
+TOGETHER = 0.1
+"""Share of the rows of the emptier column up to which two columns count as never there together."""
+
+
+def logged_in_turn(columns: Mapping[str, Column]) -> set[str]:
+    """The names of columns with no rows in common with another one that is logged in the same stretch."""
+    gaps = {name: np.isfinite(c.x) for name, c in columns.items() if c.missing > 0}
+    found: set[str] = set()
+    for (a, x), (b, y) in combinations(gaps.items(), 2):
+        rows = np.flatnonzero(x), np.flatnonzero(y)
+        if (x & y).sum() > TOGETHER * min(map(len, rows)):
+            continue
+        both = min(rows[0][-1], rows[1][-1]) - max(rows[0][0], rows[1][0])
+        if 2 * both > min(np.ptp(rows[0]), np.ptp(rows[1])) > 0:
+            found |= {a, b}
+    return found
+
+
+def filled(column: Column) -> Column:
+    """The column with its gaps interpolated linearly from row to row."""
+    good = np.flatnonzero(np.isfinite(column.x))
+    return column._replace(x=np.interp(np.arange(len(column.x)), good, column.x[good]), missing=0.0)
+
+
+class NothingDrivenError(Exception):
+    """No column drives another, as in the log of one sensor: `str(error)` says why."""
+
+
+LEAST = 20
+"""Rows from which a shape can be told."""
+RATE = 0.99
+"""Correlation of a rate with the slope of what it is the rate of."""
+FOLLOWS = 0.3
+
+
+def by_shape(
+    table: Table, columns: list[Column], time: str | None, asked: set[str]
+) -> list[Column]:
+    """The two columns that follow each other most, beside those `asked` for.
+
+    Copies in another unit, also one that stood still for a while, and rates of other columns are left out.
+
+    Raises `InputError` `no-header` where nothing follows anything.
+    """
+    if len(table.line) < LEAST:
+        said = f"{len(table.line)} rows are too few to tell them by their shape."
+        raise no_header(table.path, said)
+    kept: list[Column] = []
+    # Of copies the one that never stands; values that a logger has scaled follow those it has read.
+    stands = [float(np.mean(np.diff(c.x) == 0)) for c in columns]
+    for k in sorted(range(len(columns)), key=lambda k: (stands[k], -k)):
+        c = columns[k]
+        twin = any(_scaled_where_both_move(c.x, other.x) for other in kept)
+        if c.name in asked or not twin:
+            kept.append(c)
+    kept = [c for c in columns if c in kept]
+    if time is not None:
+        t = table.columns[time]
+        slopes: list[np.ndarray] = []
+        moving = []
+        for c in kept:  # of an oscillation each column is the slope of the other: the first counts
+            if c.name in asked or not any(abs(correlation(s, c.x)) > RATE for s in slopes):
+                moving.append(c)
+                slopes.append(_slope(t, c.x))
+        kept = moving
+    found = [c for c in kept if c.name in asked]
+    if len(kept) < 3:
+        return kept
+    scored = [
+        (abs(rank_correlation(a.x, b.x)), -j, a, b)
+        for j, b in enumerate(kept) for a in kept[:j]
+        if all(c in (a, b) for c in found)
+    ]  # fmt: skip
+    best, _, a, b = max(scored, key=lambda one: one[:2], default=(0.0, 0, kept[0], kept[1]))
+    if best < FOLLOWS:
+        raise no_header(table.path, "No two columns follow each other.")
+    return [a, b]
+
+
+def _scaled_where_both_move(x: np.ndarray, y: np.ndarray) -> bool:
+    """Whether one is a straight line of the other in the rows between which both move, if most rows are."""
+    moves = (np.diff(x, prepend=np.nan) != 0) & (np.diff(y, prepend=np.nan) != 0)
+    return bool(moves.mean() > 0.5) and is_scaled(x[moves], y[moves])
+
+
+def no_header(place: str, problem: str) -> InputError:
+    """The file has no header, and its numbers do not say what they are."""
+    return InputError(
+        "no-header",
+        f"The first line contains numbers, so the columns have no names. {problem}",
+        place=place,
+        fix="Write a line above it that names each column with its unit, as in "
+        "time (s),force (N),displacement (mm).",
+    )
+
+
+def _slope(t: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """dx/dt by differences (n,); NaN where the clock stands still."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        slope = np.gradient(x) / np.gradient(t)
+    return np.where(np.isfinite(slope), slope, np.nan)

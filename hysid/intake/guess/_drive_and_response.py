@@ -13,7 +13,9 @@ from hysteresis.records._excitation import turn_in_words
 from ._column_pairs import (
     PAIRS,
     Column,
+    NothingDrivenError,
     Pair,
+    by_shape,
     columns_of,
     correlation,
     duplicates,
@@ -23,9 +25,7 @@ from ._column_pairs import (
     unsteadiness,
 )
 from ._commanded import commanded
-from ._exceptions import NothingDrivenError
 from ._quantities import OSCILLATION, words_of
-from ._unnamed_columns import by_shape
 
 MISSING = 0.05
 """Above this share of gaps a column cannot be an input, because history needs every sample."""

@@ -13,15 +13,22 @@ from hysteresis.records._units import written_unit
 
 from .._selection import all_of, selection_of
 from .._selection_options import HELD_OUT, OF_READING
-from ._column_pairs import Column, columns_of, held, rank_correlation
+from ._column_pairs import (
+    LEAST,
+    Column,
+    NothingDrivenError,
+    columns_of,
+    filled,
+    held,
+    logged_in_turn,
+    no_header,
+    rank_correlation,
+)
 from ._drive_and_response import FOLLOWS, SPECTRUM, Choice, Seen, choose
-from ._exceptions import NothingDrivenError
 from ._hold_out import hold_out
 from ._moduli_columns import moduli_of, runs_of
-from ._number_format import HEAD, reading
-from ._own_stamps import filled, logged_in_turn
 from ._quantities import OSCILLATION, kind_of, words_of
-from ._remedies import settle
+from ._remedies import HEAD, reading, settle
 from ._sequence_columns import (
     RUNS,
     SPECIMENS,
@@ -30,7 +37,6 @@ from ._sequence_columns import (
     counts_rows,
     sequences_of,
 )
-from ._unnamed_columns import LEAST, no_header
 
 SURE, LIKELY, GUESS = "sure", "likely", "guess"
 _SURE_OF = {"encoding-guessed": LIKELY, "no-header": GUESS}

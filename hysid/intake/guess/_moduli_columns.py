@@ -8,7 +8,7 @@ import numpy as np
 
 from hysteresis import conversion
 
-from .._runs import RATIO, turns_back
+from .._constant_input import RATIO, turns_back
 from ._column_pairs import Column
 from ._quantities import OSCILLATION, UNITS, words_of
 

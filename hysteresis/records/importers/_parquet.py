@@ -8,9 +8,8 @@ import numpy as np
 
 from ..._limits import check_shape, most_unpacked
 from .._cells import check_room
-from ._arrays import sheet_of_arrays
 from ._file import damage_of, fault
-from ._sheet import Sheet
+from ._sheet import Sheet, sheet_of_arrays
 
 _MARK = b"PAR1"
 

@@ -14,9 +14,8 @@ import numpy as np
 
 from ..._limits import ALWAYS_UNPACKED, most_unpacked
 from ..._note import Note
-from ._arrays import sheet_of_arrays
 from ._file import BAG, damage_of, fault
-from ._sheet import Sheet
+from ._sheet import Sheet, sheet_of_arrays
 
 _LEAST, _MESSAGE = 3, 16
 """Messages of a topic that is read; bytes that each takes beside its content."""

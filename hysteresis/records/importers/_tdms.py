@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from ._arrays import sheet_of_arrays
 from ._file import damage_of, fault
-from ._sheet import Sheet, distinct
+from ._sheet import Sheet, distinct, sheet_of_arrays
 
 MARK = b"TDSm"
 

@@ -8,8 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hysid.intake._columns import for_new_file
-from hysid.intake._lines import as_ranges, on_lines
-from hysid.intake._selection import Selection
+from hysid.intake._selection import Selection, as_ranges, on_lines
 from hysteresis import InputError
 
 FILE = Path(__file__).parents[3] / "datasets" / "sponge-50mm-cycles.csv"

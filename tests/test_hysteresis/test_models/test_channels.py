@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hysteresis import ChannelMap, InputError, Record
-from hysteresis.records._common_part import common_part
+from hysteresis.records._branch_rows import common_part
 
 CHANNELS, CELLS, SAMPLES = 3, 4, 30
 NAMES = ("near", "far", "side")
