@@ -293,14 +293,22 @@ def _table(
 ) -> Table:
     decimal = sheet.decimal if decimal == "." else decimal
     check_room(path, sheet.columns, sheet.line)
-    text = {
-        name: np.char.strip(np.asarray(cells).astype(str, copy=False))
-        for name, cells in sheet.columns.items()
+
+    def words(name: str) -> np.ndarray:
+        return np.char.strip(np.asarray(sheet.columns[name]).astype(str, copy=False))
+
+    # Text of numbers is made when it is asked for: of three million it takes ten seconds.
+    held = {name: x for name, x in sheet.columns.items() if isinstance(x, np.ndarray)}
+    held = {name: x for name, x in held.items() if x.dtype == float or x.dtype.kind in "iu"}
+    held = {} if na_values else held
+    text = {name: words(name) for name in sheet.columns if name not in held}
+    columns = {
+        name: held[name].astype(float) if name in held else parsed(text[name], decimal, na_values)
+        for name in sheet.columns
     }
-    columns = {name: parsed(cells, decimal, na_values) for name, cells in text.items()}
     units = {name: unit and spelled(unit) for name, unit in sheet.units.items()}
     digest = hashlib.sha256(data).hexdigest() if isinstance(data, bytes) else data.sha256()
     return Table(
-        columns, text, sheet.line, units, str(path), digest,
+        columns, TextColumns(columns, words) if held else text, sheet.line, units, str(path), digest,
         sheet.notes, decimal, na_values, sheet.units, len(data) / size,
     )  # fmt: skip

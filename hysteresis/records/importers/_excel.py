@@ -3,20 +3,16 @@
 import importlib.util
 import io
 import json
-import subprocess
-import sys
 import zipfile
 from pathlib import Path
 
 from ..._limits import DAMAGE
 from .._cells import MOST_TEXT
+from ._apart import read_apart
 from ._blocks import Block, blocks, nameless, sheet_of
 from ._dialects import OTHER
 from ._file import damage_of, fault
 from ._sheet import Sheet
-
-MOST_MEMORY, _LONGEST_S = 2 * 1024**3, 120
-"""Bytes and seconds that the reader of a workbook gets."""
 
 _ZIP, _OLD = b"PK\x03\x04", b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
 _INSIDE = ("xl/workbook.xml", "xl/workbook.bin", "content.xml")
@@ -38,7 +34,8 @@ def workbook(path: Path, data: bytes, table: int | None = None) -> Sheet | None:
             "pip install 'hysid[rigs]', or export the sheet as CSV.",
         )  # fmt: skip
     with damage_of("binary-file", path, "workbook"):
-        numbered = _cells(data)
+        read = json.loads(read_apart("_workbook_cells", data, MOST_TEXT))
+    numbered = {name: [(k, row) for k, row in rows] for name, rows in read.items()}
     found: list[Block] = []
     for title, rows in numbered.items():
         pieces = blocks(rows)
@@ -63,22 +60,3 @@ def _is_workbook(data: bytes) -> bool:
             return bool({*_INSIDE} & {*archive.namelist()})
     except DAMAGE:
         return False
-
-
-def _cells(data: bytes) -> dict[str, list[tuple[int, list[str]]]]:
-    """Number and cells of the rows of each sheet that are not empty.
-
-    Raises `ValueError` where the reader fails, or needs more memory or time than it gets.
-    """
-    limits = (str(MOST_MEMORY), str(MOST_TEXT))
-    command = [sys.executable, "-P", str(Path(__file__).with_name("_workbook_cells.py")), *limits]
-    try:
-        done = subprocess.run(command, input=data, capture_output=True, timeout=_LONGEST_S)
-    except subprocess.TimeoutExpired:
-        raise ValueError(f"reading it takes more than {_LONGEST_S} s") from None
-    if done.returncode == 1:
-        raise ValueError(done.stderr.decode("utf-8", "replace").strip().splitlines()[-1])
-    if done.returncode:
-        raise ValueError(f"it takes more than {MOST_MEMORY:,} bytes of memory, or ends its reader")
-    read = json.loads(done.stdout)
-    return {name: [(k, row) for k, row in rows] for name, rows in read.items()}

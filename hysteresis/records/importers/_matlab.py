@@ -1,6 +1,7 @@
 """MATLAB's .mat files: versions 5 to 7.2 through SciPy, 7.3 through h5py. HDF5 files alike."""
 
 import io
+import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -8,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from ..._limits import check_shape, most_unpacked
+from ..._limits import check_shape, load_arrays, most_unpacked
+from ._apart import read_apart
 from ._file import damage_of, fault
-from ._matlab_check import checked_matlab
+from ._matlab_arrays import vectors
 from ._sheet import Sheet, sheet_of_arrays
 
 
@@ -57,8 +59,6 @@ class Hdf5:
 
 
 _MATLAB, _HDF5 = b"MATLAB 5.0 MAT-file", b"\x89HDF\r\n\x1a\n"
-_WIDEST = 64
-"""Columns above which a matrix is an image or a map, not a table."""
 
 
 def arrays_file(path: Path, data: bytes, table: int | None = None) -> Sheet | None:
@@ -90,84 +90,11 @@ def arrays_file(path: Path, data: bytes, table: int | None = None) -> Sheet | No
 
 
 def _matlab(data: bytes, units: dict[str, str]) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
-    from scipy.io import loadmat  # a tenth of a second, for this alone
-
-    variables = loadmat(io.BytesIO(checked_matlab(data)), simplify_cells=True)
-    yield from _groups("", {k: v for k, v in variables.items() if not k.startswith("__")}, units)
-
-
-def _groups(
-    name: str, found: dict[str, Any], units: dict[str, str]
-) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
-    """A structure as a group of vectors, and the structures within it.
-
-    Structures that hold a name and values, as those of Simulink and dSPACE, are vectors of the group.
-    """
-    vectors: dict[str, np.ndarray] = {}
-    listed = [words for value in found.values() if (words := _words(value))]
-    for key, value in found.items():
-        inner = f"{name}.{key}" if name else key
-        is_list = isinstance(value, list) or (
-            isinstance(value, np.ndarray) and value.dtype == object
-        )
-        structures = [one for one in value if isinstance(one, dict)] if is_list else []
-        structures = [value] if isinstance(value, dict) else structures
-        signals = [_signal(one) for one in structures]
-        if signals and all(signals):
-            for label, unit, x in filter(None, signals):
-                vectors[label] = x
-                if unit:
-                    units[label] = unit
-        elif isinstance(value, dict):
-            yield from _groups(inner, value, units)
-        elif structures:
-            for k, one in enumerate(structures, 1):
-                yield from _groups(f"{inner} {k}", one, units)
-        elif isinstance(value, np.ndarray) and not is_list:
-            columns = _vectors(key, value)
-            names = next(
-                (words for words in listed if value.ndim == 2 and len(words) == len(columns)), None
-            )
-            vectors |= dict(zip(names, columns.values(), strict=True)) if names else columns
-    if vectors:
-        yield name, vectors
-
-
-def _signal(found: dict[str, Any]) -> tuple[str, str, np.ndarray] | None:
-    """Name, unit and values of a structure that holds one vector under its name; None of any other."""
-    fields = {key.lower(): value for key, value in found.items()}
-    said = [fields[key] for key in ("name", "label") if isinstance(fields.get(key), str)]
-    values = [fields[key] for key in ("data", "values", "value") if key in fields]
-    if not any(said) or len(values) != 1 or not isinstance(values[0], np.ndarray):
-        return None
-    x = np.squeeze(values[0])
-    unit = next(
-        (str(fields[key]) for key in ("unit", "units") if isinstance(fields.get(key), str)), ""
-    )
-    good = x.ndim == 1 and x.dtype.kind in "biuf" and len(x) > 1
-    return (next(filter(None, said)), unit, x) if good else None
-
-
-def _words(value: Any) -> list[str]:
-    """The words of a list of names, all different; [] of anything else."""
-    if not isinstance(value, list) and not (isinstance(value, np.ndarray) and value.ndim == 1):
-        return []
-    words = [str(one) for one in value if isinstance(one, str) and one.strip()]
-    return words if len(words) == len(value) == len(set(words)) else []
-
-
-def _vectors(name: str, x: np.ndarray) -> dict[str, np.ndarray]:
-    """A vector, the fields of records, or the columns of a matrix."""
-    if x.dtype.names:
-        return {field: np.asarray(x[field]).ravel() for field in x.dtype.names}
-    if x.dtype.kind not in "biuf":
-        return {}
-    x = np.squeeze(x)
-    if x.ndim == 1:
-        return {name: x}
-    if x.ndim == 2 and x.shape[1] <= min(_WIDEST, x.shape[0]):
-        return {f"{name} {k}": column for k, column in enumerate(x.T, 1)}
-    return {}
+    arrays = load_arrays(io.BytesIO(read_apart("_matlab_arrays", data)))
+    said = json.loads(arrays.pop("said").tobytes())
+    units |= said["units"]
+    for name, keys in said["groups"].items():
+        yield name, {key: arrays.pop(next(iter(arrays))) for key in keys}
 
 
 def _hdf5(data: bytes, units: dict[str, str]) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
@@ -187,7 +114,7 @@ def _hdf5(data: bytes, units: dict[str, str]) -> Iterator[tuple[str, dict[str, n
                 return
             name, _, key = path.rpartition("/")
             x = own.array(path)
-            found = _vectors(key, x.T if turned else x)
+            found = vectors(key, x.T if turned else x)
             groups.setdefault(name.replace("/", "."), {}).update(found)
             for attribute in ("units", "unit", "Units", "Unit"):
                 unit = node.attrs.get(attribute)
