@@ -347,22 +347,18 @@ def lost_contact(record: AbstractRecord) -> list[LostContact]:
         u, y = part.u, part.y
         if len(u) < 2 * LEVELS or not np.ptp(u):
             continue
-        least = WAY * float(np.ptp(u))
+        least, turns = WAY * float(np.ptp(u)), turning_points(u, default_dead_band(u))
         band = max(chance * noise_level(y), 0.5 * LEAST * span)
         for near in {float(y[0]), 0.0}:
             close = in_pieces(_near, y, near, 2 * band)
             zero = float(np.median(close, overwrite_input=True)) if len(close) else near
             del close
             level = in_pieces(_level, y, zero, 2 * band)
-            rests = np.flatnonzero(np.diff(level == 0, prepend=False, append=False))
-            gone = _path(
-                u, rests - np.arange(len(rests)) % 2
-            )  # at the first and the last row of each
-            if not (gone[1::2] - gone[::2]).max(initial=0.0) > least:
-                continue
             begin = np.flatnonzero(np.append(True, level[1:] != level[:-1]))
             end, rests = np.append(begin[1:], len(y)) - 1, level[begin] == 0
-            passed = _way(u, end) - _way(u, begin)
+            if not rests.any():
+                continue
+            passed = _way(u, turns, end) - _way(u, turns, begin)
             long = rests & (passed > max(least, FURTHER * passed[~rests].max(initial=0.0)))
             for a, b in zip(begin[long].tolist(), end[long].tolist(), strict=True):
                 if _touches_elsewhere(part, a, b, zero, 0.1 * span):
@@ -385,20 +381,8 @@ def _cell(u: Rows, low: float, span: float) -> Int8[np.ndarray, " rows"]:
     return np.minimum(LEVELS * (u - low) / span, LEVELS - 1).astype(np.int8)
 
 
-def _path(u: Rows, at: Steps) -> Far:
-    """How far the input has gone up to these of its rows, which rise."""
-    found, gone = [], np.zeros(1)
-    for rows in pieces(len(u)):
-        begin = max(rows.start - 1, 0)
-        gone = np.cumsum(np.append(gone[-1], np.abs(np.diff(u[begin : rows.stop]))))
-        first, stop = np.searchsorted(at, [rows.start, rows.stop])
-        found.append(gone[at[first:stop] - begin])
-    return np.concatenate(found)
-
-
-def _way(u: Rows, at: Steps) -> Far:
+def _way(u: Rows, turns: Steps, at: Steps) -> Far:
     """How far the input has gone up to these of its rows, without what noise adds to it."""
-    turns = turning_points(u, default_dead_band(u))
     gone = np.r_[0.0, np.cumsum(np.abs(np.diff(u[turns])))]
     leg = np.searchsorted(turns, at, "right") - 1
     return gone[leg] + np.abs(u[at] - u[turns[leg]])

@@ -4,6 +4,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from hysteresis.records._cycles import turning_points
+
 from ._column_pairs import held, rank_correlation
 
 HELD = 0.7
@@ -58,7 +60,7 @@ def _bend(x: np.ndarray, t: np.ndarray) -> float:
     if not span:
         return np.inf
     worst, found = 0.0, False
-    for rows in _ways(x, 0.1 * span):
+    for rows in (slice(a, b + 1) for a, b in pairwise(turning_points(x, 0.1 * span))):
         if abs(x[rows][-1] - x[rows][0]) < LONG * span or len(x[rows]) < 5:
             continue
         clock = t[rows] - t[rows][0]
@@ -67,21 +69,3 @@ def _bend(x: np.ndarray, t: np.ndarray) -> float:
         line = np.polyval(np.polyfit(clock, x[rows], 1), clock)
         worst, found = max(worst, float(np.sqrt(np.mean((x[rows] - line) ** 2))) / span), True
     return worst if found else np.inf
-
-
-def _ways(x: np.ndarray, least: float) -> list[slice]:
-    """The rows between reversals that are larger than noise: x has come back by `least`."""
-    cuts, low, high, rising = [0], 0, 0, 0
-    for k, value in enumerate(x.tolist()):
-        if rising >= 0 and value > x[high]:
-            high = k
-        if rising <= 0 and value < x[low]:
-            low = k
-        if rising >= 0 and x[high] - value > least:
-            cuts.append(high)
-            rising, low = -1, k
-        elif rising <= 0 and value - x[low] > least:
-            cuts.append(low)
-            rising, high = 1, k
-    cuts = sorted({*cuts, len(x) - 1})
-    return [slice(a, b + 1) for a, b in pairwise(cuts)]
