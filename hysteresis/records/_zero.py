@@ -381,7 +381,7 @@ def _cell(u: Rows, low: float, span: float) -> Int8[np.ndarray, " rows"]:
     return np.minimum(LEVELS * (u - low) / span, LEVELS - 1).astype(np.int8)
 
 
-def _way(u: Rows, turns: Steps, at: Steps) -> Far:
+def _way(u: Rows, turns: Int[np.ndarray, " turns"], at: Steps) -> Far:
     """How far the input has gone up to these of its rows, without what noise adds to it."""
     gone = np.r_[0.0, np.cumsum(np.abs(np.diff(u[turns])))]
     leg = np.searchsorted(turns, at, "right") - 1

@@ -11,8 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ..._note import Note
 from .._cells import floats
+from ._blocks import Block, sheet_of
+from ._dialects import OTHER
 from ._file import fault
 from ._sheet import Sheet, distinct, is_number
 
@@ -38,10 +39,8 @@ def labview(path: Path, text: str) -> Sheet | None:
         raise fault("damaged-file", path, f"{_END} is missing.", "export the file again.")
     said = {row[0]: row[1] for row in rows[: ends[0]] if len(row) > 1}
     decimal = "," if said.get("Decimal_Separator") == "," else "."
-    parts: list[dict[str, list[str]]] = []
-    numbers: list[list[int]] = []
-    units: dict[str, str] = {}
-    for end in ends[1:] or ends:
+    found: list[Block] = []
+    for number, end in enumerate(ends[1:] or ends, 1):
         stop = next((k for k in range(end + 1, len(rows)) if rows[k][0] == "Channels"), len(rows))
         about = {row[0]: row[1:] for row in rows[_start(rows, end) : end] if row[0] in _KEYS}
         body = [(k + 1, rows[k]) for k in range(end + 1, stop) if any(rows[k])]
@@ -52,26 +51,14 @@ def labview(path: Path, text: str) -> Sheet | None:
             header, body = body[0][1], body[1:]
         if not body:
             continue
-        part, said_units = _segment(header, [r for _, r in body], about, said, decimal)
-        parts.append(part)
-        numbers.append([k for k, _ in body])
-        units |= said_units
-    if not parts:
+        part, units = _segment(header, [r for _, r in body], about, said, decimal)
+        cells = [list(row) for row in zip(*part.values(), strict=True)]
+        line, own = [k for k, _ in body], tuple(units.get(name, "") for name in part)
+        found.append(Block(tuple(part), own, cells, line, [[str(number)]], []))
+    dialect = OTHER._replace(name="a LabVIEW measurement file", column="segment", decimal=decimal)
+    if (sheet := sheet_of(found, dialect, decimal)) is None:
         raise fault("no-rows", path, "headers and no rows.")
-    names = list(parts[0])
-    same = [k for k, part in enumerate(parts) if list(part) == names]
-    notes = [Note("format", "Read as a LabVIEW measurement file.")]
-    if len(same) < len(parts):
-        more = len(parts) - len(same)
-        notes.append(Note("skipped", f"Left out {more} segments with other columns."))
-    columns = {name: [c for k in same for c in parts[k][name]] for name in names}
-    if len(same) > 1:
-        (name,) = distinct(["segment"], names)
-        columns = {name: [str(k + 1) for k in same for _ in numbers[k]]} | columns
-        text = f"Put {len(same)} segments under one another, told apart by {name!r}."
-        notes.append(Note("joined", text))
-    line = np.array([n for k in same for n in numbers[k]])
-    return Sheet(columns, line, units, tuple(notes), decimal)
+    return sheet
 
 
 def _start(rows: list[list[str]], end: int) -> int:
