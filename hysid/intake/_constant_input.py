@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from hysteresis import InputError, Note, Table, conversion, parse_condition
-from hysteresis.records._table import TextColumns, rows_of
+from hysteresis.records._table import rows_of, with_column
 from hysteresis.records._units import named_unit
 from identify.internal import MODULI, PARTS, RUNS
 
@@ -95,21 +95,7 @@ def _with_input(
             columns[output][at[first]] = np.add.reduceat(y, first) / counts
             at = at[first]
     few = rows_of(replace(table, columns=columns, notes=notes), at)
-    return with_column(few, name, values[at])
-
-
-def with_column(table: Table, name: str, values: np.ndarray) -> Table:
-    """The table with this column, of numbers or of words."""
-
-    def text(asked: str) -> np.ndarray:
-        return values.astype(str) if asked == name else table.text[asked]
-
-    return replace(
-        table,
-        columns={**table.columns, name: values},
-        text=TextColumns((*table.text, name), text),
-        units={CONSTANT: "1", **table.units},
-    )
+    return with_column(few, name, values[at], "1" if name == CONSTANT else None)
 
 
 def chosen(table: Table, where: Mapping[str, list[str]]) -> np.ndarray:
@@ -194,7 +180,7 @@ def with_runs(
     few = rows_of(table, at[order])
     said = f"{len(np.unique(run))} runs, of which each has one temperature."
     few = replace(few, notes=(*few.notes, Note(RUNS, said)))
-    few = with_column(few, name, np.full(len(order), value))
+    few = with_column(few, name, np.full(len(order), value), "1")
     return with_column(few, RUN, run[order])
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from .._errors import InputError
 from ._cells import floats
-from .importers import is_number
+from .importers import is_number, trimmed
 
 MOST_COLUMNS = 10_000
 
@@ -29,14 +29,6 @@ def separator_of(lines: list[str]) -> str:
         return (len(agree) + 1) / len(rows), whole, width
 
     return max(",;\t|", key=score)
-
-
-def trimmed(row: list[str]) -> list[str]:
-    """A row without empty cells at its end."""
-    end = len(row)
-    while end and not row[end - 1].strip():
-        end -= 1
-    return row[:end]
 
 
 def header_of(path: Path, cells: list[str]) -> list[str]:

@@ -15,8 +15,8 @@ from .._note import Note
 from ._cells import check_room, floats, long_cell, parsed
 from ._clock_columns import with_clocks
 from ._compiled_rows import CompiledRows, OddRowsError
-from ._dialect import header_of, made_square, separator_of, trimmed
-from ._table import Table, TextColumns, followed
+from ._dialect import header_of, made_square, separator_of
+from ._table import Table, TextColumns, followed, with_column
 from ._units import are_units, bare_unit, named_unit, spelled
 from .importers import (
     Layout,
@@ -33,6 +33,7 @@ from .importers import (
     labview,
     noted_units,
     streamed,
+    trimmed,
     units_behind_blanks,
     without_settings,
     without_table,
@@ -120,13 +121,7 @@ def _timed(table: Table, sheet: Sheet) -> Table:
             return table
     t = first + step * np.arange(len(table.line))
     note = Note("clock", f"Column 'time' counts the rows by what the header says: {said}.")
-    text = TextColumns(
-        [*table.text, "time"], lambda n: t.astype(str) if n == "time" else table.text[n]
-    )
-    return replace(
-        table, columns={**table.columns, "time": t}, text=text, units={**table.units, "time": "s"},
-        written_units={**table.written_units, "time": "s"}, notes=(*table.notes, note),
-    )  # fmt: skip
+    return with_column(replace(table, notes=(*table.notes, note)), "time", t, "s")
 
 
 def _by_its_head(

@@ -128,6 +128,21 @@ class TextColumns(Mapping[str, np.ndarray]):
         return len(self._names)
 
 
+def with_column(table: Table, name: str, values: np.ndarray, unit: str | None = None) -> Table:
+    """A table with one more column, of numbers or of words."""
+
+    def text(asked: str) -> np.ndarray:
+        return values.astype(str) if asked == name else table.text[asked]
+
+    units, written = (
+        {**said, name: unit} if unit else said for said in (table.units, table.written_units)
+    )
+    return replace(
+        table, columns={**table.columns, name: values}, text=TextColumns((*table.text, name), text),
+        units=units, written_units=written,
+    )  # fmt: skip
+
+
 def rows_of(table: Table, rows: np.ndarray) -> Table:
     """A table of these rows (n,) of another."""
     return replace(

@@ -19,5 +19,6 @@ from ._notes import without_settings as without_settings
 from ._sheet import Layout as Layout
 from ._sheet import Sheet as Sheet
 from ._sheet import is_number as is_number
+from ._sheet import trimmed as trimmed
 from ._text import arranged as arranged
 from ._text import without_table as without_table

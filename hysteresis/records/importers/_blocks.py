@@ -11,13 +11,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..._errors import InputError
 from ..._note import Note
 from .._cells import MISSING
 from .._units import is_unit, written_unit
 from ._dialects import Dialect
 from ._notes import is_numbered, listed_names
-from ._sheet import Sheet, decimal_of, distinct, is_number, units_of
+from ._sheet import Sheet, chosen_table, decimal_of, distinct, is_number, trimmed, units_of
 
 Rows = Sequence[tuple[int, list[str]]]
 """Rows of cells, each with its line number."""
@@ -65,10 +64,7 @@ def sheet_of(
     # One row of numbers under a line of text is a note, where the file has a table.
     listed = [f for f in listed if len(f) > 1 or len(f[0].rows) > 1] or listed
     sizes = [sum(len(b.rows) for b in family) for family in listed]
-    at = int(np.argmax(sizes)) if table is None else table - 1
-    if not 0 <= at < len(listed):
-        said = f"The file has {len(listed)} tables, and table {table} is asked for."
-        raise InputError("bad-option", said, fix=f"--table 1 to {len(listed)}.")
+    at = chosen_table(sizes, table)
     chosen = listed[at]
     header, units = chosen[0].header, chosen[0].units
     cells = [row for block in chosen for row in block.rows]
@@ -325,14 +321,6 @@ def _belongs(cells: list[str], width: int) -> bool:
     """A row of numbers, or one where some are missing or a word: an overload."""
     size = len(trimmed(cells))
     return (_is_data(cells) and size <= width) or (size == width and any(map(is_number, cells)))
-
-
-def trimmed(cells: Sequence[str]) -> list[str]:
-    """A row without empty cells at its end."""
-    found = list(cells)
-    while found and not found[-1].strip():
-        found.pop()
-    return found
 
 
 def _padded(cells: Sequence[str], width: int) -> list[str]:

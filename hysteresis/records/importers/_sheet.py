@@ -54,6 +54,23 @@ def is_number(cell: str) -> bool:
     return _NUMBER.fullmatch(cell.strip()) is not None
 
 
+def trimmed(cells: Sequence[str]) -> list[str]:
+    """A row without empty cells at its end."""
+    end = len(cells)
+    while end and not cells[end - 1].strip():
+        end -= 1
+    return list(cells[:end])
+
+
+def chosen_table(sizes: Sequence[int], table: int | None) -> int:
+    """The place of the largest table, or of the one asked for, from 1. Raises `InputError` `bad-option`."""
+    at = int(np.argmax(sizes)) if table is None else table - 1
+    if not 0 <= at < len(sizes):
+        problem = f"The file has {len(sizes)} tables, and table {table} is asked for."
+        raise InputError("bad-option", problem, fix=f"--table 1 to {len(sizes)}.")
+    return at
+
+
 def units_of(cells: Sequence[str]) -> list[str] | None:
     """A row of units as written, one for each cell and "" for none, or None where it is no such row.
 
@@ -125,10 +142,7 @@ def sheet_of_arrays(
         families.setdefault(tuple(arrays), []).append(name)
     listed = list(families.items())
     sizes = [sum(len(tables[n][keys[0]]) for n in names) for keys, names in listed]
-    at = int(np.argmax(sizes)) if table is None else table - 1
-    if not 0 <= at < len(listed):
-        problem = f"The file has {len(listed)} tables, and table {table} is asked for."
-        raise InputError("bad-option", problem, fix=f"--table 1 to {len(listed)}.")
+    at = chosen_table(sizes, table)
     keys, chosen = listed[at]
     names = distinct(keys)
     columns = {

@@ -15,13 +15,12 @@ from ._blocks import (
     nameless,
     period_of,
     sheet_of,
-    trimmed,
     worth_of,
 )
 from ._dialects import dialect_of, maker_of
 from ._file import fault
 from ._notes import is_numbered
-from ._sheet import Layout, Sheet, is_number
+from ._sheet import Layout, Sheet, is_number, trimmed
 
 _LOOK = 400
 """Lines from which the separator and the dialect are found."""

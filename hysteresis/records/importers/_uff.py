@@ -14,7 +14,7 @@ import numpy as np
 
 from ..._note import Note
 from ._file import fault
-from ._sheet import Sheet, distinct
+from ._sheet import Sheet, chosen_table, distinct
 
 _HEAD = 12
 """Lines of a data set 58 before its values, the one with its number included."""
@@ -62,10 +62,7 @@ def universal_file(path: Path, data: bytes, table: int | None = None) -> Sheet |
             clock = len(one.x), float(one.x[0]), float(one.x[-1])
             families.setdefault(clock, []).append(one)
     listed = list(families.values())
-    if table is not None and not 0 < table <= len(listed):
-        problem = f"The file has {len(listed)} clocks, and table {table} is asked for."
-        raise fault("bad-option", path, problem, f"--table 1 to {len(listed)}.")
-    kept = max(listed, key=len) if table is None else listed[table - 1]
+    kept = listed[chosen_table([*map(len, listed)], table)]
     names = distinct([one.name for one in kept], ["time"])
     notes = [Note("format", f"Read as a UFF file: {len(kept)} data sets 58.")]
     if left := len(found) - len(kept):
