@@ -294,6 +294,7 @@ def check_rows(record: AbstractRecord, n_parameters: int | None = None) -> float
 @once
 def summary(record: AbstractRecord) -> dict[str, Any]:
     """Rows, sequences, cycles, ranges, noise, clock, saturation and loop direction."""
+    stuck = sum(len(found.rows) for found in clipped(record) if found.role == "output")
     return {
         "source": record.source,
         "sha256": record.sha256,
@@ -302,7 +303,7 @@ def summary(record: AbstractRecord) -> dict[str, Any]:
         "sequences": len(record.labels),
         "cycles": record.n_cycles,
         "input": _spread(record, "input"),
-        "output": _spread(record, "output") | {"saturated": _saturated(record)},
+        "output": _spread(record, "output") | {"saturated": stuck / max(len(record), 1)},
         "conditions": [
             {"name": name, "unit": unit, "min": float(x.min()), "max": float(x.max())}
             for name, unit in record.conditions.items()
@@ -375,9 +376,3 @@ def _spread(record: AbstractRecord, role: str) -> dict[str, Any]:
     noise = float(np.median([noise_level(*in_rows(good[s], x[s])) for _, s in record.sequences()]))
     names = {"name": getattr(record, f"{role}_name"), "unit": getattr(record, f"{role}_unit")}
     return names | {"min": low, "max": high, "noise": noise}
-
-
-def _saturated(record: AbstractRecord) -> float:
-    """Share of the output's rows stuck at a limit."""
-    stuck = [len(found.rows) for found in clipped(record) if found.role == "output"]
-    return sum(stuck) / max(len(record), 1)

@@ -267,10 +267,6 @@ def _driven(seen: Seen, column: Column, other: Column) -> str:
     return commanded(column.x[good][:MOST], other.x[good][:MOST], clock)
 
 
-def _falls(record: Record) -> bool:
-    return correlation(record.input, record.output) < 0
-
-
 def _record(seen: Seen, a: Column, b: Column) -> Record:
     """Rows where both are numbers, in their sequences, without a clock."""
     table, options = seen.table, seen.options
@@ -369,7 +365,7 @@ def _unknown(seen: Seen, columns: list[Column]) -> Choice:
                 "input": f"the names are unknown; {a.name!r} {how}, so the rig commanded it",
                 "output": "the response to it",
             }
-        elif way and (way < 0) != _falls(record):
+        elif way and (way < 0) != (correlation(record.input, record.output) < 0):
             a, b = b, a
     return Choice(a, b, "guess", why, {}, [_said(b.name, a.name)])
 

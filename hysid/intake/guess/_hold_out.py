@@ -71,13 +71,9 @@ def _proposals(table: Table, options: Mapping[str, Any], split: tuple[str, str] 
 def _far(record: Record) -> bool:
     """Whether the last fifth of a sequence's rows goes on for more than `LONGER` times all before, as rows
     that are even in the logarithm of time do."""
-    if record.time is None:
-        return False
-    for _, rows in record.sequences():
-        t = record.time[rows]
-        if t[-1] - t[0] > LONGER * (t[int(0.8 * (len(t) - 1))] - t[0]):
-            return True
-    return False
+    time = record.time
+    clocks = [] if time is None else [time[rows] for _, rows in record.sequences()]
+    return any(t[-1] - t[0] > LONGER * (t[int(0.8 * (len(t) - 1))] - t[0]) for t in clocks)
 
 
 def _sequences(table: Table, record: Record, column: str) -> str:
