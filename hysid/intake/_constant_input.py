@@ -94,8 +94,9 @@ def _with_input(
             counts = np.diff(np.append(first, len(at)))
             columns[output][at[first]] = np.add.reduceat(y, first) / counts
             at = at[first]
-    few = rows_of(replace(table, columns=columns, notes=notes), at)
-    return with_column(few, name, values[at], "1" if name == CONSTANT else None)
+    units = {CONSTANT: "1", **table.units}
+    few = rows_of(replace(table, columns=columns, notes=notes, units=units), at)
+    return with_column(few, name, values[at])
 
 
 def chosen(table: Table, where: Mapping[str, list[str]]) -> np.ndarray:
