@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from compensate import export_c, export_runtime, invert, runtime
-from compensate.export.targets._export_to import TARGETS, export_to
+from compensate import export_c, export_runtime, export_to, invert, runtime
+from compensate.export.targets._export_to import TARGETS
 from hysteresis import InputError, laws, parameter, register
 from hysteresis.trees import AbstractSearchedModel, node
 from tests.c_harness import Compiled

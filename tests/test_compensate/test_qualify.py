@@ -9,15 +9,16 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from compensate import AbstractCompensator, Estimate, Status, estimate, invert
-from compensate.qualification._qualify import (
-    Latency,
+from compensate import (
+    AbstractCompensator,
+    Estimate,
     Qualification,
-    Step,
-    latency,
-    loop_widths,
+    Status,
+    estimate,
+    invert,
     qualify,
 )
+from compensate.qualification._qualify import Latency, Step, latency, loop_widths
 from hysteresis import InputError, LinearSponge, PrandtlIshlinskii, Record, Scaled
 from hysteresis.numerics._normal import NORMAL_95
 

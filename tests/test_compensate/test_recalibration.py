@@ -13,8 +13,7 @@ from hypothesis import strategies as st
 
 from compensate import AdaptiveCompensator, Advice, adaptive, export_c, export_runtime, invert
 from compensate.recalibration._parts import split
-from compensate.runtime import FileError, load
-from compensate.runtime._compensator import Compensator
+from compensate.runtime import Compensator, FileError, load
 from hysteresis import (
     AbstractModel,
     Burgers,

@@ -12,9 +12,11 @@ from hypothesis import strategies as st
 from scipy.stats import norm
 
 from hysteresis import Note
-from hysteresis._format import plain, quantity
-from hysteresis._verdict import LEVELS, Verdict, worst_of
+from hysteresis._format import quantity
+from hysteresis._verdict import LEVELS, worst_of
 from hysteresis.numerics._normal import NORMAL_95
+from identify import Verdict
+from identify.internal import plain
 
 levels = st.sampled_from(LEVELS)
 

@@ -5,11 +5,10 @@ from dataclasses import replace
 import numpy as np
 
 from hysteresis import LinearSponge, Record
-from identify import FitResult, Parameter, metrics
+from identify import FitResult, Parameter, estimate_noise, metrics
+from identify.internal import block_errors
 from identify.noise._model import NoiseModel
-from identify.noise._residual_statistics import estimate_noise
 from identify.parameters._settings import Setting
-from identify.records._folds import block_errors
 
 THRESHOLD = 1.5
 

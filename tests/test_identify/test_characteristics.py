@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from hysteresis import Record
-from identify.results._characteristics import Characteristic, characteristics
+from identify import Characteristic
+from identify.results._characteristics import characteristics
 
 CYCLES, ROWS = 4, 200
 STIFFNESS, WIDTH, TAU = 2.5, 0.8, 3.0

@@ -13,15 +13,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hysteresis import InputError
+from identify.internal import read_json, sealed, whole_files, write_json, write_set
 from identify.storage import _file_set
-from identify.storage._file_set import (
-    check_unedited,
-    edited,
-    sealed,
-    whole_files,
-    write_set,
-)
-from identify.storage._json import read_json, write_json
+from identify.storage._file_set import check_unedited, edited
 from tests.test_hysid.command import ENVIRONMENT
 
 NAMES = ("model.npz", "data.npz", "fit.npz")

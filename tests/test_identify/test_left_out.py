@@ -6,9 +6,9 @@ import pytest
 from hysteresis import BoucWen, LinearSponge, Preisach, Record
 from hysteresis.preisach import GridDensity
 from identify import GridWeights, fit
+from identify.internal import models_without_groups
 from identify.linear._preisach_problem import PreisachProblem
 from identify.records._folds import Parts
-from identify.results._left_out import models_without_groups
 
 RANDOM = np.random.default_rng(12)
 U = np.interp(np.arange(121) / 20, np.arange(7), [0.0, 10.0, 0.0, 7.0, 0.0, 9.0, 0.0])

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from compensate.microchannel import Confusion, Localizer, PlaceStatus
-from hysteresis._errors import InputError
+from hysteresis import InputError
 from hysteresis.rigs import MicrochannelRig
 
 OK, NO_PRESS, UNKNOWN, BEYOND, INVALID = PlaceStatus

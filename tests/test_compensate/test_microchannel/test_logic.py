@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from compensate.microchannel import Decision, LogicStatus, LogicTable
-from hysteresis._errors import InputError
+from hysteresis import InputError
 from hysteresis.rigs import MicrochannelRig
 
 OK, COLLISION, CLOSE, UNKNOWN, NO_PRESS, INVALID = LogicStatus

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from compensate.microchannel import ChannelStatus, Readout
-from hysteresis._errors import InputError
+from hysteresis import InputError
 from hysteresis.rigs import MicrochannelRig
 
 OK, GAP, STUCK, SATURATED, MISSING = ChannelStatus

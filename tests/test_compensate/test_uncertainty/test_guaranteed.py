@@ -20,8 +20,7 @@ from compensate import (
     invert,
     runs_needed,
 )
-from compensate.runtime import load
-from compensate.runtime._compensator import Compensator
+from compensate.runtime import Compensator, load
 from compensate.uncertainty._guaranteed import rank, run_scores, tracked
 from hysteresis import InputError, MonotoneCurve, Record
 from tests.c_harness import COMPILERS, STRICT

@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from compensate.runtime import load
-from compensate.runtime._compensator import Compensator
+from compensate.runtime import Compensator, load
 from tests.test_hysid.command import COLUMNS, F, T, X, refused, run, text
 
 CYCLES, ROWS = 16, 40

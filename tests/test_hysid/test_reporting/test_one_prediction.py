@@ -16,9 +16,8 @@ from hysid.reporting import _fit_page, _section_fit, _section_model
 from hysid.reporting._case import Case
 from hysteresis import Preisach, Record, extended
 from hysteresis.preisach import GridDensity
-from identify import FitResult, load, predictive, sample
+from identify import FitResult, load, predict, predictive, sample
 from identify.records._clocks import Clocks
-from identify.records._run_model import predict
 from tests.test_hysid.command import run
 
 FORCE, PATH, TIME = "force (N)", "path (mm)", "time (s)"

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from compensate.microchannel import SearchEstimator
-from hysid.reproduction import _skin, _skin_paper, terminal
-from hysid.reproduction._frame import reproduce
+from hysid.reproduction import _frame, _skin, _skin_paper, reproduce, terminal
 from hysid.reproduction._skin import converted
 from hysid.reproduction._skin_pair import DT, PAIR, SkinPair, peaks
 from hysid.reproduction._skin_paper import PAPER

@@ -6,8 +6,8 @@ import pytest
 
 from compensate import Status
 from compensate.microchannel import BackwardsModel
-from hysid.soft_sensor._force_records import ForceRecord, gather, held_out_parts
-from hysid.soft_sensor._force_training import train_force
+from hysid import ForceRecord, train_force
+from hysid.soft_sensor._force_records import gather, held_out_parts
 from hysteresis import InputError, PrandtlIshlinskii
 from tests.thorough import rest_thorough
 

@@ -21,15 +21,11 @@ from hysteresis import (
     GeneralizedMaxwell,
     InputError,
     StandardLinearSolid,
+    linear_recurrence,
 )
 from hysteresis.models._viscoelastic_chain import moments
 from hysteresis.numerics._even_clock import even_step
-from hysteresis.numerics._recurrence import (
-    _associative,
-    _associative_coupled,
-    coupled_recurrence,
-    linear_recurrence,
-)
+from hysteresis.numerics._recurrence import _associative, _associative_coupled, coupled_recurrence
 from tests.problems import clock
 from tests.thorough import rest_thorough
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 import hysid
-from hysteresis import InputError, Record
+from hysteresis import InputError, Record, check_identifiable
 from hysteresis.records._change import change
 from hysteresis.records._csv import turned
 from hysteresis.records._cycles import loop_sums
-from hysteresis.records._excitation import check_identifiable
+from hysteresis.records._turned import turned
 
 
 def cycled(per_cycle: float, cycles: int = 8, noise: float = 0.01) -> Record:

@@ -13,9 +13,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from hysteresis import parse_condition, read_csv, read_table
-from hysteresis._errors import InputError
-from hysteresis.records._record import Record
+from hysteresis import InputError, Record, parse_condition, read_csv, read_table
 
 DATA = Path(os.environ.get("HYSID_DATA", Path(__file__).parents[4] / "shared" / "data"))
 X, F, T = "Disp (mm)", "Force (N)", "Time (s)"

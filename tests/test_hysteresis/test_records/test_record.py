@@ -10,11 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hysteresis._errors import InputError
-from hysteresis._note import Note
-from hysteresis.records._csv import read_csv
-from hysteresis.records._excitation import check_identifiable, loop_direction
-from hysteresis.records._record import Record
+from hysteresis import InputError, Note, Record, check_identifiable, read_csv
+from hysteresis.records._excitation import loop_direction
 
 
 def rig(n_cycles: int = 4, samples: int = 25, lag: float = 0.2, **names: Any) -> Record:

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from hysteresis import InputError
 from hysteresis.rigs import (
+    INWARD,
     ArmorPoints,
     ArmorPresses,
     ArmorRig,
@@ -14,7 +15,6 @@ from hysteresis.rigs import (
     SpongeRig,
     force_path,
 )
-from hysteresis.rigs._armor import INWARD
 
 EXACT = ForceSensor(crosstalk=0, hysteresis=0, noise_n=0, noise_nm=0)
 LINES = SpongeRig().five_cycles().statistics()

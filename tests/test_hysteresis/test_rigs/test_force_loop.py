@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from hysteresis._errors import InputError
+from hysteresis import InputError
 from hysteresis.rigs import ChannelStream, ForceLoopRig, MicrochannelRig
 
 RIG = MicrochannelRig(seed=3, fabrication=0.1)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial import cKDTree
 
-from hysteresis._errors import InputError
+from hysteresis import InputError
 from hysteresis.rigs import MicrochannelRig, ResistiveReadout
 
 RIG = MicrochannelRig()

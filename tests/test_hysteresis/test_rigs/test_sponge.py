@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 
 from benchmarks import datasets
 from hysteresis import _errors
-from hysteresis.rigs import SpongeRig
-from hysteresis.rigs._sponge import SpongeCycles
+from hysteresis.rigs import SpongeCycles, SpongeRig
 
 RIG = SpongeRig()
 CYCLE = [*np.arange(0.0, 20.0, 2.0), *np.arange(20.0, -1.0, -2.0)]

@@ -19,9 +19,9 @@ from identify import (
     compare_candidates,
     fit,
     save,
+    target,
 )
 from identify.comparison._information_criteria import criteria, log_evidence
-from identify.posterior._log_posterior import target
 from identify.posterior._mode import top_of
 from tests.test_identify.lines import line, pressed
 

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from hysteresis import AbstractModel, Burgers, CyclicDrift, Record, TimeDrift
-from identify import FitResult, fit
-from identify.results._detail import Composition
+from identify import Composition, FitResult, fit
 
 PERIOD = 10.0
 

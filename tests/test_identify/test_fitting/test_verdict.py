@@ -9,18 +9,15 @@ import numpy as np
 import pytest
 
 from hysteresis import Burgers, InputError, LinearSponge, Record
-from hysteresis._verdict import Verdict
 from hysteresis.numerics._normal import NORMAL_95
-from identify import FitResult, fit, fit_step
+from identify import DiscreteSpectrum, FitResult, Verdict, estimate_noise, fit, fit_step
 from identify.baselines._input_memory import stops
 from identify.diagnostics._loops_left import loops_left
 from identify.diagnostics._rows_beyond import extrapolation, held_for
 from identify.diagnostics._time_constants import unseen_time_constants
 from identify.fitting._verdict import judge
+from identify.internal import root_difference
 from identify.noise._model import NoiseModel
-from identify.noise._residual_statistics import estimate_noise
-from identify.records._folds import root_difference
-from identify.results._detail import DiscreteSpectrum
 
 QUICK: dict[str, Any] = {"model": LinearSponge(K=1.0, b=0.0), "noise": "gaussian", "starts": 1}
 TIME = np.arange(321) / 80

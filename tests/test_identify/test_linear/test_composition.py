@@ -18,7 +18,7 @@ from hysteresis import (
     Record,
     Sum,
 )
-from identify import FitResult, fit, load, sample, save
+from identify import FitResult, fit, load, predict, sample, save
 from identify.linear import _composition_fit, _composition_memory
 from identify.linear._composition import CompositionUnknowns
 from identify.linear._composition_fit import (
@@ -36,7 +36,6 @@ from identify.linear._sliders import THRESHOLDS
 from identify.records._clocks import Clocks, interpolated, is_held, shifted
 from identify.records._folds import parts
 from identify.records._relaxation_times import relaxation_times
-from identify.records._run_model import predict
 from identify.records._speeds import rates_differ
 from tests.thorough import rest_thorough
 

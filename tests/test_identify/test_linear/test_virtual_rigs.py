@@ -7,8 +7,7 @@ import pytest
 
 from benchmarks._other_rigs import RIGS, record_of
 from hysteresis import Record
-from identify import fit
-from identify.results._detail import Composition
+from identify import Composition, fit
 from tests.thorough import rest_thorough
 
 NOISE = 0.002

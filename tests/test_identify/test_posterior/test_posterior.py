@@ -15,12 +15,11 @@ import pytest
 from compensate import EnsembleCompensator, invert
 from hysteresis import InputError, Preisach, Record
 from hysteresis.rigs import SpongeRig
-from identify import fit, load_posterior, sample, save, save_posterior
+from identify import fit, load_posterior, sample, save, save_posterior, target
 from identify.internal import sealed
 from identify.noise._model import NoiseModel
 from identify.parameters._priors import prior
 from identify.parameters._settings import Setting
-from identify.posterior._log_posterior import target
 
 
 def line(noise: float = 0.1, n: int = 200) -> Record:
