@@ -32,18 +32,3 @@ def test_what_raises_leaves_the_old_file_alone(file):
         interrupted()
     assert file.read_text() == "old"
     assert os.listdir(file.parent) == ["fit.json"]
-
-
-def test_a_file_that_was_not_written_is_an_error(file):
-    with pytest.raises(FileNotFoundError), atomic_file(file):
-        pass
-    assert file.read_text() == "old"
-
-
-def test_an_error_names_the_file_that_was_asked_for(tmp_path):
-    with (
-        pytest.raises(FileNotFoundError) as error,
-        atomic_file(tmp_path / "gone" / "fit.json") as new,
-    ):
-        new.write_text("new")
-    assert error.value.filename == str(tmp_path / "gone" / "fit.json")

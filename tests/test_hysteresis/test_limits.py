@@ -2,7 +2,6 @@
 
 import io
 import json
-import tomllib
 import tracemalloc
 import zipfile
 
@@ -15,19 +14,7 @@ from hypothesis.extra import numpy as hnp
 from hysteresis import _limits
 from hysteresis._limits import DAMAGE, DEEPEST, LARGEST_TOML, load_arrays, parse_json, parse_toml
 
-values = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.text("[]{}\"\\'.=#\n", max_size=8),
-    lambda inner: (
-        st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=4), inner, max_size=4)
-    ),
-)
 kinds = st.sampled_from(["f8", "f4", "i8", "i4", "?", "U3", "S2", "c16"])
-
-
-@given(values)
-def test_documents_are_what_json_reads(value):
-    assert parse_json(json.dumps(value)) == value
-    assert parse_json(json.dumps(value).encode()) == value
 
 
 @pytest.mark.parametrize(
@@ -64,20 +51,6 @@ def test_keys_and_tables_have_an_end(bomb: str):
         parse_toml(bomb)
     assert tracemalloc.get_traced_memory()[1] < 50e6
     tracemalloc.stop()
-
-
-@given(
-    st.dictionaries(
-        st.text("abc.", min_size=1, max_size=6), st.text(max_size=20) | st.floats(allow_nan=False)
-    )
-)
-def test_toml_is_what_tomllib_reads(table: dict):
-    text = "".join(f"{json.dumps(k)} = {json.dumps(v)}\n" for k, v in table.items() if v == v)
-    try:
-        wanted = tomllib.loads(text)
-    except tomllib.TOMLDecodeError:
-        return
-    assert parse_toml(text) == wanted
 
 
 @given(

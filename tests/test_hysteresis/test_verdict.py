@@ -2,21 +2,14 @@
 
 import ast
 import json
-import math
 from pathlib import Path
 
-import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.stats import norm
 
 from hysteresis import Note
-from hysteresis._format import quantity
 from hysteresis._verdict import LEVELS, worst_of
-from hysteresis.numerics._normal import NORMAL_95
 from identify import Verdict
-from identify.internal import plain
 
 levels = st.sampled_from(LEVELS)
 
@@ -49,28 +42,6 @@ def test_a_verdict_comes_back_from_its_document(level, said, best):
 
 def test_a_document_of_an_earlier_version_holds_sentences():
     assert Verdict.of({"level": "PASS", "reasons": ["so"]}).codes == ("remark",)
-
-
-def test_packages_share_one_verdict():
-    import identify
-
-    assert identify.Verdict is Verdict
-
-
-def test_the_quantile_is_that_of_a_normal_distribution():
-    assert norm.ppf(0.95) == pytest.approx(NORMAL_95, rel=1e-15)
-
-
-def test_a_quantity_of_unit_one_shows_no_unit():
-    assert quantity(0.123456, "mm") == "0.1235 mm"
-    assert quantity(1234.5, "1", 3) == "1.23e+03"
-
-
-def test_plain_data_can_be_written_as_json():
-    found = plain({1: np.arange(2), "x": (np.float64(math.nan), np.int64(3)), "b": [True, None]})
-    assert json.loads(json.dumps(found, allow_nan=False)) == {
-        "1": [0, 1], "x": [None, 3], "b": [True, None],
-    }  # fmt: skip
 
 
 SAYING = (

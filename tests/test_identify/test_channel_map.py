@@ -13,7 +13,6 @@ from identify import fit, load, save
 from identify import load as load_fit
 from identify.linear._channel_map_fit import fit_channel_map
 from identify.records._channel_map import combine
-from identify.records._folds import as_good
 from tests.thorough import rest_thorough
 
 CYCLES, SAMPLES = 6, 60
@@ -143,15 +142,6 @@ def test_first_cycles_of_a_sample_that_settles_are_left_out():
     assert np.std(off[late]) < 0.8 * np.std(worse[late])
 
 
-def test_a_still_channel_is_left_out_and_said():
-    n = len(rig())
-    record = rig(names=(*CHANNELS, "still"), more={"still": np.full(n, 3.0)})
-    map, combined = fit_channel_map(record)
-    assert map.names == tuple(CHANNELS)
-    assert "Left out 'still'" in " ".join(combined.history)
-    np.testing.assert_allclose(combined.input, fit_channel_map(rig())[1].input, atol=1e-7)
-
-
 def test_what_cannot_be_fitted_is_refused():
     n = len(rig())
     still = {"a": np.zeros(n), "b": np.ones(n)}
@@ -217,10 +207,3 @@ def test_a_channel_beyond_its_range_is_flagged():
     columns = {**record.columns, "bends": record.columns["bends"].copy()}
     columns["bends"][77] = 1e3
     assert found.beyond(replace(record, columns=columns))[77]
-
-
-def test_as_good_is_within_a_standard_error_of_the_paired_difference():
-    rng = np.random.default_rng(0)
-    least = rng.uniform(1, 2, 50)
-    assert as_good(least + rng.normal(0.0, 1.0, 50), least)
-    assert not as_good(least + 0.1, least)

@@ -7,8 +7,7 @@ import pytest
 
 import identify
 from hysteresis import Conditioned, InputError, Record, condition_of
-from identify.linear._conditioned_fit import ConditionedProblem
-from identify.records._conditions import condition_parts, trained_values
+from identify.records._conditions import trained_values
 
 U, Y, C = "field (A/m)", "flux (mT)", "temperature (K)"
 TEMPERATURES = (280.0, 290.0, 310.0, 320.0)
@@ -133,18 +132,6 @@ def test_a_condition_that_drifts_within_one_run_is_followed():
     assert found.metrics["train"].nrmse_percent < 2
 
 
-def test_folds_hold_out_inner_conditions_and_keep_the_outer_ones_in_training():
-    record = record_of(rig())
-    cut, c = condition_parts(record, C), record.columns[C]
-    first, second, *others = cut.folds
-    for fold, held in ((first, 290.0), (second, 310.0)):
-        assert set(c[np.isin(cut.label, fold.test)]) == {held}
-        assert set(c[np.isin(cut.label, fold.train)]) == set(TEMPERATURES) - {held}
-    for fold in others:
-        assert set(c[np.isin(cut.label, fold.test)]) == {280.0, 320.0}
-        assert set(c[np.isin(cut.label, fold.train)]) == set(TEMPERATURES)
-
-
 def test_two_conditions_and_a_constant_one():
     columns = rig() | {"pressure (bar)": np.repeat([1.0, 2.0, 3.0, 4.0], ROWS)}
     with pytest.raises(InputError) as error:
@@ -153,14 +140,3 @@ def test_two_conditions_and_a_constant_one():
     still = replace(record_of(rig()), columns={C: np.full(4 * ROWS, 300.0)})
     fit = identify.fit(still, "LinearSponge", noise="gaussian", starts=1)
     assert "constant-condition" in {note.code for note in fit.train.history}
-
-
-@pytest.mark.parametrize(("unit", "axes"), [("degC", 1), ("degF", 1), ("K", 3), ("bar", 3)])
-def test_a_scale_whose_zero_is_a_convention_is_interpolated_straight(unit: str, axes: int):
-    """One over 20 degC means nothing: 68 degF, the same temperature, would have another place."""
-    name = f"condition ({unit})"
-    columns = rig()
-    columns[name] = columns.pop(C) - 260.0
-    record = record_of(columns, condition=name)
-    problem = ConditionedProblem(record, condition_parts(record, name), name, False, "negative")
-    assert len(problem.axes) == axes

@@ -1,22 +1,17 @@
 """Files that belong together change at once: whatever stops a writer, one whole set is there."""
 
-import json
 import os
 import signal
-import subprocess
-import sys
 import threading
 from pathlib import Path
 
 import pytest
-from hypothesis import given
 from hypothesis import strategies as st
 
 from hysteresis import InputError
-from identify.internal import read_json, sealed, whole_files, write_json, write_set
+from identify.internal import read_json, whole_files, write_json, write_set
 from identify.storage import _file_set
-from identify.storage._file_set import check_unedited, edited
-from tests.test_hysid.command import ENVIRONMENT
+from identify.storage._file_set import check_unedited
 
 NAMES = ("model.npz", "data.npz", "fit.npz")
 
@@ -82,37 +77,6 @@ def test_a_process_killed_at_any_moment_leaves_a_whole_set(
     assert read(tmp_path) == ("last", {"last"})
 
 
-def test_killed_for_good(tmp_path: Path):
-    """Processes killed by the system while they write one set after the other."""
-    written(tmp_path, "0")
-    code = """if True:
-        import sys
-        from pathlib import Path
-        from tests.test_identify.test_file_set import written
-        print("begun", flush=True)
-        for k in range(100_000):
-            written(Path(sys.argv[1]), str(k))"""
-    process = subprocess.Popen(
-        [sys.executable, "-c", code, str(tmp_path)], env=ENVIRONMENT, stdout=subprocess.PIPE
-    )
-    assert process.stdout is not None
-    process.stdout.readline()
-    for _ in range(20):
-        word = None
-        for _ in range(20):  # a reader between two renames may have to look again
-            try:
-                word, held = read(tmp_path)
-                break
-            except (InputError, FileNotFoundError):
-                continue
-        assert word is not None
-    process.send_signal(signal.SIGKILL)
-    process.wait()
-    process.stdout.close()
-    word, held = read(tmp_path)
-    assert held == {word}
-
-
 def test_a_full_disk_leaves_the_old_set(tmp_path: Path):
     written(tmp_path, "old")
     before = sorted(p.name for p in tmp_path.iterdir())
@@ -171,19 +135,6 @@ values = st.recursive(
     ),
     max_leaves=8,
 )
-
-
-@given(st.dictionaries(st.text("abc", min_size=1, max_size=3), values, min_size=1), st.data())
-def test_what_was_edited_is_named(document: dict, data: st.DataObject):
-    whole = json.loads(json.dumps(sealed(document)))
-    assert edited(whole) == []
-    key = data.draw(st.sampled_from(sorted(document)))
-    changed = data.draw(values)
-    different = json.dumps(changed, sort_keys=True) != json.dumps(whole[key], sort_keys=True)
-    assert edited(whole | {key: changed}) == [key] * different
-    assert edited({k: v for k, v in whole.items() if k != key}) == [key]
-    assert edited(whole | {"more": 1}) == ["more"]
-    assert edited({k: v for k, v in whole.items() if k != "checksums"}) == []
 
 
 def test_an_edited_document_says_how_to_take_it(tmp_path: Path):

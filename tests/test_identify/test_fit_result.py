@@ -4,13 +4,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 import hysid
 import identify
 from hysteresis import InputError, Record
-from identify.results._parameters import Parameter, named
 from tests.test_hysid.command import COLUMNS, put, run, sponge, text
 
 U = np.tile(np.concatenate([np.linspace(0, 20, 60), np.linspace(20, 0, 60)]), 3)
@@ -92,19 +89,6 @@ def test_a_parameter_is_found_by_its_name(line):
     assert str(found).split()[:3] == ["K", f"{found.value:.5g}", "+-"]
     refused("unknown-parameter", lambda: line["treshold"], "'threshold'")
     refused("unknown-parameter", lambda: line["x"], "'K' or 'b'")
-
-
-@given(st.lists(st.text("aAbB.1", min_size=1, max_size=3), unique=True, max_size=6), st.data())
-def test_each_name_is_found_and_others_are_refused(names, data):
-    parameters = tuple(Parameter(name, 1.0, "1", None, "free") for name in names)
-    asked = data.draw(st.sampled_from(names) if names else st.just("a"))
-    if names:
-        assert named(parameters, asked).name == asked
-    swapped = asked.swapcase()
-    if [name.casefold() for name in names].count(swapped.casefold()) == 1:
-        assert named(parameters, swapped).name == asked
-    with pytest.raises(InputError, match="unknown-parameter"):
-        named(parameters, asked + "?")
 
 
 def test_correlations_are_those_of_the_covariance(line):

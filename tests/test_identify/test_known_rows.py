@@ -6,8 +6,8 @@ import pytest
 import identify
 from hysid import Record
 from hysteresis import InputError, StandardLinearSolid, with_units
-from hysteresis.records._csv import with_known
-from identify.records._from_known import Misfit, by_sequence, from_known, sequence_error, with_past
+from hysteresis.records._known import with_known
+from identify.records._from_known import sequence_error
 
 KNOWN, LENGTH, SEQUENCES = 20, 60, 5
 CREEP = with_units(StandardLinearSolid(2.0, 1.0, 30.0), None, (0.0, 3.0))
@@ -48,40 +48,6 @@ def test_known_rows_tell_where_a_sequence_begins(fit: identify.FitResult):
     later = with_known(record, KNOWN)
     error = sequence_error(later, fit.predict(record, known=KNOWN))
     assert error < 0.1 * sequence_error(later, fit.predict(record))
-
-
-def test_errors_count_by_sequence():
-    record = Record.from_arrays(
-        [0.0, 1, 2, 0, 1, 2], [1.0, 1, 1, 10, 10, 10], groups=[0, 0, 0, 1, 1, 1]
-    )
-    assert by_sequence(record).weights[0] == pytest.approx(10 * by_sequence(record).weights[-1])
-    assert sequence_error(record, record.output * 1.1) == pytest.approx(10)
-    assert sequence_error(record, record.output + 0.1) == pytest.approx((10 + 1) / 2)
-
-
-def test_an_error_at_the_last_known_row_fades_out():
-    record = with_known(cut_from_one_history().take_sequences(["0"]), KNOWN)
-    shifted = record.noted("shifted", "shifted", output=record.output + 1.0)
-    plain = from_known(CREEP, shifted, Misfit(100.0)).values
-    carried = np.abs(from_known(CREEP, shifted, Misfit(100.0, lasts=10.0)).values - plain)
-    assert (carried[:KNOWN] == 0).all()
-    assert carried[KNOWN] > 2 * carried[KNOWN + 10] > 0
-
-
-def test_the_rows_before_drive_a_model_and_do_not_count():
-    record = with_known(cut_from_one_history(), KNOWN)
-    longer = with_past(CREEP, record)
-    before = longer.line == 0
-    assert len(longer) > len(record)
-    assert longer.known is None
-    assert np.isnan(longer.output[before]).all()
-    assert not longer.mask[before].any()
-    assert longer.mask.sum() == record.mask.sum()
-    errors = np.asarray(
-        CREEP.simulate(longer.time, longer.input, starts=tuple(longer.starts.tolist()))
-    )
-    off = (errors - longer.output)[longer.mask]
-    assert np.sqrt(np.mean(off**2)) < 0.02 * np.std(record.output)
 
 
 def test_what_is_no_number_of_rows_is_told():

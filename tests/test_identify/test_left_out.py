@@ -3,17 +3,13 @@
 import numpy as np
 import pytest
 
-from hysteresis import BoucWen, LinearSponge, Preisach, Record
-from hysteresis.preisach import GridDensity
-from identify import GridWeights, fit
+from hysteresis import BoucWen, LinearSponge, Record
+from identify import fit
 from identify.internal import models_without_groups
-from identify.linear._preisach_problem import PreisachProblem
-from identify.records._folds import Parts
 
 RANDOM = np.random.default_rng(12)
 U = np.interp(np.arange(121) / 20, np.arange(7), [0.0, 10.0, 0.0, 7.0, 0.0, 9.0, 0.0])
 LINE = Record.from_arrays(U, 0.5 * U + 1 + 0.1 * RANDOM.normal(size=len(U)))
-RELAYS = Preisach(GridDensity(0.0, 10.0, np.tri(5)), np.ones(5))
 
 
 def test_of_a_line_they_are_the_lines_through_the_other_cycles():
@@ -41,25 +37,6 @@ def test_they_miss_the_other_cycles_by_no_more_than_the_whole_fit():
         rest = found.used & ~rows
         missed = np.asarray(model.simulate(None, u)) - y
         assert np.mean(missed[rest] ** 2) <= np.mean(found.residuals[rest] ** 2) * (1 + 1e-6)
-
-
-def test_of_weights_they_minimise_over_the_other_cycles():
-    y = np.asarray(RELAYS.simulate(None, U)) + 0.2 * RANDOM.normal(size=len(U))
-    record = Record.from_arrays(U, y)
-    found = fit(record, RELAYS, conditioning="keep", initial="negative")
-    assert isinstance(found.detail, GridWeights)
-    linear = found.detail.linear
-    left = models_without_groups(found)
-    assert sum(rows.sum() for rows, _ in left) == found.used.sum()
-    for rows, model in left:
-        rest = found.used & ~rows
-        parts = Parts(np.where(rest, 0, -1), (), None, "the rest")
-        problem = PreisachProblem(found.train, parts, linear.meaning)
-        # The prior of all rows weighs more beside fewer.
-        strength = linear.strength * linear.rows / rest.sum()
-        x = linear.meaning.minimum(*problem.objective((0,), strength))
-        wanted = np.asarray(linear.meaning.model(x).simulate(None, U))
-        np.testing.assert_allclose(np.asarray(model.simulate(None, U)), wanted, atol=1e-6)
 
 
 def test_no_group_is_much_larger_than_the_others():

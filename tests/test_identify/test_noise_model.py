@@ -66,23 +66,6 @@ def test_the_likelihood_is_that_of_the_dense_covariance(
     assert float(noise.pointwise(jnp.asarray(r), rows).sum()) == pytest.approx(expected, rel=1e-6)
 
 
-def test_traced_it_is_the_same() -> None:
-    """Posteriors trace what fits compute by NumPy; columns go through the same filter, each by itself."""
-    random = np.random.default_rng(8)
-    rows, _ = some_rows(random)
-    noise = NoiseModel(1.7, growth=0.4, phi=0.6, theta=-0.3, tail=0.2)
-    columns = random.normal(size=(ROWS, 3))
-
-    @jax.jit
-    def traced(columns: jax.Array) -> tuple[jax.Array, jax.Array]:
-        return noise.whitened(columns, rows), noise.log_likelihood(columns[:, 0], rows)
-
-    whitened, likelihood = traced(jnp.asarray(columns))
-    for k, column in enumerate(columns.T):
-        np.testing.assert_allclose(whitened[:, k], noise.whitened(column, rows), rtol=0, atol=1e-13)
-    assert float(likelihood) == pytest.approx(float(noise.log_likelihood(columns[:, 0], rows)))
-
-
 def test_student_is_scipys_and_tends_to_the_gaussian() -> None:
     random = np.random.default_rng(1)
     rows, _ = some_rows(random, gap=False)

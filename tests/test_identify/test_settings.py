@@ -10,9 +10,9 @@ import scipy.stats
 
 from hysteresis import Burgers, GeneralizedMaxwell, InputError, LinearSponge, Record
 from identify import fit, load, save
-from identify.parameters._priors import Prior, prior
-from identify.parameters._settings import from_words, in_words, with_settings
-from identify.parameters._transform import data_scale, transform
+from identify.parameters._priors import prior
+from identify.parameters._settings import with_settings
+from identify.parameters._transform import transform
 
 BURGERS = Burgers(2.0, 100.0, 1.0, 8.0, 0.3)
 
@@ -160,26 +160,6 @@ def test_nothing_free_and_no_model() -> None:
     with pytest.raises(InputError) as caught:
         fit(record(), "Burgers", noise="pink")
     assert caught.value.code == "bad-option"
-
-
-def test_settings_survive_words() -> None:
-    _, settings = with_settings(
-        GeneralizedMaxwell(1.0, [1.0, 2.0], [0.1, 10.0], 0.0),
-        {
-            "tau.1": {"prior": "log-normal(10, 3)", "bounds": [1, 100]},
-            "E.1": {"tied": "2 * E.0"},
-            "offset": {"fixed": True},
-        },
-    )
-    assert from_words(in_words(settings)) == settings
-    assert isinstance(settings["tau.1"].prior, Prior)
-
-
-def test_the_scale_of_a_unit() -> None:
-    sizes = {"force": 4.0, "time": 10.0, "displacement": 2.0}
-    assert data_scale("force * time / displacement", sizes) == 20.0
-    assert data_scale("1 / force", sizes) == 0.25
-    assert data_scale("1", sizes) == 1.0
 
 
 def test_one_entry_of_an_array_is_fixed_and_the_others_move(tmp_path: Any) -> None:

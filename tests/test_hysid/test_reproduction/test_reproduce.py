@@ -4,22 +4,15 @@ import json
 from types import NoneType
 from typing import Any
 
-import numpy as np
 import pytest
 
 from hysid.reproduction._armor import (
-    METHODS,
     Change,
-    Method,
-    Rig,
-    body_errors,
     changed,
-    linear_range,
-    surface_errors,
 )
 from hysid.reproduction._armor_paper import PAPER
-from hysid.reproduction._frame import Published, compared
-from hysteresis.rigs import SpongeCycles, SpongeRig
+from hysid.reproduction._frame import Published
+from hysteresis.rigs import SpongeRig
 from tests.test_hysid.command import Result, refused, run, tree
 from tests.test_hysid.test_cli.test_cli import fits
 
@@ -109,34 +102,6 @@ def test_a_worse_rig_does_not_pass_more_easily():
     assert (low, high) == pytest.approx((86.11, 97.14), abs=0.01)
 
 
-def test_a_method_of_ours_stands_beside():
-    """The seam: one more method."""
-    rig = Rig(SEED)
-    known = Method("told the truth", True, lambda rig, presses: presses.contact[:, -1])
-
-    def measure(rig: Rig, ours: bool) -> float:
-        return float(body_errors(rig, known if ours else METHODS["b"]).mean())
-
-    assert np.all(body_errors(rig, known) == 0)
-    only = [p._replace(measure=measure) for p in PAPER.published if p.key == "body_b"]
-    row = compared(only, [rig, Rig(SEED + 1)], with_ours=True)[0]
-    assert (row["ours"], row["ours_sd"]) == (0, 0)
-    assert row["reproduced"] > 5
-
-
-def test_conditions_are_paired():
-    """(a) and (b) come from one record and differ by the displacement along the normal alone."""
-    rig = Rig(SEED)
-    presses = rig.on_soft
-    a, b = (METHODS[name].locate(rig, presses) for name in "ab")
-    K, line_b = rig.fresh.statistics().both
-    F = presses.wrench[:, -1, :3]
-    normal_force = np.max(np.abs(F), axis=1)
-    shift = np.linalg.norm(b - a, axis=1) * normal_force / np.linalg.norm(F, axis=1)
-    # 1e-9 of the metre: the solver's rounding.
-    np.testing.assert_allclose(1e3 * shift, K * normal_force + line_b, rtol=0, atol=1e-6)
-
-
 def test_aging_is_seen_where_there_is_any():
     """No change between two readings of one sponge, a change of 1 % in another's stiffness."""
     one = SpongeRig().five_cycles(noise=0.05, seed=SEED)
@@ -146,20 +111,3 @@ def test_aging_is_seen_where_there_is_any():
     found: Change = changed(one, soft)
     assert found.p < 1e-6
     assert found.K / found.K_error > 3
-
-
-def test_linear_range_ends_where_a_kink_is():
-    """A line to 30 N and a plateau beyond: the mean leaves it by its bar soon after."""
-    force = np.tile([*np.arange(0.0, 41, 2), *np.arange(38.0, -1, -2)], 3)
-    side = np.repeat([-1.0, 0.0, 1.0], len(force) // 3)  # of three cycles, 0.5 mm apart
-    line = force + 0.5 * side
-    straight = SpongeCycles(6.0 * np.arange(len(force)), force, line, np.ones(len(force), int))
-    assert linear_range(straight).limit == 40
-    bent = straight._replace(displacement=np.minimum(force, 30.0) + 0.5 * side)
-    assert 30 < linear_range(bent).limit < 31
-
-
-def test_uncompensated_error_is_the_displacement():
-    rig = Rig(SEED)
-    d = 1e3 * rig.surface_1.displacement[:, -1]
-    np.testing.assert_allclose(surface_errors(rig, "none"), d, rtol=1e-12)

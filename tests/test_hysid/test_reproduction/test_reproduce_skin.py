@@ -9,10 +9,8 @@ import pytest
 
 from compensate.microchannel import SearchEstimator
 from hysid.reproduction import _frame, _skin, _skin_paper, reproduce, terminal
-from hysid.reproduction._skin import converted
 from hysid.reproduction._skin_pair import DT, PAIR, SkinPair, peaks
 from hysid.reproduction._skin_paper import PAPER
-from hysteresis.rigs import ResistiveReadout
 
 SEED = 300
 """Of sensors that the command's own run does not use."""
@@ -94,25 +92,6 @@ def test_the_search_follows_a_machine_through_lines(document):
     assert len(document[0]["peaks"]["paper"]) == 16
 
 
-def test_the_electronics_give_back_what_the_sensor_said():
-    """Half a step of the converter at most, and the factor of a current that is taken for another."""
-    usual, weak = ResistiveReadout(), ResistiveReadout(current_a=0.070)
-    change = np.linspace(0, 1.5, 400)[:, None] * [1.0, 0.5]
-    step = 20.5 / 1023
-    for electronics in (usual, weak):
-        back = converted(electronics.scale * change, electronics)
-        half = step / 2 * usual.scale / electronics.scale
-        assert np.abs(back - usual.scale * change).max() <= half * (1 + 1e-9)
-    taken = converted(weak.scale * change, weak, current=usual.current_a)
-    assert np.abs(taken - weak.scale * change).max() <= step / 2 * (1 + 1e-9)
-
-
-def test_scatter_is_learnt_from_presses():
-    """Of a skin whose placements are known: ln p = c + d and c - d with these deviations."""
-    skin = _skin.Skin(SEED, inside=True)
-    common, differential = skin.scatter
-    assert common == pytest.approx(0.10, rel=0.35)
-    assert differential == pytest.approx(0.066, rel=0.35)
 
 
 def test_a_peak_is_found_once_and_told_how_late():
@@ -127,12 +106,3 @@ def test_a_peak_is_found_once_and_told_how_late():
     assert first.late == pytest.approx(2 * DT)
     assert first.time == pytest.approx(61 * DT)
     assert np.isnan([second.found, third.found]).all()  # 1.5 is not half of 4, and D sees nothing
-
-
-def test_one_estimate_is_not_two_peaks():
-    t = np.arange(100)
-    truth = np.maximum(0.0, 3 - 0.5 * np.abs(t - 40)) + np.maximum(0.0, 3 - 0.5 * np.abs(t - 54))
-    found = np.maximum(0.0, 3 - 0.5 * np.abs(t - 47))
-    none = np.zeros(100)
-    counted = peaks(np.stack([truth, none], 1), np.stack([found, none], 1))
-    assert sum(np.isfinite(peak.found) for peak in counted) == 1

@@ -7,7 +7,6 @@ import pytest
 from compensate import Status
 from compensate.microchannel import BackwardsModel
 from hysid import ForceRecord, train_force
-from hysid.soft_sensor._force_records import gather, held_out_parts
 from hysteresis import InputError, PrandtlIshlinskii
 from tests.thorough import rest_thorough
 
@@ -84,22 +83,6 @@ def test_an_interrupted_training_goes_on(tmp_path):
     rest = train_force(RECORDS, checkpoint=tmp_path, resume=True, **FAST)
     np.testing.assert_array_equal(whole.held_out, rest.held_out)
     assert "resumed from" in rest.curves[0].said[0]
-
-
-def test_what_is_held_out_is_whole():
-    data = gather(RECORDS)
-    part = held_out_parts(data, 3)
-    assert all(len(set(part[rows])) == 1 for rows in data.sequences())
-    assert set(part) == {0, 1, 2}
-    own = held_out_parts(data, 2, groups=list("aabbaa"))
-    assert [int(own[rows.start]) for rows in data.sequences()] == [0, 0, 1, 1, 0, 0]
-    one = gather([long_record()])
-    assert one.presses == 6
-    assert len(one.rests) == 6
-    part = held_out_parts(one, 3, 0.34)
-    assert (part[: int(0.34 * len(part))] == -1).all()
-    for k in range(3):
-        assert (np.diff(np.flatnonzero(part == k)) == 1).all()
 
 
 def long_record() -> ForceRecord:

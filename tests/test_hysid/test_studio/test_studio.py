@@ -268,17 +268,6 @@ def test_warnings_name_the_lines_that_they_mean(tmp_path):
     )
 
 
-def test_a_log_tells_how_far_a_run_is():
-    job = Job(1, "fit", "run.csv", ["fit"])
-    job.hear('{"said": "81 rows"}')
-    assert job.left is None
-    job.since = time.monotonic() - 3.0
-    job.hear('{"said": "Burgers", "code": "candidate", "done": 3, "total": 4}')
-    job.hear("no JSON at all")
-    assert job.left == pytest.approx(1.0, rel=0.1)
-    assert job.document["said"] == ["81 rows", "Burgers", "no JSON at all"]
-
-
 def test_a_command_is_cancelled_and_another_one_about_the_file_waits(tmp_path, monkeypatch):
     monkeypatch.setattr(_processes, "PATIENCE", 0.2)
     (tmp_path / "json.py").write_text("raise SystemExit('code of the folder was run')")

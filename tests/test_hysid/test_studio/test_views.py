@@ -1,7 +1,6 @@
 """What a plot shows of many rows: every peak, whatever the level of detail."""
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -27,13 +26,6 @@ def test_no_peak_of_a_view_is_lost(n, seed):
             column[rows].max(),
         )
     assert len(shown) <= max(ALL, 6 * 1000 + 1)
-
-
-def test_missing_values_hide_no_peak():
-    one = series(50_000)
-    one.y[::3] = np.nan
-    one.y[40_000] = 9.0
-    assert 40_000 in peaks((one.u, one.y), slice(0, 50_000))
 
 
 def test_a_stretch_of_few_rows_is_shown_whole():
@@ -64,9 +56,3 @@ def test_a_box_of_loops_shows_its_rows_with_gaps_where_they_leave_it():
     assert inside <= set(found[3])
     begins = found[4] >= GAP
     np.testing.assert_array_equal(begins[1:], np.diff(found[3]) > 1)
-
-
-@pytest.mark.parametrize("n", [0, 1, 2])
-def test_hardly_any_rows(n):
-    assert over_time(series(n)).shape == (5, n)
-    assert of_loops(series(n))[0].shape == (5, n)

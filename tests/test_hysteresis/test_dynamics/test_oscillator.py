@@ -20,8 +20,6 @@ from hysteresis import (
     Oscillator,
     Sum,
 )
-from hysteresis.dynamics._layout import MOTION, clock, layout_of
-from hysteresis.running import numbers_of, place_of, run, tangents
 
 MIXED = BoucWenForce(alpha=4e4, beta_gamma=700.0, beta_delta=-900.0)
 PLAYS = GeneralizedPlays([0.0, 2e-4, 6e-4], [2e-3] * 3, np.linspace(1, -1, 12).reshape(3, 4) * 20)
@@ -40,29 +38,6 @@ def test_a_motion_begins_as_it_is_said():
     free = replace(model, damping=jnp.asarray(1e-12))
     _, y = free.stream(t, [0.0, 0.0], model.moving(1e-3, 0.2))
     np.testing.assert_allclose(y, 1e-3 * np.cos(w * t) + 0.2 / w * np.sin(w * t), rtol=1e-3)
-
-
-@pytest.mark.parametrize("spring", [MIXED, Sum(MIXED, PLAYS)], ids=["rate", "plays"])
-def test_an_oscillator_by_its_numbers_and_its_first_motion(spring):
-    layout, rows = layout_of(spring), np.repeat(FORCE, 4)
-    assert layout is not None
-    numbers = numbers_of(layout.tree(list(jnp.array([1.7, 12.0, 4.5e4])), 2))
-    known, m = numbers.known, np.asarray(numbers.m)
-    places = [*known.free, *(place_of(known, name) for name in MOTION)]
-    dm = np.zeros((len(m), len(places)))
-    dm[places, range(len(places))] = 1.0
-    dt = clock(len(rows), 1 / 3000)
-    found = tangents(numbers, dm, rows, dt)
-    np.testing.assert_allclose(found.value, run(numbers, rows, dt).value, rtol=0, atol=1e-15)
-    for k, size in enumerate([*np.abs(m[list(known.free)]), 1e-3, 0.1, 10.0]):
-        step = 1e-7 * max(size, 1e-3)
-        ends = [run(numbers._replace(m=m + s * step * dm[:, k]), rows, dt).value for s in (1, -1)]
-        slope = (ends[0] - ends[1]) / (2 * step)
-        assert np.abs(found.columns[:, k] - slope).max() <= 1e-3 * np.abs(slope).max() + 1e-12, k
-    # Two directions at once, and a part of the rows.
-    both = tangents(numbers, dm[:, :4] @ np.array([[1.0], [2], [0], [3]]), rows, dt, kept=(7, 5))
-    wanted = found.columns[7::5, :4] @ [1.0, 2, 0, 3]
-    np.testing.assert_allclose(both.columns[:, 0], wanted, rtol=0, atol=1e-9 * np.ptp(wanted))
 
 
 def test_order_of_convergence_against_an_independent_solver():

@@ -10,7 +10,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hysteresis import ChannelMap, InputError, Record
-from hysteresis.records._branch_rows import common_part
 
 CHANNELS, CELLS, SAMPLES = 3, 4, 30
 NAMES = ("near", "far", "side")
@@ -88,19 +87,6 @@ def test_bad_arguments_are_refused(changes: dict[str, Any], code: str):
     with pytest.raises(InputError) as caught:
         ChannelMap(**(arguments | changes))
     assert caught.value.code == code
-
-
-def test_the_common_part_follows_the_output_in_any_order_and_unit():
-    s = np.sin(np.linspace(0, 20, 300))
-    noise = np.random.default_rng(0).normal(size=(300, 3))
-    x = np.array([1.0, -40.0, 3e-3]) * (s[:, None] + 0.02 * noise)
-    part = common_part(x, 5 * s)
-    assert np.corrcoef(part, s)[0, 1] > 0.999
-    # Rounding of an eigenvector of a matrix whose largest eigenvalue stands alone.
-    np.testing.assert_allclose(common_part(x[:, ::-1] * 7.0, 5 * s), part, atol=1e-10)
-    np.testing.assert_allclose(common_part(x, -s), -part, atol=1e-12)
-    with_still = np.column_stack([x, np.full(300, 4.0)])
-    np.testing.assert_allclose(common_part(with_still, s), part, atol=1e-10)
 
 
 def rig(**options: Any) -> Record:

@@ -11,7 +11,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hysteresis import AbstractModel, InputError, ModulatedStops, PrandtlIshlinskii, Preisach
-from hysteresis.numerics._clamps import Clamp, by_association, by_scan
 from hysteresis.preisach import GridDensity
 from tests.problems import SAMPLES, clock, histories
 
@@ -128,9 +127,6 @@ def test_area_of_a_loop(seed: int, leading: bool, size: float):
     assert abs(area - wanted) <= 8 * rounding(model) * HIGH
 
 
-limits = st.tuples(st.floats(LOW, HIGH), st.floats(LOW, HIGH)).map(sorted)
-
-
 def test_only_the_speed_before_a_sample_widens_its_plays():
     model = PrandtlIshlinskii([1.0], [1.0], 1.0, rates=[0.5])
     u = np.array([0.0, 3.0, 6.0, 9.0, 9.0, 9.0])
@@ -138,31 +134,6 @@ def test_only_the_speed_before_a_sample_widens_its_plays():
     # Speeds before each sample 0, 0, 3, 3, 2, 0: half widths 1, 1, 2.5, 2.5, 2, 1.
     wanted = u + np.array([0.0, 2.0, 3.5, 6.5, 7.0, 8.0])
     np.testing.assert_allclose(model.simulate(t, u), wanted, rtol=1e-15)
-
-
-@jax.jit
-def both_forms(each: Clamp, c: jax.Array) -> list[tuple[jax.Array, jax.Array]]:
-    """z and the derivatives of c . z in the lower limits, one after the other and in pairs."""
-    together = []
-    for run in (by_scan, by_association):
-        z, back = jax.vjp(lambda low, run=run: run(each._replace(low=low)), each.low)
-        together.append((z, *back(c)))
-    return together
-
-
-@given(seed=seeds, ties=flags)
-def test_associative_form_is_the_scan(seed: int, ties: bool):
-    """Values, with sequences that start anew; and derivatives, where no limits tie."""
-    rng = np.random.default_rng(seed)
-    low, width, c = rng.normal(size=(3, SAMPLES, PLAYS)).round(1 if ties else 16)
-    fixed = (rng.random(SAMPLES) < 0.1)[:, None]
-    fixed[0] = True
-    high = low + np.where(fixed, 0.0, np.abs(width))
-    (z, slope), (z_paired, slope_paired) = both_forms(Clamp(low, high, fixed), c)
-    np.testing.assert_array_equal(z_paired, z)
-    if not ties:
-        # The same sums of up to SAMPLES terms of size 1, in another order.
-        np.testing.assert_allclose(slope_paired, slope, rtol=0, atol=SAMPLES * 8 * EPS)
 
 
 def test_a_new_sequence_takes_no_derivative_from_the_one_before():

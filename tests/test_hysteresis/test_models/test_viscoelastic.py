@@ -1,8 +1,5 @@
 """Chains of any order, both ways: closed forms, a stiff ODE solver, and one another."""
 
-import math
-from fractions import Fraction
-from functools import partial
 from typing import Any
 
 import equinox as eqx
@@ -21,11 +18,8 @@ from hysteresis import (
     GeneralizedMaxwell,
     InputError,
     StandardLinearSolid,
-    linear_recurrence,
 )
-from hysteresis.models._viscoelastic_chain import moments
 from hysteresis.numerics._even_clock import even_step
-from hysteresis.numerics._recurrence import _associative, _associative_coupled, coupled_recurrence
 from tests.problems import clock
 from tests.thorough import rest_thorough
 
@@ -283,67 +277,6 @@ def test_largest_stable_step(seed: int):
     ):
         assert model.largest_stable_step() == np.inf
         assert max(spectral_radius(model, dt) for dt in (1e-3, 0.1, 10.0, 1e3)) <= 1 + 1e-11
-
-
-@pytest.mark.parametrize("x", [0.0, 1e-9, 1e-4, 0.0999, 0.1001, 1.0, 30.0])
-def test_moments_and_their_derivatives(x: float):
-    """phi = sum of (-x)^k / (k+1)!, psi = sum of (-x)^k / (k+2)!, in exact fractions."""
-    exact = Fraction(x)
-
-    def series(n: int) -> float:
-        return float(sum((-exact) ** k / math.factorial(k + n) for k in range(150)))
-
-    def slope(n: int) -> float:
-        return -float(sum((k + 1) * (-exact) ** k / math.factorial(k + 1 + n) for k in range(150)))
-
-    at = jnp.asarray(x)
-    # 1 - exp(-x) over x = 0.1 at least: ten roundings; again so for psi, and for its slope.
-    np.testing.assert_allclose(moments(at)[1:], [series(1), series(2)], rtol=200 * EPS)
-    np.testing.assert_allclose(jax.jacfwd(moments)(at)[1:], [slope(1), slope(2)], rtol=1e-12)
-
-
-def uncoupled(a: jax.Array, b: jax.Array) -> jax.Array:
-    """`linear_recurrence` of tables (samples, states)."""
-    return jnp.stack(linear_recurrence(tuple(a.T), tuple(b.T)), -1)
-
-
-@pytest.mark.parametrize("coupled", rest_thorough([True, False], 1))
-def test_derivatives_of_the_recurrence(coupled: bool):
-    """Both modes against the plain loop's, the second derivative too; more states than one loop takes."""
-    rng, n = np.random.default_rng(0), 4
-    a = jnp.asarray(rng.uniform(-1, 1, (5, n, n) if coupled else (5, n)))
-    b, c = jnp.asarray(rng.normal(size=(5, n))), jnp.asarray(rng.normal(size=(5, n)))
-
-    def loop(a: jax.Array, b: jax.Array) -> jax.Array:
-        z, found = jnp.zeros(n), []
-        for k in range(5):
-            z = (a[k] @ z if coupled else a[k] * z) + b[k]
-            found.append(z)
-        return jnp.stack(found)
-
-    def value(solve: Any, ab: tuple[jax.Array, jax.Array]) -> jax.Array:
-        return jnp.sum(c * solve(*ab) ** 2)
-
-    for derivative in (jax.grad, jax.jacfwd, jax.hessian):
-        ours, plain = (
-            jax.tree.leaves(jax.jit(derivative(partial(value, f)))((a, b)))
-            for f in (coupled_recurrence if coupled else uncoupled, loop)
-        )
-        for x, y in zip(ours, plain, strict=True):
-            np.testing.assert_allclose(x, y, rtol=0, atol=1e-13 * float(jnp.abs(y).max()))
-
-
-@pytest.mark.parametrize("coupled", [False, True])
-def test_the_form_for_accelerators_is_the_same(coupled: bool):
-    rng, n = np.random.default_rng(1), 4
-    a = jnp.asarray(rng.uniform(-1, 1, (30, n, n) if coupled else (30, n)) / n)
-    b = jnp.asarray(rng.normal(size=(30, n)))
-    if coupled:
-        got, wanted = jax.jit(_associative_coupled)(a, b), coupled_recurrence(a, b)
-    else:
-        got, wanted = jnp.stack(jax.jit(_associative)(tuple(a.T), tuple(b.T)), -1), uncoupled(a, b)
-    # The same sums of decaying products in another order.
-    np.testing.assert_allclose(got, wanted, rtol=0, atol=1e-14 * float(jnp.abs(wanted).max()))
 
 
 def test_a_spring_without_branches():

@@ -2,7 +2,6 @@
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -10,7 +9,6 @@ from hypothesis import strategies as st
 
 from hysteresis import InputError, Preisach
 from hysteresis.preisach import GridDensity, input_noise
-from hysteresis.preisach._dead_band import play
 from tests.problems import CELLS, HIGH, LOW, SAMPLES, histories, weights
 
 seeds = st.integers(0, 2**32 - 1)
@@ -24,18 +22,6 @@ def play_loop(u: np.ndarray, half_width: float, v: float) -> np.ndarray:
         v = x if np.isnan(v) else min(max(v, x - half_width), x + half_width)
         found.append(v)
     return np.array(found)
-
-
-@given(u=histories(LOW, HIGH), before=st.just(np.nan) | st.floats(LOW, HIGH))
-def test_play_is_the_loop(u: np.ndarray, before: float):
-    """Each sequence on its own; the same minima and maxima of the same numbers."""
-    starts = (0, 5, 6, 30)
-    wanted = [
-        play_loop(u[a:b], HALF_WIDTH, before)
-        for a, b in zip(starts, (*starts[1:], SAMPLES), strict=True)
-    ]
-    got = play(jnp.asarray(u), HALF_WIDTH, jnp.asarray(before), starts)
-    np.testing.assert_array_equal(got, np.concatenate(wanted))
 
 
 def model(seed: int, dead_band: float) -> Preisach:

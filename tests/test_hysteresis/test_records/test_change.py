@@ -6,8 +6,6 @@ import pytest
 import hysid
 from hysteresis import InputError, Record, check_identifiable
 from hysteresis.records._change import change
-from hysteresis.records._csv import turned
-from hysteresis.records._cycles import loop_sums
 from hysteresis.records._turned import turned
 
 
@@ -51,22 +49,6 @@ def test_a_zero_that_moves_far_is_told_first():
     assert first.code == "zero-moves"
     assert first.values["moved"] == pytest.approx(2.1, rel=0.05)
     assert all(note.code != "zero-moves" for note in check_identifiable(cycled(0.05)))
-
-
-def test_one_reading_off_and_a_first_loop_that_starts_elsewhere_open_no_loop():
-    """A lozenge 1 wide: a steady drift is taken out of it, one reading at an end is not spread."""
-    way = np.linspace(0, 10, 51)
-    u = np.concatenate([[0.0], *[np.r_[way[1:], way[-2::-1]] for _ in range(4)]])
-    rising = np.r_[True, np.diff(u) > 0]
-    y = u + np.where(rising, -0.5, 0.5) * np.minimum(1, np.minimum(u, 10 - u))
-    used = np.ones(len(u), bool)
-    exact = loop_sums(u, y, used).width
-    assert loop_sums(u, y + 0.001 * np.arange(len(u)), used).width == pytest.approx(exact, rel=0.01)
-    off = y.copy()
-    off[0] -= 2
-    assert loop_sums(u, off, used).width == pytest.approx(exact, rel=0.02)
-    virgin = y + np.where(np.arange(len(u)) < 20, 0.5 * np.exp(-u), 0)
-    assert loop_sums(u, virgin, used).width == pytest.approx(exact, rel=0.03)
 
 
 def test_a_sign_is_turned_and_said():

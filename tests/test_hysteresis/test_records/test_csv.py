@@ -3,8 +3,6 @@
 import csv
 import io
 import os
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -388,10 +386,3 @@ def test_measured_data_read(request):
     record = read_csv(path, "compression_mm", "force_N", time="time_s", group="sample")
     assert record.cycle_counts.tolist() == [6] * 4
     assert (record.input_unit, record.output_unit, record.time_unit) == ("mm", "N", "s")
-
-
-def test_neither_pandas_nor_pint_is_needed_for_a_plain_file():
-    code = "import sys, hysteresis.records._csv; print({'pandas', 'pint'} & set(sys.modules))"
-    root = Path(__file__).parents[3]
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=root)
-    assert run.stdout.strip() == "set()", run.stderr

@@ -3,17 +3,14 @@
 import numpy as np
 import pytest
 import scipy.stats
-from hypothesis import given
-from hypothesis import strategies as st
 
 from hysteresis import InputError
 from identify import change, pool
-from identify.comparison._change import between, holm
+from identify.comparison._change import between
 from identify.comparison._gaussian_estimate import Estimate, estimate
-from identify.comparison._pooling import PRIOR, population_draws
+from identify.comparison._pooling import population_draws
 from identify.parameters._transform import Transform
 from tests.test_identify.lines import line, pressed
-from tests.thorough import rest_thorough
 
 NEW, AGED = (1.2, 5.4), (1.298, 6.186)
 """K (mm/N) and b (mm) of a sponge, and after six months: Tsuji 2014's line of the aged one."""
@@ -30,53 +27,6 @@ def gaussian(random: np.random.Generator, centre: np.ndarray) -> Estimate:
     return Estimate(BOUNDS, ("N", "mm", "1"), free, covariance, {})
 
 
-@pytest.mark.thorough
-def test_p_values_of_nothing_are_uniform() -> None:
-    """200 pairs: a p below 0.001 of Kolmogorov's test is one in a thousand such tests."""
-    random = np.random.default_rng(0)
-    centre = np.array([0.2, 1.0, -0.5])
-    found = [
-        between(gaussian(random, centre), gaussian(random, centre), 0.05, {}) for _ in range(200)
-    ]
-    assert scipy.stats.kstest([c.p for c in found], "uniform").pvalue > 1e-3
-    for k in range(3):
-        assert scipy.stats.kstest([c.parameters[k].p for c in found], "uniform").pvalue > 1e-3
-        increased = [c.parameters[k].increased for c in found]
-        assert scipy.stats.kstest(increased, "uniform").pvalue > 1e-3
-    # One test in twenty finds anything: binomial(200, 0.05) is above 20 in one of a thousand.
-    assert sum(any(p.clear for p in c.parameters) for c in found) <= 20
-
-
-@given(st.integers(0, 1000))
-def test_a_change_backwards_is_the_change_with_its_sign_turned(seed: int) -> None:
-    random = np.random.default_rng(seed)
-    one, other = (gaussian(random, random.normal(size=3)) for _ in range(2))
-    forth, back = between(one, other, 0.1, {}), between(other, one, 0.1, {})
-    assert forth.p == pytest.approx(back.p)
-    for a, b in zip(forth.parameters, back.parameters, strict=True):
-        assert a.difference == pytest.approx(-b.difference)
-        assert a.increased == pytest.approx(1 - b.increased)
-        assert a.p_holm == pytest.approx(b.p_holm)
-    first, second = forth.parameters[0], back.parameters[0]
-    assert first.ratio is not None
-    assert second.ratio is not None
-    assert first.ratio == pytest.approx(1 / second.ratio)
-    assert [p.ratio for p in forth.parameters[1:]] == [None, None]
-
-
-@given(st.integers(0, 1000), st.permutations(range(3)))
-def test_the_order_of_the_parameters_does_not_matter(seed: int, order: list[int]) -> None:
-    random = np.random.default_rng(seed)
-    one, other = (gaussian(random, np.zeros(3)) for _ in range(2))
-    names = [BOUNDS.names[k] for k in order]
-    plain, mixed = between(one, other, 0.1, {}), between(one.of(names), other.of(names), 0.1, {})
-    assert mixed.p == pytest.approx(plain.p)
-    found = {p.name: p for p in mixed.parameters}
-    for p in plain.parameters:
-        assert found[p.name][2:6] == pytest.approx(p[2:6])
-        assert found[p.name].p_holm == pytest.approx(p.p_holm)
-
-
 def test_the_chance_of_a_change_is_that_of_draws() -> None:
     """More than a tenth of the value before, in every kind of bounds; 100,000 draws, so 0.0016 each."""
     random = np.random.default_rng(3)
@@ -89,11 +39,6 @@ def test_the_chance_of_a_change_is_that_of_draws() -> None:
     after = one.values(one.free + moved)
     outside = np.abs(after - before) > 0.1 * np.abs(before)
     np.testing.assert_allclose([p.changed for p in found.parameters], outside.mean(0), atol=0.007)
-
-
-def test_holms_steps_by_hand() -> None:
-    corrected = holm(np.array([0.04, 0.01, 0.03]))
-    np.testing.assert_allclose(corrected, [0.06, 0.03, 0.06])
 
 
 def test_a_sponge_and_the_same_six_months_later() -> None:
@@ -192,47 +137,6 @@ def test_pooling_agrees_with_quadrature() -> None:
     np.testing.assert_allclose(
         found.specimens.mean((0, 1)), np.einsum("k,ksi->si", weight, centre), atol=0.01
     )
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize(
-    ("specimens", "draws"),
-    rest_thorough([(3, 400), (5, 400), (30, 150)], 1),
-)
-def test_nine_intervals_in_ten_hold_the_population(specimens: int, draws: int) -> None:
-    """500 populations whose tau is from its prior: 86 to 94 % is three standard errors each way."""
-    random = np.random.default_rng(specimens)
-    # Beyond its 95 % quantile tau is only a matter of scale, and would stretch every lane's grid.
-    tau = PRIOR * np.tan(np.pi / 2 * random.uniform(0, 0.95, (500, 1, 1)))
-    mu = random.normal(size=(500, 1, 1))
-    sd = random.uniform(0.1, 0.4, (specimens, 1))
-    theta = mu + tau * random.normal(size=(500, specimens, 1))
-    z = theta + sd * random.normal(size=theta.shape)
-    found = population_draws(z, sd[..., None] ** 2, np.array([PRIOR]), draws, random)
-    new = mu + tau * random.normal(size=mu.shape)
-    predicted = found.mean + found.tau * random.normal(size=found.tau.shape)
-    for truth, draw in (
-        (mu[:, 0, 0], found.mean[..., 0]),
-        (tau[:, 0, 0], found.tau[..., 0]),
-        (new[:, 0, 0], predicted[..., 0]),
-        (theta[:, 0, 0], found.specimens[:, :, 0, 0]),
-    ):
-        low, high = np.quantile(draw, [0.05, 0.95], axis=1)
-        assert 0.86 <= ((low < truth) & (truth < high)).mean() <= 0.94
-
-
-@pytest.mark.thorough
-def test_thirty_specimens_spread_as_der_simonian_and_laird_say() -> None:
-    random = np.random.default_rng(8)
-    sd = random.uniform(0.05, 0.2, 30)
-    z = random.normal(0, np.sqrt(sd**2 + 0.3**2))
-    w = 1 / sd**2
-    Q = np.sum(w * (z - w @ z / w.sum()) ** 2)
-    laird = np.sqrt((Q - 29) / (w.sum() - (w**2).sum() / w.sum()))
-    lanes = np.broadcast_to(z[:, None], (16, 30, 1))
-    found = population_draws(lanes, sd[:, None, None] ** 2, np.array([PRIOR]), 200, random)
-    # Two estimators of a deviation known to 13 %.
-    assert np.median(found.tau) == pytest.approx(laird, rel=0.15)
 
 
 def test_specimens_are_drawn_to_the_mean_as_far_as_their_data_leave_open() -> None:

@@ -21,7 +21,7 @@ from identify import (
     save,
     target,
 )
-from identify.comparison._information_criteria import criteria, log_evidence
+from identify.comparison._information_criteria import log_evidence
 from identify.posterior._mode import top_of
 from tests.test_identify.lines import line, pressed
 
@@ -132,15 +132,6 @@ def test_fits_of_other_data_or_other_rows_are_refused(steep) -> None:
     with pytest.raises(InputError, match="share no test record") as error:
         compare({"one": free, "two": replace(fewer, test=None)})
     assert error.value.code == "not-comparable"
-
-
-def test_criteria_are_those_of_the_likelihood() -> None:
-    residuals = np.random.default_rng(0).normal(0, 0.3, 200)
-    rmse = float(np.sqrt(np.mean(residuals**2)))
-    log_likelihood = scipy.stats.norm.logpdf(residuals, 0, rmse).sum()
-    found = criteria(rmse, 3, 200.0)
-    assert found.aic == pytest.approx(2 * 4 - 2 * log_likelihood)
-    assert found.bic == pytest.approx(4 * np.log(200) - 2 * log_likelihood)
 
 
 def test_evidence_is_the_integral_of_the_posterior(steep) -> None:

@@ -1,16 +1,14 @@
 """Repeatability: how well the best line is known, however far the model is from the material."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import identify
-from hysteresis import InputError, PrandtlIshlinskii, Record
+from hysteresis import InputError, Record
 from hysteresis.rigs import SpongeRig, force_path
 from identify import FitResult
-from identify.results._repeatability import slope_of
 
 FORCE = force_path((0.0,) + (20.0, 0.0) * 5, 2.0)
 CLEAN = SpongeRig().follow(FORCE, dt=6.0)
@@ -76,15 +74,3 @@ def test_too_few_cycles_tell_nothing(fits: list[FitResult]):
     assert identify.repeatability(fits[0]).cycles == 4  # foam softens in the first
     with pytest.raises(InputError, match="given-twice"):
         identify.change(fits[0], fits[0])
-
-
-def test_the_entries_of_an_array_are_moved_one_by_one(fits: list[FitResult]):
-    """The output is linear in the weights of the plays."""
-
-    def plays(second: float) -> PrandtlIshlinskii:
-        return PrandtlIshlinskii([1.0, 3.0], [0.1, second], 0.5)
-
-    own = fits[0].parameters[0]._replace(name="weights.1", value=0.2)
-    fit = replace(fits[0], model=plays(0.2), parameters=(own,))
-    ends = [replace(fit, model=plays(w)).predict(fit.train) for w in (0.2, 1.2)]
-    np.testing.assert_allclose(slope_of(fit, "weights.1"), ends[1] - ends[0], atol=1e-6)

@@ -14,17 +14,7 @@ from hysteresis import (
     Oscillator,
     StopsAndPowers,
 )
-from hysteresis.dynamics import _feedback
-from hysteresis.dynamics._feedback import Lines, steady_state
 from identify import PeriodicTest, distortion, fit_feedback, periodic_test
-from identify.dynamics._feedback_unknowns import (
-    Point,
-    Reaction,
-    Unknowns,
-    equivalent_gains,
-    jacobian,
-    refined,
-)
 from tests.test_hysid.command import run
 
 PERIOD, DT = 512, 0.1
@@ -131,31 +121,6 @@ def test_a_fit_explains_what_modes_alone_leave():
     assert np.std(moved - fit.model.steady(tests[4].u, DT)) < 0.1 * np.std(moved)
 
 
-def test_derivatives_of_a_strong_loop(monkeypatch):
-    """Central differences of a steady state whose channel carries half of the stiffness."""
-    monkeypatch.setattr(_feedback, "CLOSE", 1e-9)
-    monkeypatch.setattr(_feedback, "STEPS", 100)
-    model = replace(mass_and_stop(0.3, 1.5), levels=np.array([0.1]), delay=0.03)
-    lines, u = Lines(PERIOD, DT, 2), multisine(3, 1.0, range(1, 40))
-    U, unknowns = lines.of(u), Unknowns()
-    state, q = steady_state(model, lines, U), unknowns.vector(model)
-    gains = equivalent_gains(state.drives[None], state.reactions[None])
-    numbers = [Reaction(channel).numbers() for channel in model.channels]
-    point = Point(model, lines, U, state, model.response(lines.s), gains, numbers)
-    found, off = refined(point, unknowns, slice(1, None))
-    assert off > 0.05  # gains alone are that far off
-    for k in range(len(q)):
-        h = 1e-4 * max(abs(q[k]), 0.05) * np.eye(len(q))[k]
-        up, down = (
-            steady_state(unknowns.moved(model, x), lines, U, state.drives).output
-            for x in (q + h, q - h)
-        )
-        expected = (up - down)[1:, 0] / (2 * h[k])
-        off_by = np.linalg.norm(found[0, :, k] - expected)
-        # Around the loop 0.03 of the drives' changes are left, and stops have corners.
-        assert off_by < 0.05 * np.linalg.norm(expected) + 1e-6, k
-
-
 def test_even_odd_and_noise_are_told_apart():
     """u^2 of odd lines lies in even lines alone; so many periods show the noise."""
     u = multisine(5, 1.0, range(1, 100, 2))
@@ -216,23 +181,6 @@ def test_a_small_level_and_a_level_with_one_test_stay():
     assert np.isnan(fit.errors[1])
     assert max(fit.errors[0], fit.errors[2]) < 0.1
     assert len(fit.model.poles) == 1
-
-
-def test_a_weak_loop_is_closed_by_gains():
-    """What equivalent gains say of it is what exact tangents do, for all that an unknown may be."""
-    model = replace(mass_and_stop(0.3, 0.05), levels=np.array([0.01]), delay=0.03)
-    lines, u = Lines(PERIOD, DT, 2), multisine(3, 1.0, range(1, 40))
-    U = lines.of(u)
-    state = steady_state(model, lines, U)
-    gains = equivalent_gains(state.drives[None], state.reactions[None])
-    numbers = [Reaction(channel).numbers() for channel in model.channels]
-    point = Point(model, lines, U, state, model.response(lines.s), gains, numbers)
-    for kind in (Unknowns(), Unknowns(True, False), Unknowns(False, True), Unknowns(False, False)):
-        by_gains = jacobian(point, kind, slice(1, None))
-        exact, off = refined(point, kind, slice(1, None))
-        assert by_gains.shape == exact.shape == (1, lines.count - 1, len(kind.vector(model)))
-        assert off < 0.1
-        assert np.linalg.norm(by_gains - exact) < 0.05 * np.linalg.norm(exact)
 
 
 def test_what_cannot_be_used_is_refused():

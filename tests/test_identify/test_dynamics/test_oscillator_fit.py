@@ -11,9 +11,9 @@ import identify
 from benchmarks._dynamics.plants import FINE, NOISE, RATE, Plant, multisine, steady, training
 from hysteresis import InputError, Record
 from hysteresis._format import quantity
-from identify.dynamics._linear_approximation import LinearApproximation, linear_approximation
+from identify.dynamics._linear_approximation import linear_approximation
 from identify.dynamics._measured_motion import clock_of, measured_motion, period_of
-from identify.fitting._oscillator import misfit_of, warnings_of
+from identify.fitting._oscillator import misfit_of
 
 SAMPLES = 2048
 TRUTH = [2.0, 10.0, 5e4, 5e4, 800.0, -1100.0]
@@ -237,26 +237,6 @@ def test_a_spring_without_a_mass_is_said_to_be():
     with pytest.raises(InputError) as caught:
         linear_approximation(measured_motion(recorded(u, u / 5e4 + noise)))
     assert caught.value.code == "no-excitation"
-
-
-def test_coarse_records_are_warned_of():
-    """Too few steps a cycle of the resonance, too few samples, a force up to the Nyquist frequency."""
-    motion = measured_motion(record())
-    linear = linear_approximation(motion)
-
-    def codes(changed: LinearApproximation, oversampling: int = 20) -> set[str]:
-        return {note.code for note in warnings_of(motion, changed, oversampling)}
-
-    assert codes(linear) == set()
-    assert codes(linear, 1) == {"coarse-integration"}
-    assert codes(linear._replace(frequencies=2.4 * linear.frequencies)) == {"aliasing"}
-    assert codes(linear._replace(stiffness=16 * linear.stiffness)) == {"coarse-sampling"}
-
-
-def test_the_linear_approximation_tells_noise_from_distortion():
-    linear = linear_approximation(measured_motion(record()))
-    assert linear.resonance == pytest.approx(np.sqrt(linear.stiffness / linear.mass) / (2 * np.pi))
-    assert np.nanmedian(linear.distortion) > 2 * np.nanmedian(linear.noise)
 
 
 @pytest.mark.parametrize(

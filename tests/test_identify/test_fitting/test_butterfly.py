@@ -9,8 +9,7 @@ from benchmarks._other_rigs import RIGS, motion, record_of
 from compensate import invert
 from hysteresis import InputError, Record
 from identify import FitResult, FoldedState, fit, load, sample, save
-from identify.fitting._butterfly import folding, unfolded
-from identify.results._detail import folded
+from identify.fitting._butterfly import unfolded
 from tests.thorough import rest_thorough
 
 
@@ -51,15 +50,6 @@ def test_loops_without_valleys_are_no_butterflies(y: np.ndarray):
     assert unfolded(record) is None
     with pytest.raises(InputError, match="nothing-fits"):
         fit(record, "Butterfly", test_cycles=1)
-
-
-def test_the_curve_is_that_of_the_model():
-    state = np.linspace(-1, 1.2, 50)
-    curve = folding(state, state**2 - 0.2 * state, np.ones(50))
-    far = np.linspace(-2, 2, 41)
-    np.testing.assert_allclose(
-        folded(curve, far), curve.simulate(None, far), rtol=1e-12, atol=1e-12
-    )
 
 
 @pytest.fixture(scope="module", params=rest_thorough(["magnetostriction", "piezo strain"], 1))

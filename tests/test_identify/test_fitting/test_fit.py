@@ -10,7 +10,6 @@ import pytest
 from hysteresis import Burgers, InputError, LinearSponge, Preisach, Record
 from hysteresis.rigs import SpongeRig
 from identify import FitResult, fit, load, save
-from identify.fitting._fit import _complexity
 from identify.internal import read_document, sealed, to_json
 from tests.thorough import rest_thorough
 
@@ -42,13 +41,6 @@ def test_burgers_is_recovered_from_a_decade_away(leading: bool) -> None:
         )
     assert isinstance(result.model, Burgers)
     assert result.model.leading is leading
-
-
-def test_the_simplest_has_the_fewest_parts_then_the_fewest_unknowns(sponge_fit: FitResult) -> None:
-    names = [c.name for c in sorted(sponge_fit.candidates, key=_complexity)]
-    assert names[:3] == ["LinearSponge", "Burgers", "curve"]
-    parts = [2 if name == "Preisach" else 1 + name.count("+") for name in names]
-    assert parts == sorted(parts)
 
 
 @pytest.mark.thorough

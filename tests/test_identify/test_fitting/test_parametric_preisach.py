@@ -10,8 +10,7 @@ import pytest
 from hysteresis import Preisach, Record, StandardLinearSolid
 from hysteresis.preisach import GaussianDensity, GridDensity, SumDensity
 from identify import FitResult, Parametric, fit, load, save
-from identify.fitting._parametric_preisach import INCREMENTS, SHAPES, of_grid, starts_of_shape
-from identify.fitting._training_data import training_data
+from identify.fitting._parametric_preisach import INCREMENTS, SHAPES, of_grid
 
 PLACE_AND_WIDTH = ("coercivity", "coercivity_width", "bias", "bias_width")
 
@@ -84,16 +83,6 @@ def test_it_is_kept(fitted: FitResult, tmp_path: Path):
     u = minor_loops()
     y = np.asarray(again.model.simulate(None, u))
     np.testing.assert_array_equal(y, fitted.model.simulate(None, u))
-
-
-def test_of_an_output_that_falls_the_negative_is_started():
-    falling = record_of(TRUTH, -1.0)
-    data = training_data(
-        falling, None, keep_conditioning=False, keep_clocks=False, say=lambda _: None
-    )
-    (start,) = starts_of_shape("GaussianPreisach", data, "auto")
-    y = -np.asarray(start.simulate(None, falling.input))
-    assert np.std(y - falling.output) < 0.03 * np.ptp(falling.output)
 
 
 @pytest.mark.thorough

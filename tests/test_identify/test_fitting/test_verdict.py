@@ -216,12 +216,6 @@ def test_held_out_loops_of_another_size_are_told():
     assert note.values["percent"] == pytest.approx(100 * rms(error) / np.ptp(output), rel=0.05)
 
 
-def test_how_long_an_input_is_held():
-    u = np.array([0, 0.1, 0, 5, 5.1, 4.9, 5, 9.0])
-    made = Record.from_arrays(u, u, np.arange(8.0))
-    assert held_for(made, 0.5).tolist() == [0, 1, 2, 0, 1, 2, 3, 0]
-
-
 def test_constants_need_standard_errors(line: FitResult):
     """A parameter without one is good to know for a prediction, and grave for a constant."""
     parameters = tuple(p._replace(stderr=None, status="at bound") for p in line.parameters)

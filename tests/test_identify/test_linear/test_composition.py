@@ -6,7 +6,6 @@ from pathlib import Path
 import jax
 import numpy as np
 import pytest
-from scipy.signal import lfilter
 
 from compensate import invert
 from hysteresis import (
@@ -19,24 +18,18 @@ from hysteresis import (
     Sum,
 )
 from identify import FitResult, fit, load, predict, sample, save
-from identify.linear import _composition_fit, _composition_memory
-from identify.linear._composition import CompositionUnknowns
 from identify.linear._composition_fit import (
     Problem,
     best_prior,
     fit_compositions,
-    path_of,
     slack,
     unknowns_for,
 )
 from identify.linear._composition_lag import find_lag
-from identify.linear._composition_memory import memory_of
-from identify.linear._composition_parts import CURVE, DRIFTS, PARTS
+from identify.linear._composition_parts import CURVE
 from identify.linear._sliders import THRESHOLDS
-from identify.records._clocks import Clocks, interpolated, is_held, shifted
 from identify.records._folds import parts
 from identify.records._relaxation_times import relaxation_times
-from identify.records._speeds import rates_differ
 from tests.thorough import rest_thorough
 
 SAMPLES = 900
@@ -64,54 +57,6 @@ def record(noise: float = 0.0, lag: float = 0.0, seed: int = 0) -> Record:
     y = np.asarray(branches().simulate(t, np.interp(t - lag, t, u)))
     y = y + noise * np.random.default_rng(seed + 1).normal(size=len(y))
     return Record.from_arrays(u, y, t)
-
-
-FIRST = tuple(np.linspace(2, 0, 41)[:-1] / 41)
-"""Increments of a curve from 0 to 1 that the input may pass first."""
-
-
-@pytest.mark.parametrize("either_sign", [False, True])
-@pytest.mark.parametrize(("leading", "first", "relaxed"), [(False, (), False), (True, FIRST, True)])
-def test_columns_times_unknowns_are_the_model(
-    leading: bool, first: tuple[float, ...], relaxed: bool, either_sign: bool
-):
-    t, u = walk()
-    data = Record.from_arrays(u, u, t, groups=(np.arange(SAMPLES) >= 333).astype(int))
-    meaning = CompositionUnknowns(
-        PARTS, 0.0, 1.0, -2.0 if leading else 2.0, (0.1, 2.0), leading, "negative", first=first,
-        rest=0.2, relaxed=relaxed, speed=0.3, step=0.1, duration=7.0, centre=3.0,
-        reached=(6.0, 20.0), keeps_drift=True, shares=(1.0,) * (len(PARTS) + 1) if either_sign else (),
-    )  # fmt: skip
-    x = np.random.default_rng(0).uniform(-1 if either_sign else 0, 1, meaning.count)
-    rows = np.arange(0, SAMPLES, 7)
-    memory = memory_of(meaning.memory(), data, rows)
-    columns = meaning.columns(memory)
-    outputs = 3.0 + meaning.scale * meaning.columns(meaning.stopped(memory, meaning.reached)) @ x
-    np.testing.assert_allclose(meaning.outputs(memory, x), outputs, atol=1e-9)
-    expected = predict(meaning.model(x), data)[rows]
-    # A thousand products of numbers up to a hundred, each rounded.
-    np.testing.assert_allclose(outputs, expected, rtol=0, atol=1e-9)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(_composition_memory, "ROWS", 64)
-        blocks = memory_of(meaning.memory(), data, rows)
-    np.testing.assert_allclose(meaning.columns(blocks), columns, rtol=0, atol=1e-12)
-    assert columns.shape[1] == meaning.count == len(meaning.totals.T)
-    assert len(meaning.totals) == len(meaning.total_names)
-
-
-@pytest.mark.thorough
-def test_all_parts_but_the_strengths_rise_with_the_input():
-    meaning = CompositionUnknowns(
-        PARTS, 0.0, 1.0, 1.0, (0.1, 2.0), True, "negative", speed=0.3, step=0.1, duration=7.0
-    ).of(*(p for p in PARTS if p != "strengths"))
-    model = meaning.model(np.random.default_rng(1).uniform(0, 1, meaning.count))
-    t, u = walk(3)
-    state = model.init()
-    step = jax.jit(lambda state, t, u: model.step(state, t, u))
-    for k in range(0, 200, 2):
-        answers = [float(step(state, t[k], v)[1]) for v in np.linspace(0, 1, 9)]
-        assert np.all(np.diff(answers) > -1e-12)
-        state, _ = step(state, t[k], u[k])
 
 
 @pytest.mark.thorough
@@ -288,26 +233,6 @@ def test_no_time_no_rate_dependent_part():
     assert "Maxwell" not in found.name
 
 
-def test_a_staircase_is_made_linear_and_a_rest_stays():
-    t = np.arange(400) * 0.1
-    smooth = np.interp(t, [0, 10, 25, 40], [0, 1, 1, 0])
-    stairs = Record.from_arrays(smooth[(np.arange(400) // 5) * 5], smooth, t)
-    assert is_held(stairs)
-    assert not is_held(replace(stairs, input=smooth + 1e-3 * np.sin(t)))
-    error = np.abs(interpolated(stairs).input - smooth)
-    # Within a step's height where it moves, at a corner as much; exact in the rest.
-    assert error.max() <= 0.06
-    assert error[(t > 11) & (t < 24)].max() < 1e-12
-    assert np.median(error) < 1e-9
-
-
-def test_clocks_are_undone():
-    data = record()
-    moved = Clocks(lag=0.4).applied(data)
-    assert np.abs(Clocks(lag=0.4).undone(data, moved.input) - data.input)[20:-20].max() < 0.1
-    assert shifted(data, 0.0) is data
-
-
 SLIDERS = PrandtlIshlinskii(np.array([0.05, 0.1, 0.2, 0.4, 0.8]), np.full(5, 0.05), slope=1.0)
 
 
@@ -334,15 +259,6 @@ def test_a_lag_is_told_from_sliders():
     assert abs(found.lag - lag) < 0.02
 
 
-def test_rates_of_cycles_are_compared():
-    t = 0.01 * np.arange(4000)
-    one = Record.from_arrays(np.cos(t), t, t)
-    assert not rates_differ(one)
-    assert rates_differ(Record.from_arrays(np.cos(t * (1 + t / 40)), t, t))
-    assert rates_differ(Record.from_arrays(t, t, t))  # a single ramp, which nothing contradicts
-    assert not rates_differ(replace(one, time=None))
-
-
 @pytest.mark.parametrize("name", rest_thorough(["Preisach", "Burgers", "Composition"], 1))
 def test_the_fit_of_a_falling_output_is_the_negative_of_that_of_its_negative(name: str):
     data = record()
@@ -357,47 +273,9 @@ def test_the_fit_of_a_falling_output_is_the_negative_of_that_of_its_negative(nam
     )
 
 
-@pytest.mark.thorough
-def test_no_part_that_is_left_out_would_gain():
-    """Sliders that lag, and a branch that leads: friction gains little before the sliders are there."""
-    t, cycle = 0.01 * np.arange(2000), np.arange(2000) / 250
-    u = np.sin(2 * np.pi * cycle) * (0.55 + 0.45 * np.sin(2 * np.pi * cycle / 17.3 + 0.4))
-    radii, shares = np.array([0.05, 0.15, 0.3, 0.5]), np.array([0.3, 0.25, 0.2, 0.15])
-    sliders = PrandtlIshlinskii(radii, shares, slope=0.01)
-    slow = lfilter([0.025], [1.0, -0.975], u)  # 0.4 s
-    noise = np.random.default_rng(0).normal(0.0, 0.005, len(t))
-    y = np.asarray(sliders.simulate(None, u)) + 0.3 * (u - slow) + 0.2 * u**3 + noise
-    data = Record.from_arrays(u, y, t)
-    last = path_of(data, parts(data), (False,), "negative")[-1]
-    left = set(last.problem.whole.parts) - set(last.parts) - set(DRIFTS)
-    gained = {p: last.problem.tried((*last.parts, p), last.strength) for p in left}
-    assert not [
-        p for p, choice in gained.items() if choice.blocks.mean() < 0.9 * last.blocks.mean()
-    ]
-
-
 def test_a_line_needs_no_parts():
     t, u = walk()
     y = np.asarray(LinearSponge(2.0, 1.0).simulate(t, u))
     y = y + 0.01 * np.random.default_rng(0).normal(size=len(y))
     found = fit(Record.from_arrays(u, y, t), "Composition", test_tail=0.3)
     assert found.name == "curve"
-
-
-def test_weights_are_those_of_the_squared_errors(monkeypatch: pytest.MonkeyPatch):
-    """H and b over all rows are sums of w^2 a a' and w^2 a y, and held-out errors are times w."""
-    data = record(noise=0.01)
-    w, cut = np.linspace(0.5, 1.5, len(data)), parts(data)
-    whole = unknowns_for(data, cut, "negative", ("curve", "Maxwell"))
-    problem, plain = (Problem(data, cut, whole, weights=each) for each in (w, None))
-    squares = w[problem.rows] ** 2
-    want = (problem.A * squares[:, None]).T @ problem.A
-    np.testing.assert_allclose(problem.total(cut.all).H, want, rtol=1e-9, atol=1e-9)
-    tried = problem.tried(whole.parts, 1e-4).blocks
-    assert not np.allclose(tried, plain.tried(whole.parts, 1e-4).blocks, rtol=0.01)
-    monkeypatch.setattr(
-        _composition_fit, "ROWS", 300
-    )  # chosen on a third of the rows, fitted to all
-    final = Problem(data, cut, whole, weights=w).final(whole.parts)
-    np.testing.assert_allclose(final.H, want, rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(final.b, problem.A.T @ (squares * problem.y), rtol=1e-9, atol=1e-9)

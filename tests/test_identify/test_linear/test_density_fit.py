@@ -11,7 +11,7 @@ from hysteresis import InputError, Preisach, Record
 from hysteresis.preisach import GaussianDensity, GridDensity, SumDensity
 from identify import fit, fit_density, load, save, target
 from identify.linear._preisach_problem import PreisachProblem
-from identify.linear._preisach_unknowns import GridUnknowns, refined
+from identify.linear._preisach_unknowns import GridUnknowns
 from identify.records._folds import Parts
 from tests.thorough import rest_thorough
 
@@ -89,12 +89,6 @@ def test_the_strength_of_greatest_evidence_predicts_best() -> None:
     assert error(None) < 1.1 * min(error(10.0**k) for k in range(-8, 1))
 
 
-def test_the_prior_means_the_same_on_every_grid() -> None:
-    record = record_of(TRUTH, walk(3), noise=0.01)
-    coarse, fine = (problem_of(record, n).strength_by_evidence() for n in (12, 24))
-    assert abs(np.log10(fine / coarse)) < 0.75  # the search itself stops at a quarter of a decade
-
-
 def test_a_first_state_is_fitted() -> None:
     """A record that starts in the middle of a history; its staircase runs along cells' edges."""
     turns = np.random.default_rng(4).integers(0, 17, 60) / 16
@@ -113,33 +107,6 @@ def test_a_first_state_is_fitted() -> None:
     assert error["fit"] < 1e-3 * np.ptp(y)  # below the noise
 
 
-def test_refining_splits_what_is_heavy_and_keeps_the_mass() -> None:
-    masses = bump(8)[np.tril_indices(8)]
-    block = refined(np.arange(36), masses, share=0.02)
-    fine = GridUnknowns(16, 0.0, 1.0, False, "negative", 1.0, block=block)
-    heavy = int((masses > 0.02).sum())
-    diagonal = int((np.diagonal(bump(8)) > 0.02).sum())
-    assert block.max() + 1 == 36 + 3 * (heavy - diagonal) + 2 * diagonal
-    x = np.random.default_rng(0).random(fine.count)
-    np.testing.assert_allclose(fine.shares[2] @ x, x[17:].sum())
-
-
-def test_a_refined_model_can_say_what_the_coarse_one_says() -> None:
-    """Splitting cells in four, each with its share by area, changes no output."""
-    n, random = 5, np.random.default_rng(0)
-    coarse = GridUnknowns(n, 0.0, 1.0, False, "negative", 1.0)
-    z = random.random(coarse.count)
-    block = np.zeros((2 * n, 2 * n), int)
-    i, j = np.tril_indices(2 * n)
-    block = (i // 2) * (i // 2 + 1) // 2 + j // 2
-    fine = GridUnknowns(2 * n, 0.0, 1.0, False, "negative", 1.0, block=block)
-    x = np.concatenate([z[:1], np.repeat(z[1 : 1 + n] / 2, 2), z[1 + n :]])
-    u = walk(8, samples=200)
-    np.testing.assert_allclose(
-        fine.model(x).simulate(None, u), coarse.model(z).simulate(None, u), atol=1e-12
-    )
-
-
 @pytest.mark.parametrize(
     ("code", "keywords"),
     [
@@ -153,14 +120,6 @@ def test_a_refined_model_can_say_what_the_coarse_one_says() -> None:
 def test_what_cannot_be_fitted_is_said(code: str, keywords: dict) -> None:
     with pytest.raises(InputError, match=code):
         fit_density(record_of(TRUTH, walk(0)), **keywords)
-
-
-def test_the_minimum_of_many_draws_is_feasible() -> None:
-    problem = problem_of(record_of(TRUTH, walk(6)), 10)
-    H, b = problem.objective((0,), 1e-3)
-    for seed in range(20):
-        x = problem.meaning.minimum(H, b + np.random.default_rng(seed).normal(0, 1e-2, len(b)))
-        assert x[1:].min() >= 0
 
 
 @pytest.mark.thorough

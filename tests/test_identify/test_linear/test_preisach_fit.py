@@ -5,19 +5,12 @@ from pathlib import Path
 import jax.numpy as jnp
 import numpy as np
 import pytest
-import scipy.sparse as sparse
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from compensate import invert
 from hysteresis import Preisach, Record
 from hysteresis.preisach import GridDensity
 from identify import excited_cells, fit, load, save
-from identify.linear import _preisach_design_matrix
-from identify.linear._preisach_design_matrix import NodeSpace, design_blocks, design_rows
 from identify.linear._preisach_fit import fit_preisach
-from identify.linear._preisach_normal_equations import normal_equations
-from identify.linear._preisach_unknowns import GridUnknowns
 from identify.records._folds import parts
 
 
@@ -36,39 +29,6 @@ def true_model(n: int, leading: bool, seed: int = 0, initial: str = "negative") 
     weights /= weights.sum()
     reversible = (3.0 if leading else 0.5) * (1 + middle) / n
     return Preisach(GridDensity(0, 1, weights), reversible, 0.3, leading=leading, initial=initial)  # type: ignore[arg-type]
-
-
-@settings(max_examples=8)  # every history compiles anew
-@given(
-    st.sampled_from([1, 2, 7]), st.booleans(), st.sampled_from(["negative", "positive", "demagnetised"]),
-    st.integers(0, 1000),
-)  # fmt: skip
-def test_design_times_unknowns_is_the_model(n: int, leading: bool, initial: str, seed: int) -> None:
-    random = np.random.default_rng(seed)
-    weights, reversible = np.tril(random.uniform(size=(n, n))), random.uniform(size=n)
-    model = Preisach(GridDensity(-1, 2, weights), reversible, 0.4, leading=leading, initial=initial)  # type: ignore[arg-type]
-    u = random.uniform(-1.2, 2.2, 40)
-    prepared = model.prepare(None, u, starts=(0, 13))
-    z = np.concatenate([[0.4], reversible, weights[np.tril_indices(n)]])
-    B, space = design_rows(model, prepared), NodeSpace(n)
-    y = np.asarray(model.simulate(None, u, starts=(0, 13)))
-    # Sums of at most a few hundred terms of size one.
-    np.testing.assert_allclose(B @ space.from_unknowns(z), y, atol=1e-11)
-    A = space.to_unknowns(B.toarray().T).T
-    np.testing.assert_allclose(A @ z, y, atol=1e-11)
-    # In blocks of rows, and in parts of them.
-    label = random.integers(-1, 2, len(u))
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(_preisach_design_matrix, "ROWS", 7)
-        blocks = list(design_blocks(model, prepared))
-    assert len(blocks) == 6
-    parts_of = dict(normal_equations(space, blocks, y, label, sparse.eye(len(z))))
-    for part, normal in parts_of.items():
-        rows = label == part
-        np.testing.assert_allclose(normal.H, A[rows].T @ A[rows], atol=1e-9)
-        np.testing.assert_allclose(normal.b, A[rows].T @ y[rows], atol=1e-9)
-        assert normal.squared_error(z) <= 1e-9
-        assert normal.rows == rows.sum()
 
 
 @pytest.mark.parametrize("leading", [False, True])
@@ -130,20 +90,6 @@ def test_orientation_and_initial_state_are_found_on_the_held_out_part() -> None:
         record, parts(record), (False, True), ("negative", "positive", "demagnetised"), cells=(12,)
     )
     assert (found.meaning.leading, found.meaning.initial) == (False, "positive")
-
-
-def test_slopes_are_those_of_the_model() -> None:
-    """Slacks and constraints of the fit are least_slope's row and column sums."""
-    n, random = 6, np.random.default_rng(4)
-    meaning = GridUnknowns(n, 0.0, 1.0, True, "negative", 1.0)
-    z = random.uniform(size=meaning.count)
-    plain = meaning.expansion @ z
-    weights = np.zeros((n, n))
-    weights[np.tril_indices(n)] = plain[1 + n :]
-    model = Preisach(GridDensity(0, 1, weights), plain[1 : 1 + n], leading=True)
-    along_columns = meaning.constraints @ z
-    least = np.minimum(z[1 : 1 + n], along_columns) * n
-    np.testing.assert_allclose(np.asarray(model.least_slope()), least, atol=1e-12)
 
 
 def test_cells_are_narrow_where_a_loop_is_steep(tmp_path: Path) -> None:

@@ -1,6 +1,5 @@
 """A search for parameters: of records of many lengths it compiles few programs."""
 
-import equinox as eqx
 import jax
 import numpy as np
 import pytest
@@ -9,25 +8,13 @@ import scipy.optimize
 from hysteresis import Burgers, Record, StandardLinearSolid
 from identify import fit
 from identify.parameters._transform import transform_for
-from identify.parametric._multistart import longer, prepared_longer, refine, thinned_rows
-from tests.problems import SAMPLES, Problem, clock, kinds_often, tagged
+from identify.parametric._multistart import refine
 from tests.thorough import rest_thorough
 
 compiled: list[str] = []
 jax.monitoring.register_event_duration_secs_listener(
     lambda event, _, **about: compiled.append(f"{event} {about.get('fun_name')}")
 )
-
-
-@pytest.mark.parametrize("problem", kinds_often(tagged("rates")), ids=lambda p: p.name)
-def test_rows_behind_change_nothing_before(problem: Problem):
-    model, t = problem.model(), clock(0)
-    u = np.random.default_rng(0).uniform(problem.low, problem.high, SAMPLES)
-    found = eqx.filter_jit(model.evaluate)(prepared_longer(model, t, u, (0, 5)))
-    assert found.shape == longer(u).shape
-    # Equal to rounding: the same steps, in arrays of another length.
-    wanted = np.asarray(model.simulate(t, u, starts=(0, 5)))
-    np.testing.assert_allclose(found[:SAMPLES], wanted, rtol=1e-9, atol=1e-9)
 
 
 def test_a_fit_of_another_length_finds_its_programs():
@@ -105,18 +92,3 @@ def test_the_optimum_is_that_of_another_solver_and_is_evaluated_there():
     )
     np.testing.assert_array_equal(stays.free, found.free + 0.1)
     assert (stays.steps, stays.converged) == (1, False)
-
-
-def test_thinned_rows_keep_the_turning_points():
-    u = np.interp(
-        np.arange(50_000), np.arange(0, 50_001, 250), np.random.default_rng(0).normal(size=201)
-    )
-    rows, starts = thinned_rows(Record.from_arrays(u, u, groups=np.arange(50_000) >= 20_000), 1000)
-    assert len(rows) < 1100
-    assert rows[0] == 0
-    assert starts == (0, int(np.searchsorted(rows, 20_000)))
-    assert {rows[k] for k in starts} == {0, 20_000}
-    turns = np.flatnonzero(np.diff(np.sign(np.diff(u)))) + 1
-    # A block of a hundred rows holds one turning point at most, which is its least or its greatest.
-    assert np.isin(turns, rows).all()
-    assert len(thinned_rows(Record.from_arrays(u[:2000], u[:2000]), 1000)[0]) == 2000

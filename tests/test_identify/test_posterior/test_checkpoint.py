@@ -134,17 +134,6 @@ def test_of_a_damaged_file_nothing_is_made_up(file, fault: str) -> None:
     assert (error.value.place, bool(error.value.fix)) == (str(file), True)
 
 
-@pytest.mark.parametrize("name", OWN)
-def test_chains_of_something_else_are_refused(file, name: str) -> None:
-    other = OWN | {name: "17"}
-    with pytest.raises(InputError, match=f"drawn with another {name}") as error:
-        drawn(file, resume=True, identity=other)
-    assert error.value.code == "other-checkpoint"
-    assert error.value.place == str(file)
-    assert error.value.cause
-    assert "without --resume" in error.value.fix
-
-
 def test_kept_steps_are_not_thrown_away(file) -> None:
     with pytest.raises(InputError, match="40 steps were kept already, and 30") as error:
         drawn(file, steps=30, resume=True)

@@ -7,8 +7,8 @@ import pytest
 
 from identify.posterior._chains import Chains
 from identify.posterior._convergence import has_two_modes, rhat
-from identify.posterior._emcee import autocorrelation_times, judged, sample_ensembles
-from identify.posterior._posterior import Summary, modes_of
+from identify.posterior._emcee import autocorrelation_times, sample_ensembles
+from identify.posterior._posterior import modes_of
 from identify.storage._checkpoint import Checkpoint
 
 KEEPS_NOTHING = Checkpoint(None)
@@ -32,31 +32,6 @@ def draw(density, steps=None, most=20_000, scale=1.0, seed=0, progress=lambda *_
     return sample_ensembles(density, first, place, root, seed, steps, most, KEEPS_NOTHING, progress)
 
 
-def test_draws_are_those_of_the_density_and_stop_by_the_rule() -> None:
-    chains = draw(normal)
-    points = chains.points.reshape(-1, 2)
-    # Monte Carlo, four standard errors.
-    error = 4 / np.sqrt(chains.ess.min())
-    np.testing.assert_allclose(points.mean(0) / [1, 10], 0.0, atol=error)
-    np.testing.assert_allclose(points.std(0) / [1, 10], 1.0, rtol=error)
-    assert np.corrcoef(points.T)[0, 1] == pytest.approx(0.9, abs=error)
-    assert chains.rhat.max() < 1.01
-    assert chains.points.shape[1] >= 50 * chains.autocorrelation
-    assert chains.long_enough
-    assert chains.notes == ()
-    ensembles, steps, walkers, _ = chains.points.shape
-    assert chains.ess.min() * chains.autocorrelation == pytest.approx(ensembles * walkers * steps)
-
-
-@pytest.mark.thorough
-def test_ess_of_ensembles_is_that_of_their_means_scatter() -> None:
-    """Variance of the mean over 40 repetitions: 1 / ess, known to 22 per cent, three times over."""
-    runs = [draw(normal, steps=200, seed=k) for k in range(40)]
-    means = np.array([chains.points[..., 0].mean() for chains in runs])
-    expected = np.mean([1 / chains.ess[0] for chains in runs])
-    assert means.var() == pytest.approx(expected, rel=0.67)
-
-
 def test_autocorrelation_times_are_emcees() -> None:
     random = np.random.default_rng(0)
     x = random.normal(size=(2, 3000, 5, 2))
@@ -70,26 +45,6 @@ def test_autocorrelation_times_are_emcees() -> None:
     np.testing.assert_allclose(found.mean(0), [3, 19], rtol=0.15)
     x[0, :, 2] = 1.0
     assert (autocorrelation_times(x)[0] == 3000).all()  # a walker that does not move
-
-
-def test_too_short_a_run_says_so() -> None:
-    chains = draw(normal, most=60)
-    assert chains.points.shape[1] <= 60
-    assert not chains.long_enough
-    assert "not converged after 60 steps" in chains.notes[0]
-    assert draw(normal, steps=60).notes == ()  # as many as were asked for
-    assert not judged(draw(normal, steps=60).points).finished
-
-
-def test_the_run_does_not_depend_on_how_it_was_cut_up(monkeypatch) -> None:
-    whole = draw(normal, steps=100)
-    monkeypatch.setattr("identify.posterior._emcee.MOMENT", 0.0)  # a step at a time
-    told = []
-    cut = draw(normal, steps=100, progress=lambda *said: told.append(said))
-    np.testing.assert_array_equal(cut.points, whole.points)
-    assert [done for done, _, _ in told] == [*range(1, 101)]
-    assert told[-1][1] == 100
-    assert "acceptance 0." in told[-1][2]
 
 
 def test_two_modes_are_seen_whether_walkers_change_between_them_or_not() -> None:
@@ -109,14 +64,6 @@ def test_one_mode_is_not_taken_for_two(kind: str) -> None:
     degrees = (3,) if kind == "standard_t" else ()
     many = [getattr(random, kind)(*degrees, size=n) for n in (100, 400, 4000) for _ in range(20)]
     assert not any(has_two_modes(x, len(x)) for x in many)
-
-
-def test_what_to_mind_is_said_in_words() -> None:
-    plain = Summary("E", 1.0, 0.1, 0.8, 1.2, 1.0, 500.0)
-    assert plain.words == ()
-    assert plain._replace(contraction=0.99).words == ()
-    odd = plain._replace(modes=2, contraction=0.02)
-    assert odd.words == ("two modes", "as wide as its prior")
 
 
 def test_rhat_tells_ensembles_that_disagree() -> None:

@@ -4,26 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import scipy.stats
 
 from identify import LEVELS, predictive
 from identify.noise._model import NoiseModel
-from identify.posterior._predictive import _quantile
 from tests.test_identify.lines import line, pressed
-
-
-def test_a_quantile_of_a_mixture_is_exact() -> None:
-    random = np.random.default_rng(0)
-    y, scale = random.normal(size=(7, 5)), random.uniform(0.2, 2.0, (7, 5))
-    tail = random.uniform(0.05, 0.4, 7)
-    for q in (0.005, 0.5, 0.95):
-        x = _quantile(q, y, scale, None)
-        # 3e-8 of an interval some ten wide is left.
-        np.testing.assert_allclose(scipy.stats.norm.cdf(x, y, scale).mean(0), q, atol=1e-6)
-        x = _quantile(q, y, scale, tail)
-        np.testing.assert_allclose(
-            scipy.stats.t.cdf(x, 1 / tail[:, None], y, scale).mean(0), q, atol=1e-6
-        )
 
 
 @pytest.mark.thorough

@@ -11,10 +11,7 @@ from hysteresis import InputError, Preisach, Record, read_csv
 from hysteresis.preisach import GridDensity
 from hysteresis.rigs import SpongeRig
 from identify import FitResult, GridWeights, fit, predictive, sample
-from identify.linear._composition import CompositionUnknowns
-from identify.linear._composition_parts import CELLS, CURVE, MAXWELL, RELAYS
 from identify.posterior._neighbour_sums import neighbour_sums
-from identify.posterior._weights_design import slow_loop, weights_design
 from identify.posterior._weights_evidence import WeightsEvidence, basis_of
 
 SEQUENCES = [slice(0, 30), slice(30, 31), slice(31, 80)]
@@ -23,16 +20,6 @@ SEQUENCES = [slice(0, 30), slice(30, 31), slice(31, 80)]
 def correlations(phi: float) -> np.ndarray:
     runs = [scipy.linalg.toeplitz(phi ** np.arange(s.stop - s.start)) for s in SEQUENCES]
     return np.asarray(scipy.linalg.block_diag(*runs))
-
-
-def test_sums_over_neighbours_are_those_of_the_inverse_covariance() -> None:
-    B = np.random.default_rng(0).normal(size=(80, 4))
-    for cut in ([], [1, 2, 30, 31], [29, 50]):
-        found = neighbour_sums(iter(np.split(B, cut)), SEQUENCES)
-        for phi in (0.0, 0.6, -0.3):
-            V = correlations(phi)
-            np.testing.assert_allclose(found.under(phi), B.T @ np.linalg.solve(V, B), rtol=1e-9)
-            assert found.log_determinant(phi) == pytest.approx(np.linalg.slogdet(V)[1], abs=1e-9)
 
 
 def test_the_marginal_likelihood_is_that_of_the_dense_gaussian() -> None:
@@ -70,24 +57,6 @@ def test_the_marginal_likelihood_is_that_of_the_dense_gaussian() -> None:
 
     wanted = np.array([dense(point) for point in points])
     np.testing.assert_allclose(found - found[0], wanted - wanted[0], rtol=0, atol=2e-3)
-
-
-@pytest.mark.parametrize(("leading", "scale"), [(False, 2.0), (True, 2.0), (False, -2.0)])
-def test_sums_of_a_composition_are_those_of_its_slow_loop(leading: bool, scale: float) -> None:
-    """A relaxed branch that lags has followed by all of its rise, one that leads has none left."""
-    parts = (CURVE, MAXWELL, RELAYS)
-    meaning = CompositionUnknowns(parts, -1.0, 3.0, scale, (0.1, 1.0), leading, "negative")
-    x = np.random.default_rng(2).uniform(size=meaning.count)
-    offset, curve, branches, relays = np.split(x, np.cumsum(meaning.sizes)[:-1])
-    j, i = np.tril_indices(CELLS[RELAYS])[::-1]
-    width = 2 * float(relays @ np.where(i == j, 1 / 3, i - j)) / CELLS[RELAYS]
-    mass = relays.sum()
-    if leading:  # the support of the relays has four times their mass
-        rise, low = curve.sum() + 4 * mass - 2 * mass, offset[0] + mass
-    else:
-        rise, low = curve.sum() + branches.sum() + 2 * mass, offset[0] - mass
-    wanted = scale * np.array([low + rise / 2, rise, np.sign(scale) * width])
-    np.testing.assert_allclose(scale * slow_loop(meaning) @ x, wanted, rtol=1e-4)
 
 
 @pytest.fixture(scope="module")
@@ -158,14 +127,3 @@ def test_sums_that_the_data_leave_open_are_named_and_not_shown() -> None:
     assert "loop.width" not in drawn.names
     assert any("loop.width" in note for note in drawn.notes)
     assert {"output.middle", "output.rise"} <= set(drawn.names)
-
-
-def test_the_design_reproduces_the_output_of_a_fit(grid_fit) -> None:
-    linear = grid_fit.detail.linear
-    design = weights_design(linear, grid_fit.train, grid_fit.used)
-    w = design.basis.directions.T @ design.basis.prior @ linear.unknowns
-    x = design.basis.directions @ w
-    np.testing.assert_allclose(x, linear.unknowns, atol=1e-6)
-    along, same = np.append(w[: design.basis.known], -1.0), design.sums.same
-    left = float(along @ same @ along) * linear.meaning.scale**2
-    assert left == pytest.approx(np.nansum(grid_fit.residuals[grid_fit.used] ** 2), rel=1e-4)
