@@ -1,5 +1,7 @@
 """Models made of models, and the parts that compositions are fitted with, as problems."""
 
+from typing import Literal
+
 import numpy as np
 
 from hysteresis import (
@@ -22,7 +24,6 @@ from hysteresis import (
     VelocityFriction,
     parameters,
 )
-from hysteresis.models._modulated_stops import Modulator
 
 LOW, HIGH = -1.0, 2.0
 CELLS = 5
@@ -74,7 +75,9 @@ def plays(rng: np.random.Generator) -> ModulatedStops:
     )
 
 
-def _stops(rng: np.random.Generator, levels: np.ndarray, by: Modulator) -> ModulatedStops:
+def _stops(
+    rng: np.random.Generator, levels: np.ndarray, by: Literal["position", "span"]
+) -> ModulatedStops:
     """Changing little with the modulator, so that an error in it, of the sample before, does not grow."""
     thresholds = np.array([0.05, 0.3, 1.0])
     slopes = rng.uniform(0.5, 1.0, (3, 1)) * rng.uniform(0.9, 1.1, (3, 3))

@@ -13,10 +13,8 @@ import identify
 from compensate import invert
 from compensate.armor import Armor, Box, ContactSolver, Cover, WristSensor, planned_presses
 from compensate.runtime import load_armor
-from hysid.armor._view import view
-from hysid.commands._asked_more import Calibrate, Solve
-from hysteresis import InputError, LinearSponge, Units, conversion, with_units
-from tests.test_hysid.command import example, run
+from hysteresis import LinearSponge, Units, conversion, with_units
+from tests.test_hysid.command import Result, example, refused, run
 
 BOX = Box(0.3, 0.25, 0.55, 0.1)
 TOML = 'unit = "inch"\nbox = {dx = 11.811023622047244, dy = 9.84251968503937,'
@@ -56,6 +54,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return place
 
 
+def solved(file: Path, out: Path, *how: object) -> Result:
+    return run(
+        "armor", "solve", file, "--out", out, *how, *(["--json"] if out.name != "none" else [])
+    )
+
+
 def contacts(out: Path) -> list[dict[str, str]]:
     with (out / "contacts.csv").open() as handle:
         return list(csv.DictReader(handle))
@@ -74,8 +78,9 @@ def test_one_table_in_any_units_gives_the_same_contacts(
     truth = np.asarray(wanted.solve(F, M).point)
     out = folder / f"solved-{force}-{length}"
     sponge = fit_of(force, length, folder, turned)
-    asked = Solve(file=folder / "wrenches.csv", out=out, sponge=sponge, shape=folder / "box.toml")
-    found = asked.run().document
+    found = solved(
+        folder / "wrenches.csv", out, "--sponge", sponge, "--shape", folder / "box.toml"
+    ).json()
     assert found["statuses"] == {"OK": 5, "EXTRAPOLATED": 1}  # 30 N, and the fit knows 20
     point = np.array([[float(row[f"{k} (m)"]) for k in "xyz"] for row in contacts(out)])
     np.testing.assert_allclose(point, truth, atol=1e-9)
@@ -85,7 +90,7 @@ def test_one_table_in_any_units_gives_the_same_contacts(
     same = [runtime.step(1.0, reading).point for reading in np.hstack([F, M]).tolist()]
     np.testing.assert_allclose(same, truth, atol=1e-9)
     assert json.loads((out / "touches.json").read_text())["status"][-1] == "EXTRAPOLATED"
-    assert Path(view(out)["file"]).is_file()
+    assert Path(run("armor", "view", out, "--json").json()["file"]).is_file()
 
 
 def test_the_weight_of_the_shell_is_taken_off_where_it_moves(folder: Path):
@@ -106,7 +111,8 @@ def test_the_weight_of_the_shell_is_taken_off_where_it_moves(folder: Path):
     for stream in (False, True):
         for table, shape in zip(tables, shapes, strict=True):
             out = folder / f"{table.stem}-{stream}"
-            Solve(file=table, out=out, sponge=sponge, shape=shape, stream=stream).run()
+            how = ("--sponge", sponge, "--shape", shape, *(["--stream"] if stream else []))
+            assert solved(table, out, *how).code == 0
             found.append([[float(row[f"{k} (m)"]) for k in "xyz"] for row in contacts(out)])
     for heavy, light in (found[:2], found[2:]):
         np.testing.assert_allclose(heavy, light, atol=1e-9)
@@ -143,7 +149,7 @@ def test_a_calibration_is_kept_and_used(folder: Path, monkeypatch: pytest.Monkey
     assert "solver.cover.factor.value" in found["table"]
     reading = np.asarray(made.readings)[:, 1]
     wrenches = write(folder / "read.csv", ["Fx", "Fy", "Fz", "Mx", "My", "Mz"], reading)
-    done = Solve(file=wrenches, out=folder / "solved", calibrated=out).run().document
+    done = solved(wrenches, folder / "solved", "--armor", out).json()
     point = np.array(
         [[float(row[f"{k} (m)"]) for k in "xyz"] for row in contacts(folder / "solved")]
     )
@@ -154,8 +160,8 @@ def test_a_calibration_is_kept_and_used(folder: Path, monkeypatch: pytest.Monkey
     assert run(*example("armor solve")).code == 0
     (folder / "touches").rename(folder / "tsuji2014")
     assert run(*example("armor view")).code == 0
-    with pytest.raises(InputError, match="would-overwrite"):
-        Calibrate(file=presses, sponge=sponge, shape=folder / "box.toml", out=out).run()
+    again = ("--sponge", sponge, "--shape", folder / "box.toml", "--out", out)
+    refused(run("armor", "calibrate", presses, *again), "[would-overwrite]")
 
 
 def test_what_cannot_be_used_is_answered(folder: Path):
@@ -171,5 +177,5 @@ def test_what_cannot_be_used_is_answered(folder: Path):
         (bad, sponge, folder / "other.toml", "unknown-key"),
         (bad, None, shape, "conflicting-options"),
     ):
-        with pytest.raises(InputError, match=code):
-            Solve(file=file, out=folder / "none", sponge=fit, shape=told).run()
+        how = (*(["--sponge", fit] if fit else []), "--shape", told)
+        refused(solved(file, folder / "none", *how)._replace(out=""), f"[{code}]")

@@ -12,20 +12,16 @@ import pytest
 import hysid
 import identify
 from compensate.runtime import load as load_runtime
-from hysid import _invert
-from hysid.commands._asked import Export, Fit, Predict, Qualify
 from hysid.figures._format import number
-from hysid.reporting._fit_page import write_report
-from hysid.soft_sensor._estimate_fit import estimate_by_fit
 from hysteresis import BoucWen, LinearSponge, Record
+from tests.test_hysid.command import run
+from tests.test_hysid.test_reporting.test_report import write_report
 
 RANDOM = np.random.default_rng(8)
 TIME = np.arange(600) / 100
 FORCE = 10 - 9 * np.cos(2 * np.pi * TIME)
 READING = 0.5 * FORCE + 1 + 0.1 * RANDOM.normal(size=600)
-COLUMNS: dict[str, Any] = {
-    "input": "force (N)", "output": "reading (mm)", "time": "time (s)", "test_cycles": 2
-}  # fmt: skip
+COLUMNS = ("--input", "force (N)", "--output", "reading (mm)", "--time", "time (s)")
 
 
 @pytest.fixture(scope="module")
@@ -35,8 +31,8 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     lines = [f"{t:.2f},{u},{y}" for t, u, y in zip(TIME, FORCE, READING, strict=True)]
     file = folder / "run.csv"
     file.write_text("\n".join(["time (s),force (N),reading (mm)", *lines]) + "\n")
-    chosen = {"model": "LinearSponge", "noise": "gaussian"}
-    Fit(file=file, selection=COLUMNS, out=folder / "fit", **chosen).run()
+    chosen = ("--model", "LinearSponge", "--noise", "gaussian", "--test-cycles", 2)
+    assert run("fit", file, *COLUMNS, *chosen, "--out", folder / "fit").code == 0
     return file, folder / "fit"
 
 
@@ -50,15 +46,16 @@ def test_every_consumer_tells_the_same_coverage(
     def refused(*_: Any, **__: Any) -> None:
         raise AssertionError("the band was learnt again")
 
-    monkeypatch.setattr(_invert, "calibrated", refused)
+    monkeypatch.setattr("hysid._invert.calibrated", refused)
     assert hysid.invert(hysid.load(folder)).coverage == known
-    found = Predict(folder=folder, file=file, inverse=True).run().document
+    found = run("predict", folder, file, "--inverse", "--json").json()
     assert found["band"]["held_out"] == known
-    assert Qualify(folder=folder, file=file).run().document["band"] == known
-    Export(folder=folder, runtime=tmp_path / "it.json").run()
+    assert json.loads(run("qualify", folder, file, "--json").out)["band"] == known
+    assert run("export", folder, "--runtime", tmp_path / "it.json").code == 0
     assert load_runtime(tmp_path / "it.json").coverage == known
     assert f"deviations hold {number(100 * known)} %" in write_report(folder).read_text("utf-8")
-    estimated = estimate_by_fit(folder, file, tmp_path / "estimated.csv")
+    out = ("--out", tmp_path / "estimated.csv", "--json")
+    estimated = run("microchannel", "estimate", folder, file, *out).json()
     assert any(f"{100 * known:.3g} %" in note for note in estimated["notes"])
     with open(found["file"]) as one, (tmp_path / "estimated.csv").open() as other:
         pairs = [
@@ -88,7 +85,7 @@ def test_a_model_that_a_line_beats_backwards_is_exported_with_a_verdict_that_say
     fit = hysid.fit(record, "LinearSponge", noise="gaussian", test_cycles=2)
     worse = replace(fit, model=LinearSponge(K=0.4, b=2.0))
     hysid.save(worse, tmp_path / "fit")
-    written = Export(folder=tmp_path / "fit", runtime=tmp_path / "it.json").run().document
+    written = run("export", tmp_path / "fit", "--runtime", tmp_path / "it.json", "--json").json()
     assert any("straight line" in note and "better" in note for note in written["notes"])
     origin = load_runtime(tmp_path / "it.json").origin
     assert origin is not None

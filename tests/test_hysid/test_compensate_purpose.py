@@ -12,7 +12,6 @@ from compensate import estimate, invert
 from hysid._compensator import judged_to_compensate
 from hysteresis import InputError, LinearSponge, Record
 from identify import FitResult
-from identify.baselines._input_memory import stops
 from tests.test_hysid.command import run
 
 QUICK: dict[str, Any] = {"noise": "gaussian", "starts": 1}
@@ -21,10 +20,11 @@ TIME = np.arange(241) / 60
 
 def record(loop: float) -> Record:
     u = 10 * (1 - np.cos(2 * np.pi * TIME)) / 2
-    made = Record.from_arrays(u, u, TIME)
-    play = u - stops(made, np.array([2.0]))[:, 0]
+    play, p = np.empty(len(u)), u[0]
+    for k, x in enumerate(u):
+        play[k] = p = min(max(p, x - 2.0), x + 2.0)
     noise = np.random.default_rng(0).normal(0, 0.01, len(u))
-    return replace(made, output=0.5 * u + loop * play + noise)
+    return Record.from_arrays(u, 0.5 * u + loop * play + noise, TIME)
 
 
 @pytest.fixture(scope="module")

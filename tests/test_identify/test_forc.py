@@ -11,7 +11,6 @@ from scipy.stats import norm
 from hysteresis import InputError, Record, read_csv
 from hysteresis.preisach import GridDensity
 from identify import Forc, everett_surface, fit, forc_curves, forc_diagram, load, sample, save
-from identify.fitting._reversal_curves import consists_of_curves
 from tests.problems import HIGH, LOW, histories
 from tests.thorough import rest_thorough
 
@@ -92,7 +91,6 @@ def test_a_record_of_reversal_curves_is_read_off(tmp_path: Path):
     rows = [np.linspace(b, HIGH, 25) for b in down]
     y = np.concatenate([uniform_forc(b, row) for b, row in zip(down, rows, strict=True)])
     record = Record.from_arrays(np.concatenate(rows), y, groups=np.repeat(np.arange(14), 25))
-    assert consists_of_curves(record)
     found = fit(record, "EverettSurface")
     # Between nodes the output is bilinear. Held out, the first and the last curve are extrapolated.
     assert np.abs(found.residuals).max() < 5e-3 * RANGE**2
@@ -102,11 +100,6 @@ def test_a_record_of_reversal_curves_is_read_off(tmp_path: Path):
     np.testing.assert_array_equal(again.predict(record), found.predict(record))
     with pytest.raises(InputError, match="no-posterior"):
         sample(found)
-
-
-def test_loops_are_not_read_off():
-    u = 1.5 * np.sin(np.linspace(0, 40, 400))
-    assert not consists_of_curves(Record.from_arrays(u, u + 0.1 * np.cos(np.linspace(0, 40, 400))))
 
 
 def test_what_comes_before_the_top_is_no_curve():

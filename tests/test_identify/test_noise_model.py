@@ -1,5 +1,7 @@
 """The noise model against dense covariances, SciPy's densities, and simulated residuals."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -10,10 +12,7 @@ from hypothesis import strategies as st
 
 from hysteresis import LinearSponge, Record
 from identify import fit
-from identify.noise._arithmetic import Rows
 from identify.noise._model import NoiseModel, rows_of
-from identify.noise._reml import Linearised, kinds, noise_fit, of_free
-from identify.parametric._maximum_likelihood import likeliest_about
 from tests.thorough import rest_thorough
 
 ROWS = 40
@@ -22,7 +21,7 @@ inner = st.floats(-0.95, 0.95)
 
 def some_rows(
     random: np.random.Generator, rows: int = ROWS, gap: bool = True
-) -> tuple[Rows, np.ndarray]:
+) -> tuple[Any, np.ndarray]:
     """Rows in three stretches, one of them after a gap, and the stretch of each (-1: does not count)."""
     u = random.normal(size=rows)
     used = np.ones(rows, bool)
@@ -35,7 +34,7 @@ def some_rows(
     return rows_of(record, used, random.normal(size=rows)), stretch
 
 
-def dense(noise: NoiseModel, rows: Rows, stretch: np.ndarray) -> np.ndarray:
+def dense(noise: NoiseModel, rows: Any, stretch: np.ndarray) -> np.ndarray:
     """The covariance of the counted residuals, from the autocovariances of an ARMA(1,1) process."""
     phi, theta = (0.0 if x is None else float(x) for x in (noise.phi, noise.theta))
     gamma = (1 + 2 * phi * theta + theta**2) / (1 - phi**2)
@@ -92,26 +91,14 @@ def test_whitening_is_linear_and_whitens() -> None:
     np.testing.assert_allclose(covariance, np.eye(counted.sum()), atol=1e-10)
 
 
-def linear(e: np.ndarray, predicted: np.ndarray | None = None) -> Linearised:
-    """Three columns and residuals e."""
-    u = np.linspace(0, 1, len(e))
-    record = Record.from_arrays(u, u)
-    rows = rows_of(record, record.mask, u if predicted is None else predicted)
-    return Linearised(e, np.vander(u, 3), rows, np.zeros(3), np.zeros((3, 3)))
-
-
 def test_white_noise_has_the_textbook_errors() -> None:
     """The restricted likelihood of Gaussian noise: sigma^2 = squares / (rows - parameters)."""
-    random = np.random.default_rng(3)
-    e = random.normal(size=64)
-    at = linear(e)
-    found = noise_fit(at, ("sigma",))
-    J = np.asarray(at.jacobian)
-    left = e - J @ np.linalg.lstsq(J, e, rcond=None)[0]
-    assert of_free(found.free, ("sigma",)).sigma == pytest.approx(
-        np.sqrt(left @ left / 61), rel=1e-5
-    )
-    np.testing.assert_allclose(found.away, -np.linalg.lstsq(J, e, rcond=None)[0], rtol=1e-5)
+    u, e = np.linspace(0, 1, 64), np.random.default_rng(3).normal(size=64)
+    found = fit(Record.from_arrays(u, e), LinearSponge(1.0, 0.0, -np.inf), noise="gaussian")
+    K, b = np.polyfit(u, e, 1)
+    squares = np.sum((K * u + b - e) ** 2)
+    assert float(found.noise_model.sigma) == pytest.approx(np.sqrt(squares / 62), rel=1e-5)
+    assert (found["K"].value, found["b"].value) == pytest.approx((K, b), rel=1e-5)
 
 
 @pytest.mark.parametrize(
@@ -125,12 +112,22 @@ def test_evidence_finds_the_kind_of_noise(kind: str) -> None:
     for i in range(1, 2000):
         if kind in ("ar1", "arma11"):
             e[i] = 0.8 * e[i - 1] + w[i] + (-0.5 * w[i - 1] if kind == "arma11" else 0.0)
+    u = np.linspace(0, 1, 2000)
     if kind == "growing":
-        e = e * np.hypot(0.3, 5 * np.linspace(0, 1, 2000))
-    at = linear(e, predicted=np.linspace(0, 1, 2000))
-    found = likeliest_about(at, kinds("auto"))
-    assert set(found.kind) == {"sigma", *kinds(kind)[0]}
-    assert found.believed(at) > 1e-3
+        e = e * np.hypot(0.3, 5 * u)
+    record = Record.from_arrays(u, 10 * u + e)
+    found = fit(record, LinearSponge(1.0, 0.0, -np.inf), noise="auto").noise_model
+    assert found is not None
+    known = {
+        name for name in ("phi", "theta", "tail", "growth") if getattr(found, name) is not None
+    }
+    wanted = {
+        "arma11": {"phi", "theta"},
+        "student-t": {"tail"},
+        "ar1": {"phi"},
+        "growing": {"growth"},
+    }
+    assert known == wanted.get(kind, set())
 
 
 def test_a_misfit_is_not_taken_for_noise() -> None:

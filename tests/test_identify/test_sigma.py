@@ -13,11 +13,6 @@ import hysteresis
 import identify
 from hysteresis import Burgers, InputError, Note, Record
 from hysteresis.curves import PolynomialCurve
-from identify.linear._composition_fit import Problem, unknowns_for
-from identify.linear._composition_parts import CURVE
-from identify.linear._preisach_problem import PreisachProblem
-from identify.linear._preisach_unknowns import GridUnknowns
-from identify.records._folds import parts
 
 U = np.tile(np.concatenate([np.linspace(0, 2, 30), np.linspace(2, 0, 30)]), 3)
 
@@ -134,27 +129,6 @@ def test_noisy_rows_spoil_no_model(model):
         found = identify.fit(record, model)
         errors.append(np.sqrt(np.mean((found.predict(record) - true)[120:] ** 2)))
     assert errors[1] < 0.05 * errors[0]
-
-
-def test_the_normal_equations_of_a_grid_are_those_of_weighted_rows():
-    record = made()
-    cut = parts(record)
-    meaning = GridUnknowns(6, 0.0, 2.0, False, "negative", 2.0)
-    problem = PreisachProblem(record, cut, meaning)
-    columns = problem.outputs(np.eye(meaning.count))
-    rows = cut.label == 1
-    A = record.weights[rows, None] * columns[rows]
-    assert pytest.approx(A.T @ A, abs=1e-9) == problem.normal[1].H
-    assert problem.normal[1].b == pytest.approx(A.T @ (record.weights * problem.y)[rows], abs=1e-9)
-
-
-def test_a_composition_weighs_its_held_out_errors():
-    record = made()
-    cut = parts(record).merged
-    whole = unknowns_for(record, cut, "negative", (CURVE,))
-    tried = Problem(record, cut, whole).tried((CURVE,), 1e-3)
-    again = Problem(record, cut, whole, weights=np.ones(len(record))).tried((CURVE,), 1e-3)
-    assert tried.blocks.mean() < 0.8 * again.blocks.mean()
 
 
 @pytest.mark.parametrize("value", ["0", "-1", "", "inf"])

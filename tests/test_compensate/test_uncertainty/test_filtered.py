@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from compensate import DeadBandCompensator, EnsembleCompensator, FilteredCompensator, Status, invert
-from compensate.uncertainty import _filtered
 from hysteresis import (
     AbstractModel,
     Burgers,
@@ -135,7 +134,9 @@ def test_a_model_without_laws_is_filtered_step_by_step(monkeypatch: pytest.Monke
     y[3] = np.nan
     each = []
     for missing in (False, True):
-        monkeypatch.setattr(_filtered, "goes_back_only", lambda tree, missing=missing: missing)
+        monkeypatch.setattr(
+            "compensate.uncertainty._filtered.goes_back_only", lambda tree, missing=missing: missing
+        )
         each.append(FilteredCompensator(GRID, 0.05, sigma).simulate(t, y))
     np.testing.assert_allclose(each[1].value, each[0].value, rtol=0, atol=1e-9)
     np.testing.assert_allclose(each[1].deviation, each[0].deviation, rtol=1e-6)

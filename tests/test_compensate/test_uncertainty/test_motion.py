@@ -12,15 +12,12 @@ import pytest
 from compensate import CalibratedCompensator, Status, calibrated, export_c, export_runtime, invert
 from compensate.runtime import load
 from compensate.runtime._file import checksum
-from compensate.uncertainty._band_words import in_words, of_words
-from compensate.uncertainty._calibrated import band_holds, checked
-from hysteresis import Burgers, LinearSponge, Preisach, Record
+from hysteresis import Burgers, Preisach, Record
 from hysteresis.preisach import GridDensity
 from tests.c_harness import COMPILERS, Compiled
 from tests.thorough import rest_thorough
 
 RANDOM = np.random.default_rng(4)
-MODEL = LinearSponge(2.0, 1.0)
 RELAYS = Preisach(GridDensity(0.0, 10.0, np.tri(8)), 4.0 * np.ones(8))
 DT = 0.05
 
@@ -124,28 +121,6 @@ def test_files_of_before_have_the_error_that_they_had(band: CalibratedCompensato
     runtime = load(file)
     found = [runtime.step(DT, value).deviation for value in y.tolist()]
     np.testing.assert_allclose(found, plain.simulate(None, y).deviation, rtol=1e-6)
-
-
-def test_a_band_that_holds_too_little_is_scaled_and_says_what_it_held(band: CalibratedCompensator):
-    far = record(CYCLES, noise=0.2)
-    held, _ = band_holds(band, far)
-    assert held < 0.5
-    wider = checked(band, far)
-    assert wider.coverage_before == held
-    assert wider.coverage == band_holds(wider, far)[0] == pytest.approx(0.9, abs=0.01)
-    same = checked(band, record(CYCLES))
-    assert same.coverage == same.coverage_before > 0.8
-    np.testing.assert_array_equal(same.error, band.error)
-
-
-def test_words_and_back(band: CalibratedCompensator):
-    words = json.loads(json.dumps(in_words(band)))
-    again = of_words(words, band.inner)
-    y = RELAYS.simulate(None, OTHERS["small loops"])
-    t = DT * np.arange(len(y))
-    np.testing.assert_array_equal(again.simulate(t, y).deviation, band.simulate(t, y).deviation)
-    assert (again.share, again.lasts, again.width) == (band.share, band.lasts, band.width)
-    assert np.isnan(again.coverage)
 
 
 def test_a_held_input_is_tried_at_short_steps_only():

@@ -169,9 +169,7 @@ def test_nothing_that_can_be_fitted():
 
 
 def test_a_scheduler_that_does_not_answer(monkeypatch):
-    from hysid.commands import _batch
-
-    monkeypatch.setattr(_batch, "PATIENCE", 1)
+    monkeypatch.setattr("hysid.commands._batch.PATIENCE", 1)
     refused(batch("--scheduler", "tcp://127.0.0.1:9"), "no-scheduler", "127.0.0.1:9")
     refused(batch("--scheduler", "no address"), "no-scheduler")
 

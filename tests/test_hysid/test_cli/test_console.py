@@ -3,24 +3,14 @@
 import json
 import subprocess
 import sys
-import time
-from dataclasses import fields
 from importlib.metadata import version
 from typing import Any
 
 import pytest
-import typer
 
-from hysid.cli._app import app
-from hysid.cli._config_file import SELECTION
-from hysid.commands._asked import as_fields
-from hysid.commands._console import Left
-from hysid.intake._selection import Selection
-from hysid.intake._selection_options import FIELDS, HELD_OUT
-from tests.test_hysid.command import COLUMNS, ENVIRONMENT, F, run, sponge, text
+from tests.test_hysid.command import COLUMNS, ENVIRONMENT, run, sponge, text
 
 KEYS = {"code", "message", "where", "cause", "fix"}
-COMMANDS: dict[str, Any] = typer.main.get_command(app).commands  # type: ignore[attr-defined]
 
 
 def error_of(*arguments: object, code: int = 2) -> dict[str, str]:
@@ -98,30 +88,6 @@ def test_the_version_is_that_of_the_distribution():
     assert said == (0, f"hysid {version('hysid')}\n", "")
 
 
-def option_names(command: str) -> set[str]:
-    return {one.name for one in COMMANDS[command].params}
-
-
-def test_every_field_of_a_selection_is_an_option_and_a_key():
-    names = {one.name for one in fields(Selection)}
-    assert names == set(FIELDS) == set(SELECTION)
-    assert names <= option_names("fit")
-    assert names - set(HELD_OUT) <= option_names("check")
-    assert not option_names("check") & set(HELD_OUT)
-    for one in COMMANDS["fit"].params:
-        if one.name in FIELDS:
-            assert one.help == FIELDS[one.name].metadata["help"]
-            assert one.opts == [f"--{one.name.replace('_', '-')}"]
-
-
-def test_options_that_nobody_gave_are_the_defaults_of_a_selection():
-    context = COMMANDS["fit"].make_context(
-        "fit", ["run.csv", "--input", F, "--output", "x", "--out", "fit"]
-    )
-    given = as_fields({name: context.params[name] for name in FIELDS})
-    assert Selection(**given) == Selection(F, "x")
-
-
 def test_a_command_that_is_not_asked_for_it_does_not_load_the_papers(file):
     """They are 2,000 lines, which no ordinary command needs."""
     code = (
@@ -135,19 +101,3 @@ def test_a_command_that_is_not_asked_for_it_does_not_load_the_papers(file):
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines()[-1] == "[]"
-
-
-@pytest.mark.parametrize(
-    ("spent", "words"),
-    [
-        (1.0, ""),
-        (10.0, "; about 30 s left"),
-        (60.0, "; about 3 min left"),
-        (7200.0, "; about 6 h left"),
-    ],
-)
-def test_what_is_left_takes_as_long_as_what_was_done(spent, words):
-    left = Left()
-    left.begin = time.monotonic() - spent
-    assert left(1, 4) == words
-    assert left(0, 4) == left(4, 4) == left(0, 0) == ""

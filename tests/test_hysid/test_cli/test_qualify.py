@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from compensate.qualification._qualify import latency
-from hysid.commands import _qualify as _qualify_job
-from hysid.commands._demo import DATASETS
 from tests.test_hysid.command import COLUMNS, HEADER, F, T, X, refused, run, sponge, text, tree
 
+DATASETS = Path(__file__).parents[3] / "datasets"
 PREISACH = ("--model", "Preisach", "--test-cycles", 1)
 # The kind of the noise and far starts are nobody's question here.
 LINE = ("--model", "LinearSponge", "--noise", "gaussian", "--starts", 2)
@@ -116,7 +115,7 @@ def test_each_is_qualified_by_its_own_fit(folder):
 
 @pytest.mark.thorough
 def test_a_posterior_gives_the_worst_case(folder, monkeypatch):
-    monkeypatch.setattr(_qualify_job, "DRAWS", 5)
+    monkeypatch.setattr("hysid.commands._qualify.DRAWS", 5)
     drawn = run("sample", folder / "fit", "--steps", 20, "--ensembles", 2, "--json")
     assert drawn.code == 0
     result = run("qualify", folder / "fit", folder / "other.csv", "--json").json()

@@ -12,7 +12,6 @@ import pytest
 import typer
 
 from hysid.cli._app import app
-from hysid.cli._remedies import options_of_command
 from tests.test_hysid.command import F, T, X, put, run, sponge, text
 from tests.thorough import rest_thorough
 
@@ -36,6 +35,10 @@ def commands(node=None) -> list:
     for one in (node or typer.main.get_command(app)).commands.values():  # type: ignore[attr-defined]
         found += commands(one) if hasattr(one, "commands") else [one]
     return found
+
+
+def options_of_command(command: Any) -> set[str]:
+    return {name for one in command.params for name in (*one.opts, *one.secondary_opts)}
 
 
 @cache  # two seconds

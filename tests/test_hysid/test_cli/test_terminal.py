@@ -9,9 +9,8 @@ from typing import Any
 
 import pytest
 
-from hysid.commands import _console
 from identify.internal import read_json, write_json
-from tests.test_hysid.command import ENVIRONMENT
+from tests.test_hysid.command import ENVIRONMENT, run
 
 LIST = [sys.executable, "-m", "hysid", "datasets", "list"]
 
@@ -25,7 +24,7 @@ def test_a_reader_that_is_gone(tmp_path: Path):
     os.close(into)
     os.close(out)
     _, said = process.communicate(timeout=60)
-    assert (process.returncode, said) == (_console.CLOSED, "")
+    assert (process.returncode, said) == (141, "")
 
 
 def test_a_terminal_without_unicode():
@@ -33,10 +32,6 @@ def test_a_terminal_without_unicode():
     done = subprocess.run(LIST, env=environment, capture_output=True)
     assert (done.returncode, done.stderr) == (0, b"")
     assert done.stdout.isascii()
-    assert _console._shown("µ\udcff\x1b[2J", "ascii") == "\\xb5<U+DCFF><U+001B>[2J"
-    assert _console._json({"a": "µ"}, "ascii") == '{"a": "\\u00b5"}'
-    assert _console._json({"a": "µ"}, "utf-8") == '{"a": "µ"}'
-    assert _console._json({"a": "µ\u202e"}, "utf-8").isascii()
 
 
 def test_a_name_that_is_not_utf8_is_kept(tmp_path: Path):
@@ -50,10 +45,11 @@ def test_nowhere_to_write_the_details(monkeypatch: pytest.MonkeyPatch):
     def nowhere(*_: Any, **__: Any) -> None:
         raise FileNotFoundError("No usable temporary directory found")
 
-    monkeypatch.setattr(tempfile, "NamedTemporaryFile", nowhere)
-    try:
+    def fault(*_: Any, **__: Any) -> None:
         raise KeyError("a fault of ours")
-    except KeyError as error:
-        fault, said, status = _console.explain(error)
-    assert (fault.code, status) == ("bug", _console.BUG)
-    assert f"{__file__}, line" in said
+
+    monkeypatch.setattr(tempfile, "NamedTemporaryFile", nowhere)
+    monkeypatch.setattr("hysid.commands._check.run", fault)
+    said = run("check", __file__, "--input", "a", "--output", "b")
+    assert (said.code, said.out) == (1, "")
+    assert f"{__file__}, line" in said.err

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from compensate import invert
-from hysid.figures._notebook import html
 from hysteresis import Burgers, InputError, LinearSponge, Preisach, Record
+from hysteresis import html_of as html
 from hysteresis.preisach import GridDensity
 from hysteresis.rigs import SpongeRig
 from identify import FitResult, Posterior, Verdict, fit

@@ -13,9 +13,6 @@ from hypothesis import strategies as st
 
 from hysid.cli._app import app
 from hysid.cli._config_file import options_of
-from hysid.intake._init import init
-from hysid.intake.guess._hold_out import hold_out
-from hysteresis import InputError, read_table
 from tests.test_hysid.command import F, Result, T, X, put, refused, run, sponge, text
 from tests.thorough import rest_thorough
 
@@ -248,9 +245,6 @@ def test_one_loop_holds_nothing_out():
     page = Path(found["file"]).read_text("utf-8")
     assert "one loop" in page
     tomllib.loads(page)
-    table = read_table("run.csv")
-    options = {"input": F, "output": X}
-    assert hold_out(table, options, ("cycle", "7"))[0] == {}
 
 
 WAY = np.interp(np.arange(240), np.arange(0, 241, 40), [0, 5, 0, 3, 0, 4, 0])
@@ -357,11 +351,11 @@ def test_any_table_gives_a_configuration_or_a_fault(header, rows, separator):
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "any.csv"
         file.write_text("\n".join(lines))
-        try:
-            found = init(file, None, {})
-        except InputError:
+        done = run("init", file, "--json")
+        assert done.code in (0, 2), done.err
+        if done.code:
             return
-        options_of(Path(found["file"]), typer.main.get_command(app).commands["fit"])  # type: ignore[attr-defined]
+        options_of(Path(done.json()["file"]), typer.main.get_command(app).commands["fit"])  # type: ignore[attr-defined]
 
 
 def test_a_missing_file_names_the_nearest():

@@ -4,11 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from hysid.intake._columns import for_new_file
-from hysid.intake._selection import Selection, as_ranges, on_lines
+import hysid
 from hysteresis import InputError
 
 FILE = Path(__file__).parents[3] / "datasets" / "sponge-50mm-cycles.csv"
@@ -16,14 +13,7 @@ COLUMNS = {"input": "force (N)", "output": "displacement (mm)", "time": "time (s
 
 
 def records(**options):
-    selection = Selection(**COLUMNS, **options)
-    return selection.records(selection.read(FILE))[0][""]
-
-
-@given(st.lists(st.booleans(), min_size=1, max_size=40), st.integers(1, 3))
-def test_ranges_of_chosen_rows_hold_these_rows_and_no_others(chosen, apart):
-    line = 2 + apart * np.arange(len(chosen))
-    assert on_lines(line, as_ranges(line, np.array(chosen))).tolist() == chosen
+    return hysid.records(FILE, **COLUMNS, **options)[""]
 
 
 def test_excluded_rows_drive_the_model_and_do_not_count():
@@ -55,9 +45,3 @@ def test_lines_that_cannot_be_used(options, code):
     with pytest.raises(InputError) as caught:
         records(**options)
     assert caught.value.code == code
-
-
-def test_lines_of_the_fitted_file_say_nothing_of_another():
-    selection = Selection(**COLUMNS, exclude_lines=("2-11",), rezero=("20:0.1",))
-    other = for_new_file(selection, selection.read(FILE), inverse=False)[0]
-    assert (other.exclude_lines, other.rezero) == ((), ())

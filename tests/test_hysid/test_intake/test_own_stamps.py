@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from hysid.intake._init import init
 from hysteresis import read_table
+from tests.test_hysid.command import run
 
 N = 200
 T = 0.05 * np.arange(N)
@@ -34,7 +34,7 @@ THREE = log(
 def test_topics_with_stamps_of_their_own_are_a_pair(text, tmp_path):
     file = tmp_path / "log.csv"
     file.write_text(text)
-    told = init(file, tmp_path / "log.toml", {})
+    told = run("init", file, "--json").json()
     chosen = told["selection"]
     assert {chosen["input"], chosen["output"]} == {"/stage/position/z", "/ft/force/z"}
     assert (chosen["time"], chosen["nan"]) == ("__time", "interpolate")
@@ -47,5 +47,5 @@ def test_parts_that_follow_one_another_are_not_in_turn(tmp_path):
     rows = [f"{t:.3f},{f:.4f},{z:.4f},," for t, f, z in zip(T, FORCE, Z, strict=True)]
     rows += [f"{t + 20:.3f},,,{f:.4f},{z:.4f}" for t, f, z in zip(T, FORCE, Z, strict=True)]
     file.write_text("time (s),force (N),pos (mm),force 2 (N),pos 2 (mm)\n" + "\n".join(rows) + "\n")
-    told = init(file, tmp_path / "log.toml", {})
+    told = run("init", file, "--json").json()
     assert not any(found["what"] == "in turn" for found in told["found"])

@@ -8,9 +8,9 @@ import pytest
 
 from benchmarks._identification.cases import constructed_cases, shown
 from hysid import plots
-from hysid.reporting._fit_page import write_report
 from hysteresis import Record
 from identify import fit, predictive, profiles, save, whiteness
+from tests.test_hysid.test_reporting.test_report import write_report
 from tests.test_identify.lines import line, pressed
 from tests.thorough import rest_thorough
 

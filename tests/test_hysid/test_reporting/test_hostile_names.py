@@ -8,8 +8,8 @@ import numpy as np
 
 import hysid
 import identify
-from hysid.figures._notebook import html
 from hysteresis import Record
+from hysteresis import html_of as html
 from tests.test_hysteresis.test_escape import HOSTILE
 
 

@@ -11,17 +11,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from compensate import invert
 from hysid._plots_script import script, script_rule
 from hysid.figures._format import number, plain_name
-from hysid.reporting._fit_page import PARTS_IN_WORDS, write_report
-from hysid.reporting._residual_rows import round_trip
-from hysid.reporting._specimens_page import write_many
-from hysteresis import InputError, LinearSponge, Preisach, Record, read_csv
+from hysteresis import LinearSponge, Preisach, Record, read_csv
 from hysteresis.preisach import GridDensity
-from identify import excited_cells, fit, load, predict, sample, save, save_posterior
+from identify import excited_cells, fit, sample, save, save_posterior
 from identify.internal import sealed
-from identify.linear._composition_parts import PARTS
+from tests.test_hysid.command import run
 
 HEADINGS = [
     "Loops",
@@ -75,6 +71,12 @@ class Page(HTMLParser):
         return re.findall(r'<h2 id="[a-z]+">([A-Za-z]+)</h2>', self.html)
 
 
+def write_report(folder: Path) -> Path:
+    done = run("report", folder)
+    assert done.code == 0, done.err
+    return folder / "report.html"
+
+
 def sponge() -> Record:
     return read_csv(
         Path(__file__).parents[3] / "datasets" / "sponge-50mm-cycles.csv",
@@ -100,10 +102,6 @@ def line(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def page(preisach: Path) -> Page:
     return Page(write_report(preisach))
-
-
-def test_every_part_of_a_composition_has_words():
-    assert set(PARTS_IN_WORDS) == set(PARTS)
 
 
 def test_a_report_stands_alone(preisach: Path, page: Page):
@@ -199,21 +197,6 @@ def luminance(colour: str) -> float:
     return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
 
 
-def test_of_a_long_record_some_rows_are_sent_through_the_compensator(
-    preisach: Path, monkeypatch: pytest.MonkeyPatch
-):
-    """Those that count, after half as many that come before."""
-    monkeypatch.setattr("hysid.reporting._residual_rows.TRIP", 40)
-    loaded = load(preisach)
-    test = loaded.test
-    assert test is not None
-    first = int(np.argmax(test.mask))
-    found = round_trip(lambda of: predict(loaded.model, of), invert(loaded.model), test)
-    assert found.first == first - 20
-    assert found.counted.tolist() == test.mask[first - 20 : first + 20].tolist()
-    np.testing.assert_array_equal(found.record.input, test.input[first - 20 : first + 20])
-
-
 def test_headings_and_regions_lead_a_screen_reader(page: Page):
     levels = [int(tag[1]) for tag, _ in page.tags if re.fullmatch(r"h[1-6]", tag)]
     assert levels[0] == 1
@@ -228,33 +211,28 @@ def test_headings_and_regions_lead_a_screen_reader(page: Page):
 
 
 def test_a_folder_at_fault_is_named(tmp_path: Path, preisach: Path):
-    with pytest.raises(InputError, match="file-not-found"):
-        write_report(tmp_path)
+    assert "[file-not-found]" in run("report", tmp_path).err
     broken = shutil.copytree(preisach, tmp_path / "broken")
     document = json.loads((broken / "fit.json").read_text())
     del document["structure"]
     (broken / "fit.json").write_text(json.dumps(sealed(document)))
-    with pytest.raises(InputError, match="damaged-file"):
-        write_report(broken)
+    assert "[damaged-file]" in run("report", broken).err
     (broken / "fit.json").write_text(json.dumps({"schema": 1, "each": {"a": {}, "b": {}}}))
-    with pytest.raises(InputError, match=r"a, b\. \[several-fits\]"):
-        write_report(broken)
+    assert "a, b. [several-fits]" in run("report", broken).err
 
 
 def test_an_overview_links_to_every_report(preisach: Path, line: Path, tmp_path: Path):
     for value, source in {"a b": preisach, "<c>": line}.items():
         shutil.copytree(source, tmp_path / value)
         (tmp_path / value / "report.html").touch()
-    file = tmp_path / "report.html"
-    write_many({value: tmp_path / value for value in ("a b", "<c>")}, file)
-    page = Page(file)
+    done = run("report", tmp_path / "a b", tmp_path / "<c>", "--json").json()
+    page = Page(Path(done["file"]))
     away = [a["href"] for a in page.all("a") if not a["href"].startswith("#")]
     assert set(away) == {"a%20b/report.html", "%3Cc%3E/report.html"}
     assert "1 PASS" in page.text
     assert "LinearSponge" in page.text
-    assert file.stat().st_size < 150_000
-    with pytest.raises(InputError, match="file-not-found"):
-        write_many({"gone": tmp_path / "gone"}, file)
+    assert Path(done["file"]).stat().st_size < 150_000
+    assert "[file-not-found]" in run("report", tmp_path / "gone").err
 
 
 def test_only_cells_that_switched_are_excited():

@@ -6,13 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 import identify
-from hysid.reporting._specimens import FAR, deviations, opened, places
-from hysid.reporting._specimens_page import write_many
-from hysteresis import InputError, LinearSponge, Record
+from hysteresis import LinearSponge, Record
 from tests.test_hysid.command import run
 from tests.test_hysid.test_reporting.test_report import Page
 
@@ -43,11 +39,18 @@ def batch(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def found(batch: Path) -> dict:
-    return write_many(places([batch]), batch / "report.html", {"bad": "nothing in it."})
+    return run("report", batch, "--json").json()
 
 
-def test_the_folder_of_a_batch_is_its_fits_in_natural_order(batch: Path):
-    assert list(places([batch])) == ["odd <one>", "pad-1", "pad-2", "pad-3", "pad-9", "pad-10"]
+def test_the_folder_of_a_batch_is_its_fits_in_natural_order(found: dict):
+    assert [one["name"] for one in found["specimens"]] == [
+        "odd <one>",
+        "pad-1",
+        "pad-2",
+        "pad-3",
+        "pad-9",
+        "pad-10",
+    ]
 
 
 def test_the_page_stands_alone_and_leads_to_each_report(batch: Path, found: dict):
@@ -91,11 +94,9 @@ def test_mean_and_scatter_are_those_of_the_pool(found: dict):
 def test_a_damaged_fit_is_named_and_stops_nothing(batch: Path, tmp_path: Path):
     folder = shutil.copytree(batch, tmp_path / "copy")
     (folder / "pad-2" / "fit.json").write_text("{}")
-    assert len(places([folder])) == len(SLOPES)
-    specimens, failed = opened(places([folder]))
-    assert (len(specimens), list(failed)) == (5, ["pad-2"])
-    with pytest.raises(InputError):
-        opened({"gone": tmp_path / "gone"})
+    found = run("report", folder, "--json").json()
+    assert len(found["specimens"]) == 5
+    assert "pad-2" in found["failed"]
 
 
 def test_the_command_takes_folders_and_folders_of_folders(batch: Path, tmp_path: Path):
@@ -115,27 +116,3 @@ def test_the_command_takes_folders_and_folders_of_folders(batch: Path, tmp_path:
     refused = run("report", empty)
     assert refused.code == 2
     assert "file-not-found" in refused.err
-
-
-@settings(max_examples=30, deadline=None)
-@given(
-    st.lists(st.floats(0.8, 1.25), min_size=6, max_size=20),
-    st.floats(1e-3, 1e3),
-    st.integers(0, 5),
-)
-def test_who_stands_out_hangs_on_no_unit(values: list[float], unit: float, at: int):
-    value = np.array(values)
-    value[at] = 1e3
-    none = np.zeros(len(value))
-    far = deviations(value, none)
-    assert np.argmax(far) == at
-    assert far[at] > FAR
-    assert np.allclose(deviations(unit * value, none), far, rtol=1e-6, atol=1e-6)
-    # What is not known well does not stand out.
-    assert abs(deviations(value, np.where(value > 100, 1e4, 0.0))[at]) < FAR
-
-
-def test_equal_specimens_do_not_stand_out():
-    value = np.full(8, 2.0)
-    value[3] += 1e-9
-    assert (np.abs(deviations(value, np.zeros(8))) < FAR).all()

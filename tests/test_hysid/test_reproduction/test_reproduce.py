@@ -6,13 +6,7 @@ from typing import Any
 
 import pytest
 
-from hysid.reproduction._armor import (
-    Change,
-    changed,
-)
-from hysid.reproduction._armor_paper import PAPER
 from hysid.reproduction._frame import Published
-from hysteresis.rigs import SpongeRig
 from tests.test_hysid.command import Result, refused, run, tree
 from tests.test_hysid.test_cli.test_cli import fits
 
@@ -37,7 +31,6 @@ def test_one_object_on_stdout_and_the_same_in_the_folder(made):
     assert json.loads((out / "reproduction.json").read_text()) == document
     assert all(fits(row, ROW) and isinstance(row["within"], bool) for row in document["rows"])
     assert all(fits(finding, FINDING) for finding in document["findings"])
-    assert [row["key"] for row in document["rows"]] == [p.key for p in PAPER.published]
     assert {len(points["mean"]) for points in document["points"].values()} == {76}
     assert "4 of 4" in result.err
     written = set(tree(out))
@@ -100,14 +93,3 @@ def test_a_worse_rig_does_not_pass_more_easily():
     )
     low, high = row(93.0, [90.0], repeats=100, percent=True)["tolerance"]
     assert (low, high) == pytest.approx((86.11, 97.14), abs=0.01)
-
-
-def test_aging_is_seen_where_there_is_any():
-    """No change between two readings of one sponge, a change of 1 % in another's stiffness."""
-    one = SpongeRig().five_cycles(noise=0.05, seed=SEED)
-    again = SpongeRig().five_cycles(noise=0.05, seed=SEED + 1)
-    soft = SpongeRig(stiffness_n_per_mm=0.6503 * 0.99).five_cycles(noise=0.05, seed=SEED + 1)
-    assert changed(one, again).p > 0.05
-    found: Change = changed(one, soft)
-    assert found.p < 1e-6
-    assert found.K / found.K_error > 3

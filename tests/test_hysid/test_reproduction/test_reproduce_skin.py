@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from compensate.microchannel import SearchEstimator
-from hysid.reproduction import _frame, _skin, _skin_paper, reproduce, terminal
+from hysid.reproduction import reproduce, terminal
 from hysid.reproduction._skin_pair import DT, PAIR, SkinPair, peaks
-from hysid.reproduction._skin_paper import PAPER
 
 SEED = 300
 """Of sensors that the command's own run does not use."""
@@ -43,9 +42,9 @@ class LinePair(SkinPair):
 @pytest.fixture(scope="module")
 def document(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(_skin, "SESSIONS", 2)
-        patch.setattr(_skin_paper, "SkinPair", LinePair)
-        patch.setattr(_skin_paper, "PAIRS", 1)
+        patch.setattr("hysid.reproduction._skin.SESSIONS", 2)
+        patch.setattr("hysid.reproduction._skin_paper.SkinPair", LinePair)
+        patch.setattr("hysid.reproduction._skin_paper.PAIRS", 1)
         out = tmp_path_factory.mktemp("skin")
         said = []
         made = reproduce(
@@ -59,7 +58,6 @@ def document(tmp_path_factory):
 def test_every_printed_number_has_a_row(document):
     made, out = document
     rows = {row["key"]: row for row in made["rows"]}
-    assert list(rows) == [p.key for p in PAPER.published]
     printed = {key: row["published"] for key, row in rows.items() if row["published"] is not None}
     assert printed == PRINTED
     assert all(

@@ -9,8 +9,7 @@ import pytest
 import hysid
 import identify
 from compensate.runtime import load_force
-from hysid.soft_sensor._estimate_fit import estimate_by_fit
-from hysteresis import InputError
+from tests.test_hysid.command import refused, run
 
 NOISE, KGF = 0.05, 9.80665
 F = 12 + 10 * np.sin(0.13 * np.arange(400))  # N
@@ -31,7 +30,8 @@ def test_a_fit_is_a_force_sensor(tmp_path: Path, turned: bool):
         writer = csv.writer(handle)
         writer.writerow(columns)
         writer.writerows(zip(*(x.tolist() for x in columns.values()), strict=True))
-    found = estimate_by_fit(folder, file, runtime=tmp_path / "force.json")
+    out = ("--runtime", tmp_path / "force.json", "--json")
+    found = run("microchannel", "estimate", folder, file, *out).json()
     with open(found["file"]) as handle:
         rows = list(csv.DictReader(handle))
     force = np.array([float(row["force"]) for row in rows])
@@ -50,11 +50,12 @@ def test_a_fit_is_a_force_sensor(tmp_path: Path, turned: bool):
     )
     in_mv = tmp_path / "mv.csv"
     in_mv.write_text(file.read_text().replace("reading (V)", "reading (mV)"))
-    with pytest.raises(InputError):
-        estimate_by_fit(folder, in_mv)
+    assert run("microchannel", "estimate", folder, in_mv).code == 2
 
 
 def test_a_fit_without_a_force_is_refused(tmp_path: Path):
     fit = hysid.fit(F, Y, model="LinearSponge", noise="gaussian", input_unit="mm", output_unit="V")
-    with pytest.raises(InputError, match="wrong-unit"):
-        estimate_by_fit(identify.save(fit, tmp_path / "fit"), tmp_path / "none.csv")
+    done = run(
+        "microchannel", "estimate", identify.save(fit, tmp_path / "fit"), tmp_path / "none.csv"
+    )
+    refused(done, "[wrong-unit]")

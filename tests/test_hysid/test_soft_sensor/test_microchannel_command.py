@@ -10,7 +10,6 @@ import pytest
 
 from compensate.runtime import load
 from hysid import load_sensor
-from hysid.commands import _train as _microchannel_train
 from tests.test_hysid.command import Result, example, refused, run
 
 TIME, ONE, TWO, FORCE, PLACE, X = (
@@ -257,7 +256,7 @@ def test_a_training_goes_on_only_with_its_own_data(trained: Trained, monkeypatch
     def stopped(*_: Any, **__: Any) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(_microchannel_train, "train_force", stopped)
+    monkeypatch.setattr("hysid.commands._train.train_force", stopped)
     done = run(*trained.arguments, "--overwrite")
     assert done.code == 130
     assert "To resume: hysid microchannel train" in done.err

@@ -14,10 +14,9 @@ from urllib.parse import quote, urlsplit
 
 import pytest
 
-from hysid.studio import _app, _folder, _requests, _server
+from hysid.studio import _server
 from hysid.studio._app import Studio
-from hysid.studio._folder import Folder, zipped
-from hysid.studio._requests import RequestError
+from hysid.studio._folder import Folder
 from hysteresis import InputError
 from tests.test_hysid.command import COLUMNS, ENVIRONMENT, run
 from tests.test_hysid.test_studio.attempts import lost_changes, snapshot, usable_elsewhere
@@ -306,10 +305,10 @@ def test_a_configuration_names_no_dialects_outside_of_the_folder(folder):
 
 
 def test_bodies_and_connections_have_limits(folder, monkeypatch):
-    monkeypatch.setattr(_requests, "PATIENCE", 0.3)
+    monkeypatch.setattr("hysid.studio._requests.PATIENCE", 0.3)
     monkeypatch.setattr(_server, "PATIENCE", 1.0)
     monkeypatch.setattr(_server, "MOST", 4)
-    monkeypatch.setattr(_app, "LARGEST", 1000)
+    monkeypatch.setattr("hysid.studio._app.LARGEST", 1000)
     with serving([folder]) as ready:
         secret = entered(ready.address)
         host, port = urlsplit(ready.address).netloc.split(":")
@@ -379,6 +378,11 @@ def test_a_configuration_is_no_measurement(folder):
 
 
 def test_a_large_folder_is_not_packed(folder, monkeypatch):
-    monkeypatch.setattr(_folder, "LARGEST_ARCHIVE", 100)
-    with pytest.raises(RequestError, match="too large"):
-        zipped(folder)
+    monkeypatch.setattr("hysid.studio._folder.LARGEST_ARCHIVE", 100)
+    (folder / "large").mkdir()
+    (folder / "large" / "it.csv").write_bytes(bytes(1000))
+    with serving([folder]) as ready:
+        secret = entered(ready.address)
+        link = ask(ready.address, "/api/link?name=large", X_Hysid=secret).document["address"]
+        answer = ask(ready.address, f"/{link}&download=1")
+    assert "too large" in answer.document["error"]["message"]

@@ -15,16 +15,13 @@ import typer
 
 import identify
 from hysid.cli._app import app
-from hysid.commands._asked import Check, Fit
 from hysid.intake._fit_options import MODELS
-from hysid.intake._init import init
 from hysid.intake._selection import Selection
-from hysid.studio import _configuration, _processes
+from hysid.studio import _configuration
 from hysid.studio._app import Studio
 from hysid.studio._equivalents import equivalents
 from hysid.studio._folder import Folder, zipped
 from hysid.studio._processes import Job, Jobs
-from hysid.studio._results import _loops
 from hysid.studio._server import prepared
 from hysteresis import InputError
 from tests.test_hysid.command import run
@@ -78,7 +75,7 @@ def test_a_configuration_is_the_one_of_init_and_changes_leave_the_rest_alone(stu
     look = studio.look("run.csv")
     config = tmp_path / "run.toml"
     other = tmp_path / "other.toml"
-    init(tmp_path / "run.csv", other, {})
+    assert run("init", tmp_path / "run.csv", "--out", other).code == 0
     assert config.read_text() == other.read_text()
     assert look["selection"]["input"] == "force (N)"
     config.write_text(config.read_text() + "# mine\n[parameters]\nE1 = {start = 2.0}\n")
@@ -138,17 +135,8 @@ def test_python_lines_make_the_records_and_the_fit_of_the_commands(studio, tmp_p
     told = studio.look("run.csv")["equivalents"]
     space: dict = {}
     exec(told["fit"]["python"], space)
-    selection = _configuration.selection(one.config)
-    document = (
-        Fit(
-            file=one.file,
-            selection=selection.as_json(),
-            out=tmp_path / "by-command",
-            **changes["fit"],
-        )
-        .run()
-        .document
-    )
+    by_command = ("--config", one.config, "--out", tmp_path / "by-command", "--json")
+    document = run("fit", one.file, *by_command).json()
     made = json.loads((tmp_path / "run" / "fit.json").read_text())
     assert made["parameters"] == document["parameters"]
     assert made["metrics"] == document["metrics"]
@@ -176,10 +164,6 @@ def test_python_lines_make_the_records_and_the_fit_of_the_commands(studio, tmp_p
     assert [one["word"] for one in curves["baselines"]] == [b.name for b in loaded.baselines]
     for drawn, one in zip(curves["baselines"], loaded.baselines, strict=True):
         assert drawn["rms"] == pytest.approx(one.metrics["train"].rmse, rel=1e-4)
-    tried = replace(loaded, candidates=2 * loaded.candidates)
-    names = [candidate.name for candidate in tried.candidates]
-    _, other = _loops(tried, names, np.array([loaded.residuals, loaded.residuals]))
-    np.testing.assert_allclose(other["model"], loaded.predict(loaded.train)[loaded.train.mask])
     slopes = {one["name"]: one["value"] for one in curves["sliders"]}
     same, moved = (
         studio.fits.redrawn(tmp_path / "run", {"K": k * slopes["K"]}, {}) for k in (1.0, 1.5)
@@ -261,15 +245,11 @@ def test_warnings_name_the_lines_that_they_mean(tmp_path):
     found = {warning["code"]: warning for warning in one.judged()["warnings"]}
     first, last = map(int, found["saturation"]["lines"][0].split("-"))
     assert (shown[first - 2 : last - 1] == 15.0).all()
-    assert "saturation" in str(
-        Check(file=one.file, selection=_configuration.selection(one.config).as_json())
-        .run()
-        .document
-    )
+    assert "saturation" in run("check", one.file, "--config", one.config, "--json").out
 
 
 def test_a_command_is_cancelled_and_another_one_about_the_file_waits(tmp_path, monkeypatch):
-    monkeypatch.setattr(_processes, "PATIENCE", 0.2)
+    monkeypatch.setattr("hysid.studio._processes.PATIENCE", 0.2)
     (tmp_path / "json.py").write_text("raise SystemExit('code of the folder was run')")
     shutil.copy(SPONGE, tmp_path / "run.csv")
     jobs = Jobs(tmp_path)

@@ -2,16 +2,13 @@
 
 from typing import Any, NamedTuple
 
-import jax
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
-from jax import export
 
 from hysteresis.preisach import MemoryTree, memory_tree
-from hysteresis.preisach._traced_memory import traced_tree
-from tests.problems import SAMPLES, histories
+from tests.problems import histories
 
 histories_here = histories(0.0, 1.0)
 
@@ -101,57 +98,3 @@ def test_a_closed_excursion_is_wiped_out(u: np.ndarray, data: st.DataObject):
     longer = np.concatenate([path[: k + 1], [inside, path[k]], path[k + 1 :]])
     y = from_tree(longer, memory_tree(longer))
     np.testing.assert_allclose(np.delete(y, [k + 1, k + 2]), stack.output, rtol=0, atol=ROUNDING)
-
-
-def same_tree(path: np.ndarray, traced: MemoryTree) -> None:
-    """Its entries are the host's, then padding: anchors on anchor 0, events that are none."""
-    host, samples = memory_tree(path), len(path)
-    anchors, events = len(host.node), len(host.event)
-    for name in ("node", "parent", "rising", "position"):
-        np.testing.assert_array_equal(getattr(traced, name)[:anchors], getattr(host, name))
-    assert not traced.node[anchors:].any()
-    assert not traced.parent[anchors:].any()
-    pushes = host.event < anchors
-    wanted = np.where(pushes, host.event, host.event - anchors + samples)
-    np.testing.assert_array_equal(traced.event[:events], wanted)
-    assert np.all(traced.event[events:] == 2 * samples)
-    # Samples at an anchor's own value may hang on it already, or still on the branch before.
-    moved = path != path[host.node[host.anchor]]
-    np.testing.assert_array_equal(traced.anchor[moved], host.anchor[moved])
-    np.testing.assert_allclose(
-        from_tree(path, traced), from_tree(path, host), rtol=0, atol=ROUNDING
-    )
-
-
-on_device = jax.jit(traced_tree)
-
-
-@pytest.mark.thorough
-@settings(max_examples=300)
-@given(histories_here)
-def test_traced_tree_is_the_host_s_tree(u: np.ndarray):
-    path = path_of(u)
-    same_tree(path, jax.tree.map(np.asarray, on_device(path)))
-
-
-@pytest.mark.parametrize("samples", [1, 2, 3, 4, 11])
-def test_traced_tree_has_room_for_the_most_events_there_can_be(samples: int):
-    """Ever smaller loops, all closed at once by the last sample."""
-    path = np.linspace(0.5, 0.1, samples) * (-1.0) ** np.arange(1, samples + 1)
-    path[0], path[-1] = -1.0, 1.0
-    same_tree(path, jax.tree.map(np.asarray, on_device(path)))
-
-
-def test_traced_tree_runs_on_the_device_alone():
-    """Nothing in it calls back to the host or is written for one kind of device."""
-    path = jax.ShapeDtypeStruct((SAMPLES,), np.float64)
-    program = export.export(on_device, platforms=("cpu", "cuda", "tpu"))(path)
-    assert "custom_call" not in program.mlir_module()
-
-
-def test_traced_trees_of_a_batch():
-    rng = np.random.default_rng(0)
-    paths = np.concatenate([np.zeros((5, 1)), rng.integers(0, 9, (5, SAMPLES)) / 8], 1)
-    trees = jax.tree.map(np.asarray, jax.jit(jax.vmap(traced_tree))(paths))
-    for k, path in enumerate(paths):
-        same_tree(path, jax.tree.map(lambda part, k=k: part[k], trees))

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import hysid
-from hysid.intake._selection import Selection
 from hysteresis import InputError
 
 SPONGE = Path(__file__).parents[3] / "datasets" / "sponge-50mm-cycles.csv"
@@ -19,8 +18,7 @@ COLUMNS = {"input": "force (N)", "output": "displacement (mm)", "time": "time (s
     [("loading", 1.3821, 3.480), ("both", 1.2981, 6.174), ("unloading", 1.2142, 8.869)],
 )
 def test_the_three_published_approximations(branch: str, K: float, b: float):
-    chosen = Selection(**COLUMNS, branch=branch, range=(2.0, 20.0))
-    ((record, _),) = chosen.records(chosen.read(SPONGE))[0].values()
+    record, _ = hysid.records(SPONGE, **COLUMNS, branch=branch, range=(2.0, 20.0))[""]
     fit = hysid.fit(record, "LinearSponge", conditioning="keep", noise="gaussian")
     found = {one.name: one.value for one in fit.parameters}
     assert (round(found["K"], 4), round(found["b"], 3)) == (K, b)
@@ -49,4 +47,4 @@ def test_ranges_and_branches_that_are_none_are_refused():
         with pytest.raises(InputError, match=code):
             record.select(**options)
     with pytest.raises(InputError, match="zero-range"):
-        Selection("a", "b", range=(2.0,))
+        hysid.records(SPONGE, **COLUMNS, range=(2.0,))

@@ -10,8 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hysteresis import InputError, Note, Record, check_identifiable, read_csv
-from hysteresis.records._excitation import loop_direction
+from hysteresis import InputError, Note, Record, check_identifiable, loop_direction, read_csv
 
 
 def rig(n_cycles: int = 4, samples: int = 25, lag: float = 0.2, **names: Any) -> Record:

@@ -4,13 +4,11 @@ import contextlib
 from pathlib import Path
 from time import perf_counter
 
-import pint
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hysteresis import InputError, read_csv
-from hysteresis._unit_grammar import LARGEST_POWER, is_within_grammar
+from hysteresis import InputError, conversion, read_csv
 from hysteresis.records._units import RIG_UNITS, column_unit, spelled
 
 UNITS = (
@@ -28,14 +26,13 @@ BOMBS = (
 
 @pytest.mark.parametrize("unit", [*UNITS, *(u for u in RIG_UNITS)])
 def test_units_are_within_the_grammar(unit: str):
-    assert is_within_grammar(unit)
     assert column_unit("x", "output", unit, None, "run.csv")[0] == spelled(unit)
 
 
 @pytest.mark.parametrize("unit", BOMBS)
 def test_what_is_no_unit_is_refused_at_once(unit: str):
     begin = perf_counter()
-    assert not is_within_grammar(unit)
+    assert conversion(unit, "N") is None
     with contextlib.suppress(InputError):
         column_unit("force", "output", unit, None, "run.csv")
     assert perf_counter() - begin < 1.0
@@ -44,17 +41,14 @@ def test_what_is_no_unit_is_refused_at_once(unit: str):
 def test_a_bomb_in_a_header_is_named(tmp_path: Path):
     file = tmp_path / "run.csv"
     file.write_text("force (10**10**10),x (mm)\n1,2\n2,3\n3,4\n")
-    with pytest.raises(InputError, match=f"exponents up to {LARGEST_POWER}") as caught:
+    with pytest.raises(InputError, match="exponents up to 12") as caught:
         read_csv(file, input="force (10**10**10)", output="x (mm)")
     assert caught.value.code == "unknown-unit"
 
 
 @given(st.text(st.sampled_from("mN s1290.*/^()+-µ²e"), max_size=40))
 def test_whatever_is_let_through_is_parsed_at_once(unit: str):
-    """Names alone may be unknown to pint; nothing else goes wrong, and nothing takes long."""
-    if not is_within_grammar(unit):
-        return
+    """Names may be unknown to pint; nothing goes wrong, and nothing takes long."""
     begin = perf_counter()
-    with contextlib.suppress(pint.PintError):
-        pint.get_application_registry().parse_units(unit)
+    conversion(unit, "mm")
     assert perf_counter() - begin < 1.0

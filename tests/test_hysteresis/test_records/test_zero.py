@@ -8,7 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hysteresis import InputError, Record, check_identifiable, read_csv
-from hysteresis.records import _arrays
 from hysteresis.records._turned import rezeroed
 from hysteresis.records._zero import lost_contact, zero_drift, zero_jumps
 from tests.thorough import rest_thorough
@@ -242,7 +241,7 @@ def test_what_is_found_does_not_depend_on_how_many_rows_are_looked_at_at_a_time(
     whole, parts = (Record.from_arrays(u, y, np.arange(len(u)) / 10) for _ in range(2))
     found = check_identifiable(whole), whole.branch, whole.cycle, whole.summary()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(_arrays, "PIECE", count)
+        patch.setattr("hysteresis.records._arrays.PIECE", count)
         again = check_identifiable(parts), parts.branch, parts.cycle, parts.summary()
     assert again[0] == found[0]
     np.testing.assert_array_equal(again[1:3], found[1:3])

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmarks import datasets
-from hysteresis import _errors
+from hysteresis import InputError
 from hysteresis.rigs import SpongeCycles, SpongeRig
 
 RIG = SpongeRig()
@@ -130,7 +130,7 @@ def test_noise_is_the_seeds():
     ],
 )
 def test_bad_arguments_are_refused_with_a_remedy(bad):
-    with pytest.raises(_errors.InputError) as caught:
+    with pytest.raises(InputError) as caught:
         bad()
     assert caught.value.fix
     assert caught.value.code == "bad-option"

@@ -6,39 +6,11 @@ import scipy.stats
 
 from hysteresis import InputError
 from identify import change, pool
-from identify.comparison._change import between
-from identify.comparison._gaussian_estimate import Estimate, estimate
 from identify.comparison._pooling import population_draws
-from identify.parameters._transform import Transform
 from tests.test_identify.lines import line, pressed
 
 NEW, AGED = (1.2, 5.4), (1.298, 6.186)
 """K (mm/N) and b (mm) of a sponge, and after six months: Tsuji 2014's line of the aged one."""
-
-BOUNDS = Transform(("E", "offset", "ratio"), (0.0, -np.inf, 0.0), (np.inf, np.inf, 1.0), 1.0)
-"""A positive parameter, one without bounds, and one between two."""
-
-
-def gaussian(random: np.random.Generator, centre: np.ndarray) -> Estimate:
-    """An estimate of three correlated numbers about a centre."""
-    root = random.normal(size=(3, 3)) * [0.05, 0.3, 0.1]
-    covariance = root.T @ root
-    free = random.multivariate_normal(centre, covariance)
-    return Estimate(BOUNDS, ("N", "mm", "1"), free, covariance, {})
-
-
-def test_the_chance_of_a_change_is_that_of_draws() -> None:
-    """More than a tenth of the value before, in every kind of bounds; 100,000 draws, so 0.0016 each."""
-    random = np.random.default_rng(3)
-    one, other = (gaussian(random, np.array([0.0, 2.0, 0.3])) for _ in range(2))
-    found = between(one, other, 0.1, {})
-    moved = random.multivariate_normal(
-        other.free - one.free, one.covariance + other.covariance, 100_000
-    )
-    before = one.values(one.free)
-    after = one.values(one.free + moved)
-    outside = np.abs(after - before) > 0.1 * np.abs(before)
-    np.testing.assert_allclose([p.changed for p in found.parameters], outside.mean(0), atol=0.007)
 
 
 def test_a_sponge_and_the_same_six_months_later() -> None:
@@ -161,7 +133,7 @@ def test_specimens_are_drawn_to_the_mean_as_far_as_their_data_leave_open() -> No
     np.testing.assert_array_equal(pool(fits).new, found.new)
     # Alone; together with b a specimen moves along what its data cannot tell of the two.
     (alone,) = pool(fits, ["K"]).parameters
-    own = np.array([estimate(fit).free[0] for fit in fits])
+    own = np.array([fit["K"].value for fit in fits])
     shrunk = np.array([s.value for s in alone.specimens])
     assert np.all(np.diff(shrunk) > 0)
     assert np.all(np.abs(shrunk - alone.mean.value) < np.abs(own - alone.mean.value) + 0.01)

@@ -10,10 +10,9 @@ from scipy.signal import lfilter
 import identify
 from benchmarks._dynamics.plants import FINE, NOISE, RATE, Plant, multisine, steady, training
 from hysteresis import InputError, Record
-from hysteresis._format import quantity
-from identify.dynamics._linear_approximation import linear_approximation
-from identify.dynamics._measured_motion import clock_of, measured_motion, period_of
-from identify.fitting._oscillator import misfit_of
+from identify.dynamics._linear_approximation import LinearApproximation, linear_approximation
+from identify.dynamics._measured_motion import measured_motion, period_of
+from identify.fitting._oscillator import misfit_of, warnings_of
 
 SAMPLES = 2048
 TRUTH = [2.0, 10.0, 5e4, 5e4, 800.0, -1100.0]
@@ -175,7 +174,7 @@ def test_a_wrong_class_is_said_to_be_wrong():
     said = fit.verdict.reasons[fit.verdict.codes.index("wrong-class")]
     left = np.sqrt(fit.detail.chi2 - 1) * measured_motion(other).sigma
     assert f"is {fit.detail.chi2:.3g} where" in said
-    assert f"wrong by {quantity(left, 'm', 3)} rms." in said
+    assert f"wrong by {left:.3g} m rms." in said
 
 
 def test_a_damper_that_gives_energy_is_told():
@@ -211,7 +210,7 @@ def test_clocks_and_forces_that_cannot_be_used_are_refused():
     t = np.asarray(record().time).copy()
     t[1000:] += 0.05
     with pytest.raises(InputError) as caught:
-        clock_of(replace(record(), time=t))
+        identify.fit(replace(record(), time=t), "Oscillator")
     assert caught.value.code == "uneven-clock"
     assert "line 1001" in str(caught.value)
     for change, code in (
@@ -219,7 +218,7 @@ def test_clocks_and_forces_that_cannot_be_used_are_refused():
         ({"time": None}, "no-time"),
     ):
         with pytest.raises(InputError) as caught:
-            measured_motion(replace(record(), **change))
+            identify.fit(replace(record(), **change), "Oscillator")
         assert caught.value.code == code
 
 
@@ -235,8 +234,22 @@ def test_a_spring_without_a_mass_is_said_to_be():
     u = np.asarray(record().input)
     noise = 1e-9 * np.random.default_rng(0).normal(size=len(u))
     with pytest.raises(InputError) as caught:
-        linear_approximation(measured_motion(recorded(u, u / 5e4 + noise)))
+        identify.fit(recorded(u, u / 5e4 + noise), "Oscillator")
     assert caught.value.code == "no-excitation"
+
+
+def test_coarse_records_are_warned_of():
+    """Too few steps a cycle of the resonance, too few samples, a force up to the Nyquist frequency."""
+    motion = measured_motion(record())
+    linear = linear_approximation(motion)
+
+    def codes(changed: LinearApproximation, oversampling: int = 20) -> set[str]:
+        return {note.code for note in warnings_of(motion, changed, oversampling)}
+
+    assert codes(linear) == set()
+    assert codes(linear, 1) == {"coarse-integration"}
+    assert codes(linear._replace(frequencies=2.4 * linear.frequencies)) == {"aliasing"}
+    assert codes(linear._replace(stiffness=16 * linear.stiffness)) == {"coarse-sampling"}
 
 
 @pytest.mark.parametrize(

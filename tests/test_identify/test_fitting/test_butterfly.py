@@ -9,7 +9,6 @@ from benchmarks._other_rigs import RIGS, motion, record_of
 from compensate import invert
 from hysteresis import InputError, Record
 from identify import FitResult, FoldedState, fit, load, sample, save
-from identify.fitting._butterfly import unfolded
 from tests.thorough import rest_thorough
 
 
@@ -26,28 +25,11 @@ U = motion(RIGS["magnetostriction"])
 STATE = tanh_of_play(U)
 
 
-@pytest.mark.parametrize("peak", [False, True])
-@pytest.mark.parametrize("level", [-3.0, 0.0])
-def test_the_state_is_found_behind_a_square(peak: bool, level: float):
-    """Up to the sampling: the lowest row of a way is within one step of where the state is zero."""
-    y = level + (-1 if peak else 1) * STATE**2
-    found = unfolded(Record.from_arrays(U, y))
-    assert found is not None
-    assert found.peak == peak
-    step = np.abs(np.diff(STATE)).max()
-    assert abs(found.level - level) <= step**2
-    behind_first = slice(60, None)  # the way from rest has no valley of its own height
-    size = np.abs(STATE).max()
-    off = np.abs(found.state * size - STATE)[behind_first]
-    assert off.max() <= 2 * step
-
-
 @pytest.mark.parametrize(
     "y", [STATE, -STATE, np.sin(40 * U) / 100 + STATE, U, np.abs(U) * 0.0 + U**3]
 )
 def test_loops_without_valleys_are_no_butterflies(y: np.ndarray):
     record = Record.from_arrays(U, y)
-    assert unfolded(record) is None
     with pytest.raises(InputError, match="nothing-fits"):
         fit(record, "Butterfly", test_cycles=1)
 

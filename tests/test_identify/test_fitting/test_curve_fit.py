@@ -14,12 +14,12 @@ from hysteresis import (
     FoamCurve,
     Pinching,
     Record,
+    load_model,
     parameters,
+    save_model,
 )
-from hysteresis._serialisation import described, rebuilt
 from hysteresis.curves import MonotoneSpline
 from identify import FitResult, fit, load, save
-from identify.fitting._candidates import candidates
 
 DATASETS = Path(__file__).resolve().parents[3] / "datasets"
 
@@ -68,9 +68,6 @@ def test_bouc_wen_is_recovered_from_afar(tmp_path: Path) -> None:
     again = load(save(result, tmp_path / "bouc-wen")).model
     u = np.asarray(record.input)
     np.testing.assert_array_equal(again.simulate(None, u), result.model.simulate(None, u))
-    near = candidates("BoucWen")[0].suggested(record)
-    for name in ("k", "alpha", "yield_at", "offset"):
-        assert 0.5 < float(getattr(near, name) / getattr(truth, name)) < 2
 
 
 def test_loading_branch_of_the_virtual_sponge() -> None:
@@ -80,9 +77,7 @@ def test_loading_branch_of_the_virtual_sponge() -> None:
     )
     record = Record.from_arrays(displacement, force, input_unit="mm", output_unit="N")
     loading = record.select(branch="loading")
-    result = fit(
-        loading, candidates("FoamCurve")[0].suggested(loading), noise="gaussian", starts=16
-    )
+    result = fit(loading, "FoamCurve", noise="gaussian", starts=16)
     assert result.metrics["train"] is not None
     assert result.metrics["train"].nrmse_percent < 0.5
     found = invert(result.model).simulate(None, force)
@@ -97,7 +92,7 @@ def test_loading_branch_of_a_measured_sponge(measured_data: Path) -> None:
     record = Record.from_arrays(u[up], y[up], input_unit="mm", output_unit="N")
     result = fit(
         record,
-        candidates("FoamCurve")[0].suggested(record),
+        "FoamCurve",
         conditioning="keep",
         noise="gaussian",
         starts=16,
@@ -107,14 +102,16 @@ def test_loading_branch_of_a_measured_sponge(measured_data: Path) -> None:
     assert train.nrmse_percent < 0.5
 
 
-def test_what_no_fit_makes_is_kept_too() -> None:
+def test_what_no_fit_makes_is_kept_too(tmp_path: Path) -> None:
     inner, slip = BoucWen(2.0, 0.2, 0.5), Pinching(0.5, 1.0, 0.2, 0.3, 0.3)
     u = np.linspace(-1.0, 3.0, 9)
-    for model in (
-        MonotoneSpline([0.0, 1.0, 2.0], [0.5, 0.0, 1.0], 0.1),
-        DegradingBoucWen(inner, stiffness_loss=0.1),
-        DegradingBoucWen(inner, 0.1, None, slip),
+    for k, model in enumerate(
+        (
+            MonotoneSpline([0.0, 1.0, 2.0], [0.5, 0.0, 1.0], 0.1),
+            DegradingBoucWen(inner, stiffness_loss=0.1),
+            DegradingBoucWen(inner, 0.1, None, slip),
+        )
     ):
-        again = rebuilt(*described(model))
+        again = load_model(save_model(model, tmp_path / f"{k}.json"))
         assert type(again) is type(model)
         np.testing.assert_array_equal(again.simulate(None, u), model.simulate(None, u))

@@ -17,19 +17,14 @@ from hysteresis import (
     Record,
     Sum,
 )
-from identify import FitResult, fit, load, predict, sample, save
+from identify import FitResult, fit, load, sample, save
 from identify.linear._composition_fit import (
     Problem,
     best_prior,
-    fit_compositions,
-    slack,
     unknowns_for,
 )
-from identify.linear._composition_lag import find_lag
 from identify.linear._composition_parts import CURVE
-from identify.linear._sliders import THRESHOLDS
 from identify.records._folds import parts
-from identify.records._relaxation_times import relaxation_times
 from tests.thorough import rest_thorough
 
 SAMPLES = 900
@@ -85,7 +80,7 @@ def test_stops_that_are_the_same_everywhere_are_found_as_such():
         """Sliders beside a spring, over cycles of some heights."""
         wave = np.sin(2 * np.pi * np.arange(120) / 120)
         u = np.concatenate([height * wave for height in heights])
-        sizes = 2 * THRESHOLDS[[3, 6, 8]]
+        sizes = 2 * np.array([0.0162, 0.0439, 0.0854])
         sliders = ModulatedStops(
             -1.0, 1.0, sizes, np.zeros(1), np.cumsum(1 / sizes[::-1])[::-1, None], np.full(1, 0.3)
         )
@@ -156,11 +151,11 @@ def test_branches_begin_where_they_are_relaxed(rest: float):
     y = np.asarray(Sum([curve, relaxing]).simulate(t, u))
     noisy = y + 0.003 * np.random.default_rng(0).normal(size=len(y))
     data = Record.from_arrays(u, noisy, t)
-    best = fit_compositions(data, parts(data), (True,))[-1]
-    assert best.meaning.relaxed == (rest == 0.6)
+    best = fit(data, "Composition", clocks="keep")
+    assert best.detail.linear.meaning.relaxed == (rest == 0.6)
     first = slice(0, SAMPLES // 8)
     # Stretched at once, the branches relax by 1.6; the times of the fit are those of a grid.
-    np.testing.assert_allclose(predict(best.model, data)[first], y[first], rtol=0, atol=0.06)
+    np.testing.assert_allclose(best.predict(data)[first], y[first], rtol=0, atol=0.06)
 
 
 @pytest.fixture(scope="module")
@@ -219,16 +214,13 @@ def test_slack_is_seen_and_the_model_has_a_floor():
     data = record()
     floor = float(np.quantile(data.output, 0.3))
     cut = replace(data, output=np.maximum(data.output, floor))
-    assert slack(data) == ()
-    assert slack(cut)[0] == pytest.approx(floor)
-    found = fit_compositions(cut, parts(cut), (True,))[-1]
-    assert found.meaning.floor == pytest.approx(floor)
-    assert predict(found.model, cut).min() == pytest.approx(floor)
+    found = fit(cut, "Composition", clocks="keep")
+    assert found.detail.linear.meaning.floor == pytest.approx(floor)
+    assert found.predict(cut).min() == pytest.approx(floor)
 
 
 def test_no_time_no_rate_dependent_part():
     data = replace(record(), time=None)
-    assert relaxation_times(data, data.mask) == ()
     found = fit(data, "Composition", test_tail=0.3)
     assert "Maxwell" not in found.name
 
@@ -253,10 +245,9 @@ def test_a_lag_is_told_from_sliders():
     t, u = walk()
     lag = 0.45  # of some 4.5 sampling steps
     slid = noisy(np.interp(t - lag, t, np.asarray(SLIDERS.simulate(None, u))))
-    found = find_lag(Record.from_arrays(u, slid, t))
-    assert found is not None
+    found = fit(Record.from_arrays(u, slid, t), "Composition", test_tail=0.3)
     # A fifth of a step, between two of which the input is interpolated.
-    assert abs(found.lag - lag) < 0.02
+    assert abs(found.clocks.lag - lag) < 0.02
 
 
 @pytest.mark.parametrize("name", rest_thorough(["Preisach", "Burgers", "Composition"], 1))

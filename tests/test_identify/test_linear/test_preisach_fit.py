@@ -10,8 +10,6 @@ from compensate import invert
 from hysteresis import Preisach, Record
 from hysteresis.preisach import GridDensity
 from identify import excited_cells, fit, load, save
-from identify.linear._preisach_fit import fit_preisach
-from identify.records._folds import parts
 
 
 def history(seed: int, turns: int = 30, samples: int = 12) -> np.ndarray:
@@ -39,8 +37,8 @@ def test_finds_the_model_that_made_the_data(leading: bool) -> None:
     y = np.asarray(truth.simulate(None, u))
     noise = 1e-3 * np.ptp(y)
     record = Record.from_arrays(u, y + random.normal(0, noise, len(y)))
-    found = fit_preisach(record, parts(record), (False, True), ("negative",), cells=(12,))
-    assert found.meaning.leading is leading
+    found = fit(record, "Preisach")
+    assert found.model.leading is leading
     other = history(7)
     error = np.asarray(found.model.simulate(None, other) - truth.simulate(None, other))
     # Ten samples fix a weight: the error is a fraction of the noise, and never above it.
@@ -53,11 +51,13 @@ def test_an_output_a_million_ranges_off_moves_the_offset_alone() -> None:
     y = y + np.random.default_rng(1).normal(0, 1e-2, len(y))
     far = 1e6 * np.ptp(y)
     near, moved = (
-        fit_preisach(record, parts(record), (False,), ("negative",), cells=(8,))
+        fit(record, "Preisach")
         for record in (Record.from_arrays(u, y), Record.from_arrays(u, y + far))
     )
     # A number a million times the range is rounded to 1e-10 of it.
-    np.testing.assert_allclose(moved.unknowns, near.unknowns, rtol=0, atol=1e-7)
+    np.testing.assert_allclose(
+        moved.model.density.weights, near.model.density.weights, rtol=0, atol=1e-7 * np.ptp(y)
+    )
     offset = float(moved.model.offset) - float(near.model.offset)  # type: ignore[union-attr]
     assert offset == pytest.approx(far, rel=1e-12)
 
@@ -71,8 +71,8 @@ def test_a_leading_fit_can_always_be_inverted() -> None:
     y = np.array(truth.simulate(None, u))
     y += random.normal(0, 0.01 * np.ptp(y), len(y))
     record = Record.from_arrays(u, y)
-    found = fit_preisach(record, parts(record), (True,), ("negative",), cells=(10,))
-    model = found.model
+    model = fit(record, "Preisach").model
+    assert model.leading
     assert float(model.least_slope().min()) >= -1e-12
     clean = model.simulate(None, u)
     again = model.simulate(None, invert(model).simulate(None, clean).value)
@@ -86,10 +86,8 @@ def test_orientation_and_initial_state_are_found_on_the_held_out_part() -> None:
     groups = np.arange(len(u)) // 70
     y = np.concatenate([truth.simulate(None, u[groups == g]) for g in np.unique(groups)])
     record = Record.from_arrays(u, np.asarray(y), groups=groups)
-    found = fit_preisach(
-        record, parts(record), (False, True), ("negative", "positive", "demagnetised"), cells=(12,)
-    )
-    assert (found.meaning.leading, found.meaning.initial) == (False, "positive")
+    model = fit(record, "Preisach").model
+    assert (model.leading, model.initial) == (False, "positive")
 
 
 def test_cells_are_narrow_where_a_loop_is_steep(tmp_path: Path) -> None:

@@ -7,12 +7,12 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from hysteresis import InputError
-from identify.posterior._chains import Chains
 from identify.posterior._emcee import sample_ensembles
 from identify.storage._checkpoint import Checkpoint
 
@@ -23,6 +23,7 @@ ROOT = Path(__file__).resolve().parents[3]
 CHILD = """
 import sys
 from pathlib import Path
+from typing import Any
 import identify.posterior._emcee
 from tests.test_identify.test_posterior.test_checkpoint import drawn
 
@@ -48,7 +49,7 @@ def drawn(
     identity: dict[str, str] = OWN,
     progress=lambda *_: None,
     said: list[str] | None = None,
-) -> Chains:
+) -> Any:
     first = np.random.default_rng(0).normal(size=(3, 8, 2))
     kept = Checkpoint(file, identity, resume, every, [] if said is None else said)
     place, root = np.zeros(2), np.eye(2)
@@ -64,7 +65,7 @@ def interrupting(at: int):
 
 
 @pytest.fixture(scope="module")
-def whole() -> Chains:
+def whole() -> Any:
     return drawn(None)
 
 
@@ -80,7 +81,7 @@ def file(tmp_path) -> Path:
     return tmp_path / "chains.npz"
 
 
-def same(one: Chains, other: Chains) -> None:
+def same(one: Any, other: Any) -> None:
     np.testing.assert_array_equal(one.points, other.points)
     np.testing.assert_array_equal(one.log_probability, other.log_probability)
     assert (one.acceptance, one.method) == (other.acceptance, other.method)

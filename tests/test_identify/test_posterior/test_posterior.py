@@ -17,7 +17,6 @@ from hysteresis import InputError, Preisach, Record
 from hysteresis.rigs import SpongeRig
 from identify import fit, load_posterior, sample, save, save_posterior, target
 from identify.internal import sealed
-from identify.noise._model import NoiseModel
 from identify.parameters._priors import prior
 from identify.parameters._settings import Setting
 
@@ -100,7 +99,11 @@ def kept(line_fit, tmp_path_factory) -> Path:
             {},
         ),
         ("model", lambda fit: replace(fit, model=replace(fit.model, K=fit.model.K + 1e-9)), {}),
-        ("noise", lambda fit: replace(fit, noise_model=NoiseModel(0.1, tail=0.1)), {}),
+        (
+            "noise",
+            lambda fit: replace(fit, noise_model=replace(fit.noise_model, tail=jnp.asarray(0.1))),
+            {},
+        ),
         (
             "priors",
             lambda fit: replace(fit, settings={"K": Setting(prior=prior("normal(2, 1)"))}),
