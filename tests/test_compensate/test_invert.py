@@ -333,9 +333,7 @@ def curve(*increments: float) -> MonotoneCurve:
 
 @settings(max_examples=10)
 @given(st.lists(st.floats(0.0, 0.9), min_size=4, max_size=4))
-def test_a_sum_with_a_part_that_falls_less_than_the_others_rise_has_an_inverse(
-    fall: list[float],
-):
+def test_a_sum_with_a_part_that_falls_less_than_the_others_rise_has_an_inverse(fall: list[float]):
     model = Sum([curve(1.0, 1.0, 1.0, 1.0), Scaled(curve(*fall), -1.0)])
     u = np.array([0.0, 0.5, 1.2, 1.9, 1.4])
     found = invert(model).simulate(None, model.simulate(None, u))

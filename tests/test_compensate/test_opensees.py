@@ -88,13 +88,7 @@ def bouc_wen(alpha, k, n, gamma, beta, A, *degrading):
 
 @pytest.mark.parametrize(
     ("model", "near"),
-    [
-        (WEN, 1e-6),
-        (PLAYS, 1e-9),
-        (CURVE, 1e-9),
-        (Sum(CURVE, PLAYS), 1e-9),
-        (MAXWELL, 1e-9),
-    ],
+    [(WEN, 1e-6), (PLAYS, 1e-9), (CURVE, 1e-9), (Sum(CURVE, PLAYS), 1e-9), (MAXWELL, 1e-9)],
     ids=["Bouc-Wen", "stops", "curve", "sum", "Maxwell"],
 )
 def test_the_force_of_the_lines_is_the_model_s(model, near):

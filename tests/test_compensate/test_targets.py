@@ -256,8 +256,7 @@ def stepped_fmu(made: Any, t: np.ndarray, y: np.ndarray, c: np.ndarray | None) -
 
 
 @pytest.mark.parametrize(
-    ("name", "target"),
-    [("creep", "fmu"), ("relays", "fmu3"), ("conditioned", "fmu")],
+    ("name", "target"), [("creep", "fmu"), ("relays", "fmu3"), ("conditioned", "fmu")]
 )
 @JUDGES["FMPy"].needed
 def test_an_fmu_is_valid_and_gives_the_estimates_of_the_header(

@@ -27,14 +27,7 @@ from compensate.armor import (
     forearm,
 )
 from compensate.runtime import FileError, load_armor
-from hysteresis import (
-    Burgers,
-    InputError,
-    LinearSponge,
-    PrandtlIshlinskii,
-    Units,
-    with_units,
-)
+from hysteresis import Burgers, InputError, LinearSponge, PrandtlIshlinskii, Units, with_units
 from tests.thorough import rest_thorough
 
 BOX = Box(0.3, 0.25, 0.55)

@@ -8,13 +8,7 @@ import numpy as np
 import pytest
 
 from compensate import DeadBandCompensator, EnsembleCompensator, FilteredCompensator, Status, invert
-from hysteresis import (
-    AbstractModel,
-    Burgers,
-    InputError,
-    LinearSponge,
-    Preisach,
-)
+from hysteresis import AbstractModel, Burgers, InputError, LinearSponge, Preisach
 from hysteresis.preisach import GridDensity
 from tests.problems import HIGH, LOW, SAMPLES, clock, random_histories, without
 from tests.thorough import rest_thorough

@@ -17,13 +17,7 @@ from hysid.commands import _demo
 from tests.test_hysid.command import COLUMNS, ENVIRONMENT, HEADER, F, T, X, run, sponge, text
 
 METRICS = dict.fromkeys(("rmse", "nrmse_percent", "max_abs", "r2"), float)
-PARAMETER = {
-    "name": str,
-    "value": float,
-    "unit": str,
-    "stderr": float | NoneType,
-    "status": str,
-}
+PARAMETER = {"name": str, "value": float, "unit": str, "stderr": float | NoneType, "status": str}
 CANDIDATE = {
     "model": str,
     "parameters": [PARAMETER],
@@ -269,8 +263,7 @@ def test_a_bug_of_ours_says_so_and_where_the_details_are(folder, monkeypatch, tm
 
 def test_a_full_disk_is_no_bug_of_ours(folder, monkeypatch):
     monkeypatch.setattr(
-        "hysid.commands._check.run",
-        stop(OSError(28, "No space left on device", "fit.npz")),
+        "hysid.commands._check.run", stop(OSError(28, "No space left on device", "fit.npz"))
     )
     said = run("check", folder / "run.csv", *COLUMNS)
     assert said == (2, "", "hysid: fit.npz: No space left on device.\n")

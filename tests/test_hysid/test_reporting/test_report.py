@@ -19,15 +19,7 @@ from identify import excited_cells, fit, sample, save, save_posterior
 from identify.internal import sealed
 from tests.test_hysid.command import run
 
-HEADINGS = [
-    "Loops",
-    "Residuals",
-    "Parameters",
-    "Posterior",
-    "Compensator",
-    "Candidates",
-    "Data",
-]
+HEADINGS = ["Loops", "Residuals", "Parameters", "Posterior", "Compensator", "Candidates", "Data"]
 VOID = {"meta", "img", "br", "hr", "link", "input"}
 
 

@@ -11,16 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hysteresis import InputError, LinearSponge
-from identify import (
-    Compared,
-    Comparison,
-    FitResult,
-    compare,
-    compare_candidates,
-    fit,
-    save,
-    target,
-)
+from identify import Compared, Comparison, FitResult, compare, compare_candidates, fit, save, target
 from tests.test_identify.lines import line, pressed
 
 

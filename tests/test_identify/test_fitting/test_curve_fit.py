@@ -90,13 +90,7 @@ def test_loading_branch_of_a_measured_sponge(measured_data: Path) -> None:
     u, y = columns(file, "displacement_mm", "force_N")
     up = np.linspace(0, np.argmax(u), 128).astype(int)
     record = Record.from_arrays(u[up], y[up], input_unit="mm", output_unit="N")
-    result = fit(
-        record,
-        "FoamCurve",
-        conditioning="keep",
-        noise="gaussian",
-        starts=16,
-    )
+    result = fit(record, "FoamCurve", conditioning="keep", noise="gaussian", starts=16)
     train = result.metrics["train"]
     assert train is not None
     assert train.nrmse_percent < 0.5

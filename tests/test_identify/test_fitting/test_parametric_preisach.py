@@ -15,9 +15,7 @@ from identify.fitting._parametric_preisach import INCREMENTS, SHAPES, of_grid
 PLACE_AND_WIDTH = ("coercivity", "coercivity_width", "bias", "bias_width")
 
 TRUTH = Preisach(
-    GaussianDensity(0.0, 20.0, 3.0, 2.0, 1.0, 9.0, 3.0),
-    np.linspace(0.5, 1.0, INCREMENTS),
-    4.0,
+    GaussianDensity(0.0, 20.0, 3.0, 2.0, 1.0, 9.0, 3.0), np.linspace(0.5, 1.0, INCREMENTS), 4.0
 )
 
 

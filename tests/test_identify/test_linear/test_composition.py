@@ -18,11 +18,7 @@ from hysteresis import (
     Sum,
 )
 from identify import FitResult, fit, load, sample, save
-from identify.linear._composition_fit import (
-    Problem,
-    best_prior,
-    unknowns_for,
-)
+from identify.linear._composition_fit import Problem, best_prior, unknowns_for
 from identify.linear._composition_parts import CURVE
 from identify.records._folds import parts
 from tests.thorough import rest_thorough
