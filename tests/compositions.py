@@ -22,7 +22,6 @@ from hysteresis import (
     Sum,
     TimeDrift,
     VelocityFriction,
-    parameters,
 )
 
 LOW, HIGH = -1.0, 2.0
@@ -128,42 +127,6 @@ def degrading(rng: np.random.Generator) -> DegradingBoucWen:
                     rng.normal())  # fmt: skip
     slip = Pinching(*rng.uniform(0.1, 0.6, 6))
     return DegradingBoucWen(inner, 0.5 * alpha / (1 - alpha), rng.uniform(0, 0.2), slip)
-
-
-def degraded(model: AbstractModel) -> Known:
-    """The documented scheme in plain numbers, for n = 1. What it is worth is tested elsewhere."""
-    assert isinstance(model, DegradingBoucWen)
-    p = {name: float(value) for name, _, value in parameters(model)}
-    q = (1 - p["inner.gamma_over_beta"]) / (1 + p["inner.gamma_over_beta"])
-
-    def pull(v: float, e: float) -> np.ndarray:
-        limit = 1 / (1 + p["strength_loss"] * e)
-        lost = p["pinching.slip"] * (1 - np.exp(-p["pinching.onset"] * e))
-        width = p["pinching.spread"] + p["pinching.widening"] * e
-        away = (v - p["pinching.level"] * limit) / (width * (p["pinching.severity"] + lost))
-        drive = (1 - lost * np.exp(-(away**2))) / (1 + p["stiffness_loss"] * e)
-        if v < 0:
-            drive *= (1 + q * abs(v / limit)) / (1 + abs(v / limit))
-        return np.array([drive / limit, drive, v])
-
-    def follow(v: float, e: float, k: np.ndarray, way: float) -> tuple[float, float]:
-        goal = k[1] / k[0]
-        return goal + (v - goal) * np.exp(-k[0] * way), e + k[2] * way
-
-    u = np.array([0.1, 0.5, 1.2, 2.0, 0.9, -0.4, -2.0, 0.3])
-    w = e = 0.0
-    y = []
-    for du in np.diff(u, prepend=0.0):
-        v, way = w * np.sign(du), abs(du) / p["inner.yield_at"] / 16
-        for _ in range(16):
-            first = pull(v, e)
-            second = pull(*follow(v, e, first, way / 2))
-            third = pull(*follow(v, e, second, way / 2))
-            last = pull(*follow(v, e, third, way))
-            v, e = follow(v, e, (first + 2 * second + 2 * third + last) / 6, way)
-        w = v * np.sign(du)
-        y.append((1 - p["inner.alpha"]) * p["inner.yield_at"] * w)
-    return u, u, p["inner.offset"] + p["inner.k"] * (p["inner.alpha"] * u + np.array(y))
 
 
 MAKERS = {

@@ -9,6 +9,7 @@ import hysid
 from compensate import Status
 from hysteresis import Record, Units
 from identify import FitResult
+from tests.test_hysid.command import run
 
 RANDOM = np.random.default_rng(8)
 U = 10 + 9 * np.sin(2 * np.pi * np.arange(600) / 100)
@@ -50,9 +51,9 @@ def test_without_test_rows_no_coverage_is_claimed():
 
 def test_the_longest_sequence_may_be_held_out_as_a_whole(tmp_path: Path):
     """Its clock is not that of the rows that were trained, and its readings are no golden ones."""
-    t, run = 0.01 * np.arange(600.0), np.repeat(["a", "b"], [200, 400])
-    record = Record.from_arrays(U, Y, np.where(run == "a", t, 50 * t), groups=run, input_unit="N")
-    train, test = record.split_rows(run == "b")
+    t, name = 0.01 * np.arange(600.0), np.repeat(["a", "b"], [200, 400])
+    record = Record.from_arrays(U, Y, np.where(name == "a", t, 50 * t), groups=name, input_unit="N")
+    train, test = record.split_rows(name == "b")
     found = hysid.fit(train, "LinearSponge", noise="gaussian", test=test)
     hysid.invert(found).simulate(t[:200], Y[:200])
     hysid.save(found, tmp_path / "fit")

@@ -23,13 +23,6 @@ N = ("time", "force", "displacement", "cycle")
 BARE = ("--input", "force", "--output", "displacement", "--time", "time")
 UNITS = text([["s", "N", "mm", "1"], *ROWS], N)
 GROUPED = (*HEADER, "block")
-LINES = CLEAN.splitlines(keepends=True)
-
-
-def named(header: str) -> Callable[..., Bad]:
-    """The clean file, its force under another header."""
-    columns = ("--input", header, "--output", X)
-    return lambda code, *words: Bad(text(ROWS, (T, header, X, "cycle")), code, words, columns)
 
 
 def blocks(*parts: list[list[str]]) -> str:
@@ -47,19 +40,6 @@ TABLE = {
     "3: units that are not found": Bad(
         UNITS, "text-cell", ("line 2", "'time' = 's'", "a row of units?", "--units-row 2"), BARE
     ),
-    "3: another row of units": Bad(
-        UNITS, "bad-units-row", ("Line 5", "--units-row 2"), (*BARE, "--units-row", "5")
-    ),
-    "3: numbers for units": Bad(
-        CLEAN, "bad-units-row", ("Line 2 holds numbers", "--units-row 0"),
-        (*COLUMNS, "--units-row", "2"),
-    ),
-    "4: another case": Bad(
-        CLEAN, "no-column", ("'FORCE (N)'", f"have {F!r}"), ("--input", "FORCE (N)", "--output", X)
-    ),
-    "4: no such clock": Bad(
-        CLEAN, "no-column", ("'t'", f"{T!r}"), (*COLUMNS[:4], "--time", "t")
-    ),
     "4: one column twice": Bad(
         CLEAN, "given-twice", (f"{F!r}", "as input and as output", "--output COL"),
         ("--input", F, "--output", F),
@@ -71,23 +51,9 @@ TABLE = {
     "7: a clock with a hole": Bad(
         cell(T, "", 39), "nan-time", ("1 NaN in time", f"{T!r}", "line 41", "--dt SECONDS")
     ),
-    "9: an unknown unit": named("force (ADC)")(
-        "unknown-unit", "column 'force (ADC)'", "'ADC'", "--input-unit UNIT", "'count'"
-    ),
-    "9: arbitrary units": named("force (a.u.)")("unknown-unit", "'a.u.'", "--input-unit UNIT"),
-    "10: force in grams": named("force (g)")(
-        "wrong-unit", "column 'force (g)'", "g is mass", "gf", "0.00981 N", "--input-unit UNIT"
-    ),
     "10: load in kilograms": Bad(
         text(ROWS, (T, F, "load (kg)", "cycle")), "wrong-unit",
         ("kg is mass", "kgf", "--output-unit UNIT"), ("--input", F, "--output", "load (kg)"),
-    ),
-    "12: a time twice": Bad(
-        cell(T, ROWS[38][0], 39), "time-repeated",
-        ("lines 40 to 41", "same time 228", "drop or average", "--dt SECONDS"),
-    ),
-    "12: a clock that stands": Bad(
-        column(T, ["5"] * 30, 40), "time-backwards", ("Time goes back from", "--segments auto")
     ),
     "15: a column that ends early": Bad(
         text(ROWS[:60]) + "".join(f"{','.join(r[:2])}\n" for r in ROWS[60:]), "ragged-line",
@@ -97,22 +63,7 @@ TABLE = {
         column(X, ["7"] * len(ROWS)), "constant-output",
         (f"{X!r}", "7 mm in every row", "dead channel", "--output COL"),
     ),
-    "27: two separators": Bad(
-        CLEAN.replace(",", ";", 30), "ragged-line", ("line 11", "another separator", "mend")
-    ),
     "27: zero bytes": Bad(CLEAN.replace("5", "\0", 3), "binary-file", ("export it as text",)),
-    "29: more than can be squared": Bad(
-        cell(F, "-3e301"), "too-large", ("line 14", "'-3e301'", "--na-values -3e301")
-    ),
-    "29: a large number": Bad(cell(X, "1e200"), "too-large", ("line 14", f"{X!r}", "'1e200'")),
-    "29: more than a number holds": Bad(cell(F, "1e999"), "not-finite", ("line 14", "--na-values")),
-    "29: infinity below": Bad(cell(X, "-Infinity"), "not-finite", ("line 14", "'-Infinity'")),
-    **{
-        f"29: thousands as {word}": Bad(
-            cell(F, word), "thousands-separator", ("line 14", "export without thousands")
-        )
-        for word in ("1.234.567", "1'234", "1 234", '"1,234,567"')
-    },
     "31: every specimen is bad": Bad(
         blocks(overloaded(), overloaded()), "text-cell",
         ("A: ", "line 7", "'OVLD'", "1 more have the same fault", "--na-values OVLD"),

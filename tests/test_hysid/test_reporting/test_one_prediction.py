@@ -128,7 +128,7 @@ def test_other_views_have_the_same_prediction(fit: FitResult):
 
 def test_a_lag_is_taken_out_once(fit: FitResult):
     """Whether a record is as it was measured or as the model sees it, a prediction of it is the same."""
-    lagging = replace(fit, clocks=replace(fit.clocks, lag=0.05))
+    lagging = replace(fit, clocks=fit.clocks._replace(lag=0.05))
     seen = lagging.clocks.applied(fit.train)
     assert not np.array_equal(seen.input, fit.train.input)
     assert np.array_equal(lagging.predict(fit.train), lagging.predict(seen))
