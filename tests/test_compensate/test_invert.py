@@ -292,9 +292,12 @@ def test_steps_too_long_for_a_held_input_are_refused():
     assert np.abs(again - y).max() <= 1e-9 * np.ptp(y)
 
 
-def test_time_is_needed_by_burgers():
+@pytest.mark.parametrize(
+    "problem", [p for p in INVERTIBLE if "rates" in p.tags], ids=lambda p: p.name
+)
+def test_time_is_needed_where_the_rate_matters(problem: Problem):
     with refused("no-time"):
-        invert(Burgers(1.0, 1.0, 1.0, 1.0)).simulate(None, np.ones(3))
+        invert(problem.model()).simulate(None, np.ones(3))
 
 
 @pytest.mark.parametrize("problem", tagged("grid", "leading"), ids=lambda p: p.name)

@@ -28,7 +28,7 @@ def begun(problem: Problem, seed: int) -> tuple[AbstractModel, np.ndarray, np.nd
 @pytest.mark.parametrize("problem", kinds_often(PROBLEMS))
 def test_known_rows_are_worth_the_true_state(problem: Problem):
     errors = []
-    for seed in range(5):
+    for seed in range(3):
         model, t, u, y = begun(problem, seed)
         noise = NOISE * np.std(y) * np.random.default_rng(seed).normal(size=ROWS)
         own = slice(FIRST, LAST)

@@ -65,9 +65,10 @@ def test_a_density_that_vanishes_is_flat_where_it_does():
 
 
 def test_out_of_reach_and_invalid_samples():
-    model = Preisach(WIDE, np.full(7, 0.2))
-    compensator = invert(model)
-    assert isinstance(compensator, BracketedCompensator)
+    assert isinstance(invert(Preisach(WIDE, np.full(7, 0.2))), BracketedCompensator)
+    grid = GridDensity(LOW, HIGH, weights(np.random.default_rng(2)))
+    model = Preisach(grid, np.full(7, 0.2))
+    compensator = BracketedCompensator(model, LOW, HIGH)
     middle, top, bottom = np.asarray(model.simulate(None, [0.4, HIGH, LOW]))
     nan, inf = np.nan, np.inf
     y = np.array([nan, middle, top + 1, nan, bottom - 1, inf, middle])

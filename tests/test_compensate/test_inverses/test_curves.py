@@ -1,8 +1,6 @@
 """Inverses of curves: there and back, the status beyond, and what has no inverse."""
 
 import equinox as eqx
-import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import given
@@ -136,17 +134,6 @@ def test_clip_says_what_its_ends_hide():
     beyond, flat = Status.SATURATED, Status.FLAT
     wanted = [beyond, flat, Status.OK, flat, beyond, Status.INVALID]
     np.testing.assert_array_equal(found.status, wanted)
-
-
-def test_many_models_at_once():
-    """The draws of a posterior, side by side."""
-    models = [FoamCurve(k, 0.1, 0.3, 1.0, 2.0, 2.0, 0.5, 0.1) for k in (1.0, 2.0)]
-    many = jax.tree.map(lambda *x: jnp.stack(x), *models)
-    y = np.linspace(0.0, 3.0, 10)
-    found = jax.vmap(lambda m: invert(m).simulate(None, y))(many)
-    for k, model in enumerate(models):
-        alone = invert(model).simulate(None, y).value
-        np.testing.assert_allclose(found.value[k], alone, rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("n", [0.5, 1.0, 2.5, 10.0])
