@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from compensate import AdaptiveCompensator, Advice, adaptive, export_c, export_runtime, invert
+from compensate.recalibration._parts import split
 from compensate.runtime import Compensator, FileError, load
 from hysteresis import (
     AbstractModel,
@@ -338,3 +339,15 @@ def test_it_runs_in_any_loop():
     steps = jax.jit(jax.vmap(own.step, in_axes=(None, None, 0, 0)))
     _, found = steps(own.init(), 0.0, np.array([1.0, 2.0]), np.array([np.nan, 1.0]))
     assert found.value.shape == (2,)
+
+
+every = pytest.mark.parametrize("name", MODELS)
+
+
+@every
+def test_parts_make_the_model(name: str):
+    """sign y is a constant and the sum of the parts, each times its weight."""
+    found, parts = run(MODELS[name]), split(MODELS[name])
+    each = [p.nominal * np.asarray(p.model.simulate(found.t, found.u)) for p in parts.parts]
+    left = parts.sign * found.y - sum(each)
+    np.testing.assert_allclose(left, left[0], atol=1e-9 * np.ptp(found.y))

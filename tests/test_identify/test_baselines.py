@@ -23,7 +23,7 @@ def play(u: np.ndarray, radius: float) -> np.ndarray:
 
 def baselines(output: np.ndarray) -> dict[str, Baseline]:
     made = Record.from_arrays(U, output, TIME)
-    with np.errstate(divide="ignore"):  # an output of no noise
+    with np.errstate(divide="ignore", invalid="ignore"):  # an output of no noise
         found = fit(made, LinearSponge(1.0), noise="gaussian", starts=1)
     return {one.name: one for one in found.baselines}
 

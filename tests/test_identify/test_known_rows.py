@@ -6,6 +6,7 @@ import pytest
 import identify
 from hysid import Record
 from hysteresis import InputError, StandardLinearSolid, with_units
+from identify.records._from_known import by_sequence, sequence_error
 
 KNOWN, LENGTH, SEQUENCES = 20, 60, 5
 CREEP = with_units(StandardLinearSolid(2.0, 1.0, 30.0), None, (0.0, 3.0))
@@ -58,3 +59,12 @@ def test_what_is_no_number_of_rows_is_told(fit: identify.FitResult):
     with pytest.raises(InputError, match="none is left") as found:
         fit.predict(record, known=LENGTH)
     assert found.value.code == "no-rows"
+
+
+def test_errors_count_by_sequence():
+    record = Record.from_arrays(
+        [0.0, 1, 2, 0, 1, 2], [1.0, 1, 1, 10, 10, 10], groups=[0, 0, 0, 1, 1, 1]
+    )
+    assert by_sequence(record).weights[0] == pytest.approx(10 * by_sequence(record).weights[-1])
+    assert sequence_error(record, record.output * 1.1) == pytest.approx(10)
+    assert sequence_error(record, record.output + 0.1) == pytest.approx((10 + 1) / 2)

@@ -12,6 +12,7 @@ import pytest
 
 import identify
 from hysteresis import Burgers, InputError, LinearSponge, Record
+from identify.batch._executor import Unit, done_by
 from tests.thorough import rest_thorough
 
 SAME = {"conditioning": "keep", "clocks": "keep", "noise": "gaussian"}
@@ -202,3 +203,13 @@ def test_threads_and_dask_give_the_same_and_a_killed_worker_loses_nothing(one_fi
                 assert value == alike
     assert batch.failed == {}
     assert len(batch) == 6
+
+
+def test_work_that_raises_is_told_from_work_that_was_lost():
+    def fails() -> None:
+        raise ValueError("no")
+
+    units = [Unit(("a",), fails, ()), Unit(("b",), int, ("7",))]
+    outcomes = {unit.names[0]: outcome for unit, outcome in done_by(units)}
+    assert isinstance(outcomes["a"], ValueError)
+    assert outcomes["b"] == 7

@@ -93,7 +93,7 @@ def test_only_the_ratios_of_sigma_count():
     assert other.parameters[1].stderr == pytest.approx(one.parameters[1].stderr)
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=5, deadline=None)
 @given(
     rows=st.lists(st.integers(1, U.size - 2), min_size=1, max_size=20, unique=True),
     wrong=st.floats(-1e3, 1e3),

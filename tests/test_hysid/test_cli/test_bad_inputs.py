@@ -11,7 +11,6 @@ import jax
 import numpy as np
 import pytest
 
-from hysteresis import InputError, Record
 from tests.test_hysid.command import (
     COLUMNS,
     ENVIRONMENT,
@@ -183,35 +182,10 @@ USAGE = [  # what typer says of a number depends on its version
     (("--decimal", ";"), "';' is not . or ,"),
 ]
 
-DIALECTS: dict[str, str | bytes] = {
-    "byte-order mark": b"\xef\xbb\xbf" + CLEAN.encode(),
-    "Windows line ends": CLEAN.replace("\n", "\r\n"),
-    "old Macintosh line ends": CLEAN.replace("\n", "\r"),
-    "UTF-16": CLEAN.encode("utf-16"),
-    "a degree sign in Latin-1": text(ROWS, (T, F, X, "bath (°C)")).encode("latin-1"),
-    "quoted headers": text(ROWS, [f'"{name}"' for name in HEADER]),
-    "trailing separators": CLEAN.replace("\n", ",\n"),
-    "trailing separators below the header": LINES[0] + "".join(LINES[1:]).replace("\n", ",\n"),
-    "semicolons": text(ROWS, separator=";"),
-    "tabs": text(ROWS, separator="\t"),
-    "blanks around the cells": text(ROWS, separator=" , "),
-    "comments": f"# rig 7\n{CLEAN}",
-    "empty rows at the end": f"{CLEAN},,,\n\n , ,,\n",
-}
-
 
 @pytest.fixture(autouse=True)
 def _empty_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-
-
-@pytest.fixture(scope="module")
-def clean(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("clean")
-    (folder / "run.csv").write_text(CLEAN)
-    return run(
-        "fit", folder / "run.csv", *COLUMNS, *FIT[:-2], "--out", folder / "out", "--json"
-    ).json()
 
 
 @pytest.mark.parametrize("bad", BAD.values(), ids=BAD.keys())
@@ -254,14 +228,6 @@ def test_a_file_that_may_not_be_read(monkeypatch):
     put(CLEAN)
     monkeypatch.setattr(Path, "read_bytes", denied)
     refused(run("fit", "run.csv", *COLUMNS, *FIT), "run.csv", "may not read", "[permission-denied]")
-
-
-@pytest.mark.parametrize("content", DIALECTS.values(), ids=DIALECTS.keys())
-def test_every_dialect_gives_the_same_fit(content, clean):
-    put(content)
-    found = run("fit", "run.csv", *COLUMNS, *FIT, "--json").json()
-    for key in ("parameters", "metrics", "verdict"):
-        assert found[key] == clean[key]
 
 
 @pytest.mark.parametrize(
@@ -345,12 +311,6 @@ def test_a_fault_of_the_whole_file_is_said_once_not_per_specimen():
     options = ("--input", "Force", "--output", X, "--each", "block")
     refused(run("fit", "run.csv", *options, *FIT), "No column 'Force'", "[no-column]")
     assert not Path("out").exists()
-
-
-def test_lengths_that_differ_are_named():
-    with pytest.raises(InputError, match="input has 200 values, output 199") as caught:
-        Record.from_arrays(np.zeros(200), np.zeros(199))
-    assert caught.value.code == "length-mismatch"
 
 
 @pytest.fixture

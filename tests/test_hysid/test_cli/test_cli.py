@@ -1,7 +1,6 @@
 """The commands on good input: what --json promises, what lies in the folder, how a run ends."""
 
 import csv
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -284,17 +283,6 @@ def test_demo_speaks_before_it_loads_jax(tmp_path):
         process.kill()
     assert "hysid.cli._app" in imported
     assert not {name.split(".")[0] for name in imported} & {"jax", "jaxlib", "numpy", "scipy"}
-
-
-def test_a_reader_that_has_seen_enough_is_no_error(folder):
-    reading, writing = os.pipe()
-    os.close(reading)
-    with os.fdopen(writing, "w") as closed:
-        command = [sys.executable, "-m", "hysid", "check", str(folder / "run.csv"), *COLUMNS]
-        done = subprocess.run(
-            command, stdout=closed, stderr=subprocess.PIPE, env=ENVIRONMENT, text=True
-        )
-    assert done.stderr == ""
 
 
 def test_the_demo_makes_the_shipped_record_where_it_is_not(tmp_path: Path):

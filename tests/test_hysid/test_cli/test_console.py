@@ -3,11 +3,13 @@
 import json
 import subprocess
 import sys
+import time
 from importlib.metadata import version
 from typing import Any
 
 import pytest
 
+from hysid.commands._console import Left
 from tests.test_hysid.command import COLUMNS, ENVIRONMENT, run, sponge, text
 
 KEYS = {"code", "message", "where", "cause", "fix"}
@@ -101,3 +103,19 @@ def test_a_command_that_is_not_asked_for_it_does_not_load_the_papers(file):
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines()[-1] == "[]"
+
+
+@pytest.mark.parametrize(
+    ("spent", "words"),
+    [
+        (1.0, ""),
+        (10.0, "; about 30 s left"),
+        (60.0, "; about 3 min left"),
+        (7200.0, "; about 6 h left"),
+    ],
+)
+def test_what_is_left_takes_as_long_as_what_was_done(spent, words):
+    left = Left()
+    left.begin = time.monotonic() - spent
+    assert left(1, 4) == words
+    assert left(0, 4) == left(4, 4) == left(0, 0) == ""

@@ -11,11 +11,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from compensate import invert
 from hysid._plots_script import script, script_rule
 from hysid.figures._format import number, plain_name
+from hysid.reporting._residual_rows import round_trip
 from hysteresis import LinearSponge, Preisach, Record, read_csv
 from hysteresis.preisach import GridDensity
-from identify import excited_cells, fit, sample, save, save_posterior
+from identify import excited_cells, fit, load, predict, sample, save, save_posterior
 from identify.internal import sealed
 from tests.test_hysid.command import run
 
@@ -245,3 +247,18 @@ def test_numbers_and_names():
     assert [plain_name(n, "N") for n in ("force (N)", "force_N", "force", "(N)")] == [
         "force", "force", "force", "(N)"
     ]  # fmt: skip
+
+
+def test_of_a_long_record_some_rows_are_sent_through_the_compensator(
+    preisach: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """Those that count, after half as many that come before."""
+    monkeypatch.setattr("hysid.reporting._residual_rows.TRIP", 40)
+    loaded = load(preisach)
+    test = loaded.test
+    assert test is not None
+    first = int(np.argmax(test.mask))
+    found = round_trip(lambda of: predict(loaded.model, of), invert(loaded.model), test)
+    assert found.first == first - 20
+    assert found.counted.tolist() == test.mask[first - 20 : first + 20].tolist()
+    np.testing.assert_array_equal(found.record.input, test.input[first - 20 : first + 20])

@@ -4,9 +4,12 @@ import json
 from types import NoneType
 from typing import Any
 
+import numpy as np
 import pytest
 
+from hysid.reproduction._armor import Change, changed, linear_range
 from hysid.reproduction._frame import Published
+from hysteresis.rigs import SpongeCycles, SpongeRig
 from tests.test_hysid.command import Result, refused, run, tree
 from tests.test_hysid.test_cli.test_cli import fits
 
@@ -93,3 +96,25 @@ def test_a_worse_rig_does_not_pass_more_easily():
     )
     low, high = row(93.0, [90.0], repeats=100, percent=True)["tolerance"]
     assert (low, high) == pytest.approx((86.11, 97.14), abs=0.01)
+
+
+def test_aging_is_seen_where_there_is_any():
+    """No change between two readings of one sponge, a change of 1 % in another's stiffness."""
+    one = SpongeRig().five_cycles(noise=0.05, seed=SEED)
+    again = SpongeRig().five_cycles(noise=0.05, seed=SEED + 1)
+    soft = SpongeRig(stiffness_n_per_mm=0.6503 * 0.99).five_cycles(noise=0.05, seed=SEED + 1)
+    assert changed(one, again).p > 0.05
+    found: Change = changed(one, soft)
+    assert found.p < 1e-6
+    assert found.K / found.K_error > 3
+
+
+def test_linear_range_ends_where_a_kink_is():
+    """A line to 30 N and a plateau beyond: the mean leaves it by its bar soon after."""
+    force = np.tile([*np.arange(0.0, 41, 2), *np.arange(38.0, -1, -2)], 3)
+    side = np.repeat([-1.0, 0.0, 1.0], len(force) // 3)  # of three cycles, 0.5 mm apart
+    line = force + 0.5 * side
+    straight = SpongeCycles(6.0 * np.arange(len(force)), force, line, np.ones(len(force), int))
+    assert linear_range(straight).limit == 40
+    bent = straight._replace(displacement=np.minimum(force, 30.0) + 0.5 * side)
+    assert 30 < linear_range(bent).limit < 31

@@ -9,6 +9,7 @@ import pytest
 
 from compensate.microchannel import SearchEstimator
 from hysid.reproduction import reproduce, terminal
+from hysid.reproduction._skin import converted
 from hysid.reproduction._skin_pair import DT, PAIR, SkinPair, peaks
 
 SEED = 300
@@ -104,3 +105,16 @@ def test_a_peak_is_found_once_and_told_how_late():
     assert first.late == pytest.approx(2 * DT)
     assert first.time == pytest.approx(61 * DT)
     assert np.isnan([second.found, third.found]).all()  # 1.5 is not half of 4, and D sees nothing
+
+
+def test_the_electronics_give_back_what_the_sensor_said():
+    """Half a step of the converter at most, and the factor of a current that is taken for another."""
+    usual, weak = ResistiveReadout(), ResistiveReadout(current_a=0.070)
+    change = np.linspace(0, 1.5, 400)[:, None] * [1.0, 0.5]
+    step = 20.5 / 1023
+    for electronics in (usual, weak):
+        back = converted(electronics.scale * change, electronics)
+        half = step / 2 * usual.scale / electronics.scale
+        assert np.abs(back - usual.scale * change).max() <= half * (1 + 1e-9)
+    taken = converted(weak.scale * change, weak, current=usual.current_a)
+    assert np.abs(taken - weak.scale * change).max() <= step / 2 * (1 + 1e-9)

@@ -7,6 +7,7 @@ import pytest
 from compensate import Status
 from compensate.microchannel import BackwardsModel
 from hysid import ForceRecord, train_force
+from hysid.soft_sensor._force_records import gather, held_out_parts
 from hysteresis import InputError, PrandtlIshlinskii
 from tests.thorough import rest_thorough
 
@@ -148,3 +149,19 @@ def test_bad_records_are_answered(code, records, options):
         train_force(records, **(FAST | options))
     assert caught.value.code == code
     assert caught.value.problem
+
+
+def test_what_is_held_out_is_whole():
+    data = gather(RECORDS)
+    part = held_out_parts(data, 3)
+    assert all(len(set(part[rows])) == 1 for rows in data.sequences())
+    assert set(part) == {0, 1, 2}
+    own = held_out_parts(data, 2, groups=list("aabbaa"))
+    assert [int(own[rows.start]) for rows in data.sequences()] == [0, 0, 1, 1, 0, 0]
+    one = gather([long_record()])
+    assert one.presses == 6
+    assert len(one.rests) == 6
+    part = held_out_parts(one, 3, 0.34)
+    assert (part[: int(0.34 * len(part))] == -1).all()
+    for k in range(3):
+        assert (np.diff(np.flatnonzero(part == k)) == 1).all()

@@ -7,12 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import identify
 from hysid.figures._sliders import moved, sliders_of
-from hysid.studio._controls import on_page, settings, worded
+from hysid.studio import _controls
+from hysid.studio._controls import on_page, worded
 from hysid.studio._shapes import STIFFNESS, WIDTH, handles_of, reshaped
 from hysteresis import Burgers, InputError, Record, parameter_at
 from hysteresis.rigs import SpongeRig
@@ -57,6 +58,7 @@ def test_controls_stand_in_place_of_options(text, shown):
     assert on_page(text) == shown
 
 
+@settings(max_examples=20)
 @given(st.dictionaries(st.sampled_from(["name", "columns", "command"]), st.text()))
 def test_names_are_left_as_they_are(document):
     assert worded(document) == document
@@ -66,8 +68,9 @@ def test_names_are_left_as_they_are(document):
 
 
 def test_settings_speak_of_no_options():
-    assert len({one["name"] for one in settings()}) == len(settings()) > 15
-    assert not any(OPTION.search(one["help"]) for one in worded(settings()))
+    every = _controls.settings()
+    assert len({one["name"] for one in every}) == len(every) > 15
+    assert not any(OPTION.search(one["help"]) for one in worded(every))
 
 
 def test_sliders_stay_within_bounds():

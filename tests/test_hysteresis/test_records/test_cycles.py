@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hysteresis import Record
+from hysteresis.records._cycles import noise_level
 
 DATA = Path(os.environ.get("HYSID_DATA", Path(__file__).parents[4] / "shared" / "data"))
 
@@ -91,3 +92,13 @@ def test_foam_has_six_cycles_and_a_tail_in_none():
     for sample in np.unique(samples):
         for column in ("f2", "f3"):  # compression; force
             assert cycles(rows[column][samples == sample]).max() == 6, (sample, column)
+
+
+def test_noise_level_finds_white_noise_on_a_smooth_signal():
+    rng = np.random.default_rng(5)
+    u = np.sin(np.linspace(0, 60, 20_000))
+    assert noise_level(u) < 1e-6
+    # Smallest of five estimates, each good to about 1 % at 20,000 samples.
+    assert noise_level(u + rng.normal(0, 0.01, len(u))) == pytest.approx(0.01, rel=0.05)
+    long = np.sin(np.linspace(0, 500, 1_500_000))
+    assert noise_level(long + rng.normal(0, 0.01, len(long))) == pytest.approx(0.01, rel=0.01)

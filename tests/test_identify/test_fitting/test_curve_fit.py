@@ -77,7 +77,7 @@ def test_loading_branch_of_the_virtual_sponge() -> None:
     )
     record = Record.from_arrays(displacement, force, input_unit="mm", output_unit="N")
     loading = record.select(branch="loading")
-    result = fit(loading, "FoamCurve", noise="gaussian", starts=16)
+    result = fit(loading, "FoamCurve", noise="gaussian", starts=6)
     assert result.metrics["train"] is not None
     assert result.metrics["train"].nrmse_percent < 0.5
     found = invert(result.model).simulate(None, force)

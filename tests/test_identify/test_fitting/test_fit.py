@@ -10,7 +10,7 @@ import pytest
 from hysteresis import Burgers, InputError, LinearSponge, Preisach, Record
 from hysteresis.rigs import SpongeRig
 from identify import FitResult, fit, load, save
-from identify.internal import read_document, sealed, to_json
+from identify.internal import to_json
 from tests.thorough import rest_thorough
 
 
@@ -251,41 +251,6 @@ def test_a_saved_fit_comes_back(sponge_fit: FitResult, tmp_path) -> None:
     assert again.train.digest() == sponge_fit.train.digest()
     with pytest.raises(InputError, match="left as they are"):
         save(sponge_fit, tmp_path / "fit")
-
-
-def _cut(folder) -> None:
-    file = folder / "model.npz"
-    file.write_bytes(file.read_bytes()[:-20])
-
-
-def _newer(folder) -> None:
-    document = read_document(folder)
-    (folder / "fit.json").write_text(json.dumps(sealed(document | {"schema": 99})))
-
-
-def _foreign(folder) -> None:
-    document = read_document(folder)
-    document["structure"]["class"] = "os.system"
-    (folder / "fit.json").write_text(json.dumps(sealed(document)))
-
-
-@pytest.mark.parametrize(
-    ("spoil", "code"),
-    [
-        (_cut, "wrong-checksum"),
-        (_newer, "newer-schema"),
-        (_foreign, "unknown-model"),
-        (lambda folder: (folder / "fit.json").write_text("{"), "damaged-file"),
-        (lambda folder: (folder / "fit.json").unlink(), "file-not-found"),
-        (lambda folder: (folder / "data.npz").unlink(), "file-not-found"),
-    ],
-)
-def test_a_damaged_folder_is_refused(sponge_fit: FitResult, tmp_path, spoil, code: str) -> None:
-    save(sponge_fit, tmp_path / "fit")
-    spoil(tmp_path / "fit")
-    with pytest.raises(InputError) as error:
-        load(tmp_path / "fit")
-    assert error.value.code == code
 
 
 def test_residuals_are_predicted_minus_measured(sponge_fit: FitResult) -> None:

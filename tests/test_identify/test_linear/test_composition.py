@@ -169,6 +169,18 @@ def test_a_lag_is_told_from_relaxation(lagging: FitResult):
     assert kept.score > found.score
 
 
+def test_a_staircase_is_made_linear_and_a_rest_stays(lagging: FitResult):
+    t = np.arange(400) * 0.1
+    smooth = np.interp(t, [0, 10, 25, 40], [0, 1, 1, 0])
+    stairs = Record.from_arrays(smooth[(np.arange(400) // 5) * 5], smooth, t)
+    made = lagging.clocks._replace(lag=0.0, interpolated=True).applied(stairs)
+    error = np.abs(made.input - smooth)
+    # Within a step's height where it moves, at a corner as much; exact in the rest.
+    assert error.max() <= 0.06
+    assert error[(t > 11) & (t < 24)].max() < 1e-12
+    assert np.median(error) < 1e-9
+
+
 def test_a_composition_is_saved_sampled_and_inverted(lagging: FitResult, tmp_path: Path):
     found, data = lagging, record(noise=0.003, lag=0.23)
     again = load(save(found, tmp_path / "fit"))
@@ -266,3 +278,21 @@ def test_a_line_needs_no_parts():
     y = y + 0.01 * np.random.default_rng(0).normal(size=len(y))
     found = fit(Record.from_arrays(u, y, t), "Composition", test_tail=0.3)
     assert found.name == "curve"
+
+
+def test_weights_are_those_of_the_squared_errors(monkeypatch: pytest.MonkeyPatch):
+    """H and b over all rows are sums of w^2 a a' and w^2 a y, and held-out errors are times w."""
+    data = record(noise=0.01)
+    w, cut = np.linspace(0.5, 1.5, len(data)), parts(data)
+    whole = unknowns_for(data, cut, "negative", ("curve", "Maxwell"))
+    problem, plain = (Problem(data, cut, whole, weights=each) for each in (w, None))
+    squares = w[problem.rows] ** 2
+    want = (problem.A * squares[:, None]).T @ problem.A
+    np.testing.assert_allclose(problem.total(cut.all).H, want, rtol=1e-9, atol=1e-9)
+    tried = problem.tried(whole.parts, 1e-4).blocks
+    assert not np.allclose(tried, plain.tried(whole.parts, 1e-4).blocks, rtol=0.01)
+    # Chosen on a third of the rows, fitted to all.
+    monkeypatch.setattr("identify.linear._composition_fit.ROWS", 300)
+    final = Problem(data, cut, whole, weights=w).final(whole.parts)
+    np.testing.assert_allclose(final.H, want, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(final.b, problem.A.T @ (squares * problem.y), rtol=1e-9, atol=1e-9)

@@ -10,6 +10,9 @@ import scipy.optimize
 from hysteresis import InputError, Preisach, Record
 from hysteresis.preisach import GaussianDensity, GridDensity, SumDensity
 from identify import fit, fit_density, load, save, target
+from identify.linear._preisach_problem import PreisachProblem
+from identify.linear._preisach_unknowns import GridUnknowns
+from identify.records._folds import Parts
 from tests.thorough import rest_thorough
 
 
@@ -34,22 +37,6 @@ def record_of(model: Preisach, u: np.ndarray, noise: float = 0.002) -> Record:
 TRUTH = Preisach(GridDensity(0.0, 1.0, bump(16)), np.full(16, 0.02), 0.3)
 
 
-def test_a_hardly_pulled_fit_has_the_least_squares_of_scipy() -> None:
-    """Columns cell by cell from the model itself; some weights are held at 0."""
-    cells = 6
-    record = record_of(TRUTH, walk(0), noise=0.02)
-    ours = fit_density(record, cells, strength=1e-10, initial="negative")
-    hats = np.clip(record.input[:, None] * cells - np.arange(cells), 0, 1)
-    A = [np.ones(len(record)), -np.ones(len(record)), *hats.T]
-    for k in zip(*np.tril_indices(cells), strict=True):
-        one = np.zeros((cells, cells))
-        one[k] = 1.0
-        A.append(np.asarray(Preisach(GridDensity(0.0, 1.0, one)).simulate(None, record.input)))
-    _, theirs = scipy.optimize.nnls(np.transpose(A), record.output, maxiter=10_000)
-    left = np.asarray(ours.model.simulate(None, record.input)) - record.output
-    assert np.linalg.norm(left) == pytest.approx(theirs, rel=1e-6)
-
-
 @pytest.mark.parametrize("strength", rest_thorough([1e-4, 1e-1], 1))
 def test_products_find_what_the_matrix_finds(
     strength: float, monkeypatch: pytest.MonkeyPatch
@@ -58,6 +45,10 @@ def test_products_find_what_the_matrix_finds(
     dense = fit_density(record, 24, strength=strength)
     monkeypatch.setattr("identify.linear._density_fit.DENSE", 12)
     by_products = fit_density(record, 24, strength=strength)
+    H, b = problem_of(record, 24).objective((0,), strength)
+    low, high = (x @ H @ x / 2 - b @ x for x in (dense.unknowns, by_products.unknowns))
+    # The gradient is right to 1e-11, the objective to the square of that over the least curvature.
+    assert abs(high - low) < 1e-12 * abs(low)
     np.testing.assert_allclose(
         by_products.model.simulate(None, walk(5)), dense.model.simulate(None, walk(5)), atol=1e-6
     )
@@ -147,3 +138,32 @@ def test_a_sum_of_densities_is_saved_and_loaded(tmp_path: Path) -> None:
     np.testing.assert_array_equal(
         model.simulate(None, record.input), again.simulate(None, record.input)
     )
+
+
+def problem_of(record: Record, cells: int, initial: str = "negative") -> PreisachProblem:
+    scale = float(np.ptp(record.output))
+    low, high = float(record.input.min()), float(record.input.max())
+    whole = Parts(np.zeros(len(record), int), (), None, "")
+    return PreisachProblem(record, whole, GridUnknowns(cells, low, high, False, initial, scale))
+
+
+def test_the_objective_is_that_of_scipy() -> None:
+    record = record_of(TRUTH, walk(0))
+    problem, strength = problem_of(record, 12), 1e-3
+    H, b = problem.objective((0,), strength)
+    # H = R'R, so |R x - R'^-1 b|^2 differs from the objective by a constant.
+    root = np.linalg.cholesky(H).T
+    right = np.linalg.solve(root.T, b)
+    stacked = np.hstack([root, -root[:, :1]])  # the offset may be negative: two of them
+    split, _ = scipy.optimize.nnls(stacked, right, maxiter=10_000)
+    theirs = split[:-1] - split[-1] * (np.arange(len(b)) == 0)
+    ours = fit_density(record, 12, strength=strength).unknowns
+    np.testing.assert_allclose(
+        ours @ H @ ours / 2 - b @ ours, theirs @ H @ theirs / 2 - b @ theirs, rtol=1e-11
+    )
+
+
+def test_the_prior_means_the_same_on_every_grid() -> None:
+    record = record_of(TRUTH, walk(3), noise=0.01)
+    coarse, fine = (problem_of(record, n).strength_by_evidence() for n in (12, 24))
+    assert abs(np.log10(fine / coarse)) < 0.75  # the search itself stops at a quarter of a decade

@@ -7,6 +7,7 @@ import scipy.optimize
 
 from hysteresis import Burgers, Record, StandardLinearSolid
 from identify import fit
+from identify.parametric._multistart import thinned_rows
 from tests.thorough import rest_thorough
 
 compiled: list[str] = []
@@ -80,3 +81,18 @@ def test_the_optimum_is_that_of_another_solver():
     values = np.array([found[name].value for name in names])
     other = scipy.optimize.least_squares(residuals, 1.1 * values, xtol=1e-14, ftol=1e-14)
     np.testing.assert_allclose(values, other.x, rtol=1e-5, atol=1e-6)
+
+
+def test_thinned_rows_keep_the_turning_points():
+    u = np.interp(
+        np.arange(50_000), np.arange(0, 50_001, 250), np.random.default_rng(0).normal(size=201)
+    )
+    rows, starts = thinned_rows(Record.from_arrays(u, u, groups=np.arange(50_000) >= 20_000), 1000)
+    assert len(rows) < 1100
+    assert rows[0] == 0
+    assert starts == (0, int(np.searchsorted(rows, 20_000)))
+    assert {rows[k] for k in starts} == {0, 20_000}
+    turns = np.flatnonzero(np.diff(np.sign(np.diff(u)))) + 1
+    # A block of a hundred rows holds one turning point at most, which is its least or its greatest.
+    assert np.isin(turns, rows).all()
+    assert len(thinned_rows(Record.from_arrays(u[:2000], u[:2000]), 1000)[0]) == 2000
