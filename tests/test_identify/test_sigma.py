@@ -210,6 +210,7 @@ def test_predicted_bands_are_as_wide_as_each_rows_sigma():
     assert 0.8 < bands.coverage[1] < 0.97
 
 
+@pytest.mark.thorough
 def test_noise_of_the_given_sizes_is_taken_for_gaussian():
     """Without sigma such residuals have tails; with it nothing speaks against plain Gaussian noise."""
     random = np.random.default_rng(5)

@@ -144,10 +144,6 @@ def test_a_file_that_cannot_be_decided_is_a_question(browser, tmp_path):
 def test_a_fit_is_followed_where_it_was_started_and_its_verdict_is_seen(browser, tmp_path):
     faults: list[str] = []
     shutil.copy(SPONGE, tmp_path / "run.csv")
-    assert run("init", tmp_path / "run.csv").code == 0
-    config = tmp_path / "run.toml"
-    quick = 'model = "auto"\nnoise = "gaussian"\nstarts = 2'
-    config.write_text(config.read_text().replace('model = "auto"', quick))
     with serving([tmp_path / "run.csv"]) as ready:
         page = opened(browser, ready.address, faults)
         button = page.get_by_role("button", name="Fit", exact=True)
@@ -160,6 +156,7 @@ def test_a_fit_is_followed_where_it_was_started_and_its_verdict_is_seen(browser,
         head.get_by_role("progressbar").wait_for()
         head.get_by_role("button", name="Cancel").click()
         head.get_by_text("Cancelled.").wait_for()
+        config = tmp_path / "run.toml"
         good = config.read_text()
         config.write_text(good.replace("test_cycles = 1", "test_cycles = 9"))
         page.get_by_label("Number of cycles held out").and_(page.locator("[value='9']")).wait_for()

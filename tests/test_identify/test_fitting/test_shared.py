@@ -6,6 +6,7 @@ from scipy.optimize import least_squares
 
 import identify
 from hysteresis import Burgers, InputError, Record
+from tests.thorough import rest_thorough
 
 T = np.linspace(0, 20, 100)
 U = np.where((T > 0) & (T < 12), 2.0, 0.0)
@@ -25,7 +26,7 @@ def specimens(spread: float = 0.0) -> list[Record]:
     return found
 
 
-@pytest.mark.parametrize("spread", [0.0, 1.0])
+@pytest.mark.parametrize("spread", rest_thorough([1.0, 0.0], 1))
 def test_parameters_and_errors_are_those_of_another_solver(spread):
     records = specimens(spread)
     found = identify.fit_shared(
@@ -53,6 +54,7 @@ def test_parameters_and_errors_are_those_of_another_solver(spread):
         assert own == pytest.approx(errors[at], rel=0.2)
 
 
+@pytest.mark.thorough
 def test_sharing_makes_errors_smaller():
     records = specimens()
     alone = identify.fit(records[0], "Burgers", starts=2, parameters=KNOWN, noise="gaussian")

@@ -80,7 +80,7 @@ def test_the_optimum_is_that_of_another_solver():
 
     values = np.array([found[name].value for name in names])
     other = scipy.optimize.least_squares(residuals, 1.1 * values, xtol=1e-14, ftol=1e-14)
-    np.testing.assert_allclose(values, other.x, rtol=1e-5, atol=1e-6)
+    np.testing.assert_allclose(values, other.x, rtol=1e-6, atol=1e-6)
 
 
 def test_thinned_rows_keep_the_turning_points():
