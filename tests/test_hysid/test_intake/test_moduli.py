@@ -95,7 +95,7 @@ def test_temperatures_are_shifted():
     assert "Shift factors" in Path(run("report", "out", "--json").json()["file"]).read_text()
 
 
-@pytest.mark.parametrize("way", rest_thorough([1, -1], 1))
+@pytest.mark.parametrize("way", [1, -1])
 def test_relaxation_at_several_temperatures_in_any_order(way: int):
     t = np.geomspace(0.1, 100.0, 25)[::way]
     parts = [np.asarray(TRUTH.relaxation_modulus(t / a)) for a in (10.0, 1.0)]
