@@ -91,8 +91,6 @@ def test_the_search_follows_a_machine_through_lines(document):
     assert len(document[0]["peaks"]["paper"]) == 16
 
 
-
-
 def test_a_peak_is_found_once_and_told_how_late():
     """One late by two readings, one too low to count, one not seen."""
     t = np.arange(200)

@@ -19,7 +19,7 @@ from scipy.io import savemat
 from benchmarks._ruggedness import bombs
 from hysteresis import InputError, read_table
 from hysteresis._limits import DAMAGE, load_arrays
-from hysteresis.records.importers._hdf5 import opened_hdf5
+from hysteresis.records.importers._matlab import opened_hdf5
 from tests.workbooks import binary_workbook, old_workbook
 
 ROWS = "".join(f"{k},{k * k}\n" for k in range(30))

@@ -6,7 +6,7 @@ import pytest
 import hysid
 from hysteresis import InputError, Record, check_identifiable
 from hysteresis.records._change import change
-from hysteresis.records._turned import turned
+from hysteresis.records._csv import turned
 
 
 def cycled(per_cycle: float, cycles: int = 8, noise: float = 0.01) -> Record:

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hysteresis import InputError, Record, check_identifiable, read_csv
-from hysteresis.records._turned import rezeroed
+from hysteresis.records._csv import rezeroed
 from hysteresis.records._zero import lost_contact, zero_drift, zero_jumps
 from tests.thorough import rest_thorough
 
