@@ -96,11 +96,11 @@ def rows(since: str) -> Iterator[Row]:
     of_dynamics = "hysteresis/dynamics", "identify/dynamics", "identify/fitting/_oscillator.py"
     yield judged("lines of dynamics", lines(files(*of_dynamics)), 2971)
     yield judged("numeric constants in identify", constants("identify"), 120)
-    texts = "README.md", "CHANGELOG.md", "CONTRIBUTING.md", "SECURITY.md"
+    texts = "README.md", "CHANGELOG.md"
     pages = [x for x in files("docs", suffix=".md") if not {"api", "experiments"} & {*x.parts}]
     words = sum(len(x.read_text("utf-8").split()) for x in [*pages, *files(*texts)])
     yield judged("pages, but those of the reference and the lab book", len(pages), 25)
-    yield judged("words of these, README, changelog and rules", words, 25_000)
+    yield judged("words of these, README and changelog", words, 25_000)
     if found := subjects(since):
         yield judged("median length of a commit's subject", median(found), 50)
         yield judged("longest subject", max(found), 60)

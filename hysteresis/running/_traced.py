@@ -64,7 +64,7 @@ def _called_back(run: Callable[..., Any], kinds: Any, *given: Any) -> Any:
 
     def of_words(*words: Any) -> list[np.ndarray]:
         found = host(*(np.ascontiguousarray(x).view(float)[..., 0] for x in words))
-        return [np.ascontiguousarray(x)[..., None].view(_WORD) for x in found]
+        return [np.array(x, order="C")[..., None].view(_WORD) for x in found]
 
     words = (jax.lax.bitcast_convert_type(x, _WORD) for x in given)
     pairs = [jax.ShapeDtypeStruct((*kind.shape, 2), _WORD) for kind in kinds]

@@ -102,11 +102,11 @@ def test_a_name_is_given_once():
     assert "TheirPreisach" not in names()  # nothing says where its fit starts
     assert names()[:7] == (
         "LinearSponge",
-        "Burgers",
         "Preisach",
         "EverettSurface",
         "Composition",
         "Butterfly",
+        "Burgers",
         "FoamCurve",
     )
 

@@ -154,7 +154,7 @@ def test_loops_in_the_residuals_are_measured(loops: FitResult, line: FitResult):
     """A play of radius 1 and weight 0.5: branches are 1 mm apart, but for its ends; a line leaves them."""
     percent, left, width = numbers(loops.verdict, "loops-left")
     assert 0.7 < width < 1.0  # all cycles, the smallest has most of its width in its ends
-    assert percent == pytest.approx(100 * left / width, abs=1.1)
+    assert percent == pytest.approx(100 * left / width, abs=1.1)  # both are told by three digits
     assert percent > 80
     assert "loops-left" not in line.verdict.codes
 
