@@ -17,7 +17,7 @@ from typing import Any
 from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis import strategies as st
 
-from hysteresis.records.importers import _excel
+from hysteresis.records.importers import _apart
 from tests.test_hysid.command import Result
 
 from .._measure import Row, judged, noted
@@ -73,7 +73,7 @@ class _Watch:
     def _heard(self, event: str, about: tuple[Any, ...]) -> None:
         if self.home is None:
             return
-        if event in RUNS and not _importing() and not _reads_workbooks(event, about):
+        if event in RUNS and not _importing() and not _reads_apart(event, about):
             self.seen.append(f"{event} {about!r:.200}")
         elif event == "open" and isinstance(about[2], int) and about[2] & (os.O_WRONLY | os.O_RDWR):
             place = Path(os.fsdecode(about[0])) if not isinstance(about[0], int) else Path()
@@ -81,10 +81,9 @@ class _Watch:
                 self.seen.append(f"writes {place}")
 
 
-def _reads_workbooks(event: str, about: tuple[Any, ...]) -> bool:
-    """Whether it is our own reader of workbooks, whose words no file chooses: see SECURITY.md."""
-    reader = str(Path(_excel.__file__).with_name("_workbook_cells.py"))
-    return event == "subprocess.Popen" and about[1][:3] == [sys.executable, "-P", reader]
+def _reads_apart(event: str, about: tuple[Any, ...]) -> bool:
+    """Whether it is one of our own readers, whose words no file chooses: see SECURITY.md."""
+    return event == "subprocess.Popen" and about[1][:3] == [sys.executable, "-P", _apart.__file__]
 
 
 def _importing() -> bool:
