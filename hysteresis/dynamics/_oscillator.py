@@ -12,10 +12,11 @@ from numpy.typing import ArrayLike
 from .._errors import InputError
 from .._law_model import AbstractLawModel, LawInput, LawState
 from .._model import AbstractModel, Series, Tree
+from .._once import once
 from .._parameter import Scalar, is_concrete, parameter
 from .._registry import register
 from ..models._compose import Sum
-from ..running import Numbers, numbers_of, place_of
+from ..running import place_of
 from ._layout import before_first, layout_of
 
 
@@ -38,10 +39,6 @@ class OscillatorLaw(AbstractLawModel):
         arrays = (jnp.asarray(x) for x in (layout.limit, layout.radii, layout.reach))
         free = dict(zip(("limit", "radii", "reach"), arrays, strict=True))
         return replace(layout, **free).tree(self.plant, self.substeps)
-
-    def numbers(self) -> Numbers:
-        """The law, at rest."""
-        return numbers_of(self.tree())
 
 
 @register
@@ -116,11 +113,11 @@ class Oscillator(AbstractModel[LawState, LawInput]):
         return self.hysteresis.parts if isinstance(self.hysteresis, Sum) else (self.hysteresis,)
 
     def init(self, t0: Any = None, u0: Any = None) -> LawState:
-        return self._law().init(t0, u0)
+        return self._law.init(t0, u0)
 
     def moving(self, displacement: float, velocity: float, force: float = 0.0) -> LawState:
         """The state before a first sample that finds the mass in motion, with this `force` in rate form."""
-        now = before_first(self._law().numbers(), (displacement, velocity, force))
+        now = before_first(self._law._numbers, (displacement, velocity, force))
         return self.init()._replace(numbers=jnp.asarray(now))
 
     def displacement(
@@ -130,7 +127,7 @@ class Oscillator(AbstractModel[LawState, LawInput]):
         return np.asarray(self.simulate(np.asarray(t, float), np.asarray(force), starts=starts))
 
     def step(self, state: LawState, t: Any, u: Any) -> tuple[LawState, Float[Array, ""]]:
-        law = self._law()
+        law = self._law
         if self.between == "held" and t is not None:
             before = jnp.where(jnp.isnan(state.t), jnp.asarray(u, float), self._force(state))
             state, _ = law.step(state, t, before)
@@ -146,10 +143,10 @@ class Oscillator(AbstractModel[LawState, LawInput]):
     ) -> LawInput:
         state = self.init() if state is None else state
         t, u, starts = self._rows(t, u, state, starts)
-        return self._law().prepare(t, u, state, starts=starts)
+        return self._law.prepare(t, u, state, starts=starts)
 
     def evaluate(self, prepared: LawInput) -> Float[Array, " samples"]:
-        found = self._law().evaluate(prepared)
+        found = self._law.evaluate(prepared)
         return found[::2] if self.between == "held" else found
 
     def follow(
@@ -158,7 +155,7 @@ class Oscillator(AbstractModel[LawState, LawInput]):
         """All samples at once: (state after the last one, outputs)."""
         state = self.init() if state is None else state
         t, u, _ = self._rows(t, u, state, (0,))
-        after, found = self._law().stream(t, u, state)
+        after, found = self._law.stream(t, u, state)
         return after, found[::2] if self.between == "held" else found
 
     def _rows(
@@ -176,9 +173,10 @@ class Oscillator(AbstractModel[LawState, LawInput]):
 
     def _force(self, state: LawState) -> Array:
         """That of the last sample."""
-        known, m = self._law().numbers()
+        known, m = self._law._numbers
         return state.numbers[place_of(known, "force") - len(m)]
 
+    @once
     def _law(self) -> OscillatorLaw:
         plant = self.mass, self.damping, self.stiffness
         return OscillatorLaw(plant, self.hysteresis, self.substeps)
@@ -192,4 +190,4 @@ class Oscillator(AbstractModel[LawState, LawInput]):
                 cause="its force is held between samples.",
                 fix="give between='linear'.",
             )
-        return self._law().laws(eps, depth)
+        return self._law.laws(eps, depth)

@@ -54,8 +54,8 @@ def loop_direction(record: AbstractRecord) -> float:
 
     `sum of int D du / sum of int |D| du`, D(u) = y_unloading(u) - y_loading(u)
 
-    over the loops of `loops_of`. Crossed loops fall between the bounds; 0 where there is no loop that is
-    wider than the noise.
+    over the loops of `loops_of`. Crossed loops fall between the bounds; 0 where no loop is wider than the
+    noise.
 
     **Example:**
 
