@@ -99,8 +99,14 @@ class AbstractShape(eqx.Module):
         """The longest side of the box around it, m."""
 
 
-def _every(self: Any, *wrench: Any, **limits: Any) -> None:
-    """`nearby` of a shape of few faces: every one is looked at."""
+class AbstractFewFaces(AbstractShape):
+    """Every face is looked at for every line of action."""
+
+    def nearby(
+        self, force: Array, moment: Array, most: Callable[[Array], Array], threshold: ArrayLike,
+        tolerance: ArrayLike,
+    ) -> None:  # fmt: skip
+        return None
 
 
 _LENGTH = {"unit": "m", "bounds": (0.0, float("inf"))}
@@ -114,7 +120,7 @@ _EDGES = [
 ]
 
 
-class Box(AbstractShape):
+class Box(AbstractFewFaces):
     """A box with five soft sides, open below: |x| <= dx, |y| <= dy, dz2 <= z <= dz1, in metres from P_o.
 
     Its surfaces are 1: z = dz1 (the top), 2: y = dy, 3: y = -dy, 4: x = dx, 5: x = -dx.
@@ -160,8 +166,6 @@ class Box(AbstractShape):
             jnp.arange(1, 6),
         )
 
-    nearby = _every
-
     def centres(self) -> Float[Array, "5 3"]:
         """The middle of each surface, m."""
         zero = jnp.zeros_like(self.dx)
@@ -178,7 +182,7 @@ class Box(AbstractShape):
         return 2 * jnp.maximum(jnp.maximum(self.dx, self.dy), (self.dz1 - self.dz2) / 2)
 
 
-class Convex(AbstractShape):
+class Convex(AbstractFewFaces):
     """Plane convex polygons around a convex body, in metres from P_o; polygon k is surface k + 1.
 
     Not every side needs one: a force through a side without polygon has no contact there.
@@ -224,8 +228,6 @@ class Convex(AbstractShape):
 
     def faces(self, near: Array | None = None) -> Faces:
         return self.sides
-
-    nearby = _every
 
     def longest(self) -> Float[Array, ""]:
         return self.extent
