@@ -19,9 +19,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ._errors import InputError
-from .laws._nodes import WITHOUT
 from .running import numbers_of, run
-from .running._law import law
 
 LOOPS, KNOTS = 32, 12
 """Ends of the loops, and inputs after them: the known rows leave few reversals of a longer history."""
@@ -105,16 +103,12 @@ def known_past(
 
 
 def outputs_of(model: Any) -> Outputs:
-    """The outputs of a model at (t, u, starts): by its laws, where all of them go forwards."""
+    """The outputs of a model at (t, u, starts): by its laws, where it has a tree of them."""
     try:
         numbers = numbers_of(model.tree(depth=0))
     except InputError as error:
         if error.code != "not-exportable":
             raise
-        return lambda t, u, starts: model.simulate(t, u, starts=starts)
-    if not all(
-        "move" in law(kind).functions for kind in numbers.known.structure.kinds() - {WITHOUT}
-    ):
         return lambda t, u, starts: model.simulate(t, u, starts=starts)
 
     def outputs(t: Any, u: np.ndarray, starts: tuple[int, ...]) -> np.ndarray:
