@@ -149,9 +149,10 @@ def _lanes(one: Callable[..., Any], axes: tuple[int, ...], *given: Any) -> tuple
     each = [one(*row) for row in zip(*spread, strict=True)]
     found = [np.stack(column) for column in zip(*each, strict=True)]
     single = arrays[0].dtype == np.float32
-    return tuple(
-        x.reshape((*lanes, *x.shape[1:])).astype(
-            x.dtype if not single else np.float32 if x.dtype == float else np.int32
+    with np.errstate(over="ignore"):  # beyond single precision is infinite, as JAX has it
+        return tuple(
+            x.reshape((*lanes, *x.shape[1:])).astype(
+                x.dtype if not single else np.float32 if x.dtype == float else np.int32
+            )
+            for x in found
         )
-        for x in found
-    )

@@ -122,9 +122,10 @@ def another_minimum(fit: FitResult) -> tuple[Note, bool] | None:
     They have to differ by more than six standard errors in one that has an error, with a worse fit on the
     straight way between.
     """
-    if fit.starts is None or not (errors := {p.name: p.stderr for p in fit.parameters if p.stderr}):
-        return None
-    aim, starts = target(fit), fit.starts
+    errors = {p.name: p.stderr for p in fit.parameters if p.stderr}
+    if (starts := fit.starts) is None or not errors or not starts.objective[0]:
+        return None  # nothing is as good as an exact fit
+    aim = target(fit)
     names = aim.bounds.names
     behind = fit.noise.effective / 2 * np.log(starts.objective / starts.objective[0])
     noise = np.asarray(aim.start)[len(names) :]
