@@ -50,7 +50,6 @@ for _command, _example in {
     _asked_more.Studio: "hysid studio run.csv",
     _asked.Reproduce: "hysid reproduce tsuji2014 --out tsuji2014",
     _asked.Warm: "hysid warm sponge",
-    _asked_more.Bench: "hysid bench preisach --quick",
 }.items():
     _class = FindsConfig if "config" in _command.__dataclass_fields__ else None
     app.command(epilog=example(_example), cls=_class)(command_of(_command))

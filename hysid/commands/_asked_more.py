@@ -11,11 +11,6 @@ from ..intake._option import option
 from ..intake._selection_options import FIELDS, HELD_OUT, OF_READING
 from ._asked import Command, overwriting, seeding, selecting
 
-BENCHMARKS = (
-    "preisach", "viscoelastic", "accuracy", "identification", "recovery", "compensation", "armor",
-    "microchannel", "reading", "numbers", "studio", "ruggedness", "mirror",
-)  # fmt: skip
-"""Modules of `benchmarks` that judge the package, in the order in which they are run."""
 _catalogue = partial(
     option,
     "Another catalogue, for example the one of your laboratory.",
@@ -264,16 +259,6 @@ class Studio(Command):
     )
     port: int = option("Port of the page; 0 for any that is free.", 0, least=0, most=65535)
     browser: bool = option("Open the page in a browser.", True, flag="--browser/--no-browser")
-
-
-class Bench(Command):
-    """Run the benchmarks, all or by name."""
-
-    jax = False
-    names: list[str] | None = option(
-        f"{', '.join(BENCHMARKS)}.", None, argument=True, metavar="[NAME]..."
-    )
-    quick: bool = option("Run reduced sizes, a few minutes each.", False)
 
 
 class List(Command):
