@@ -89,15 +89,26 @@ def png(figure: Figure) -> tuple[str, int, int]:
 
 
 class Curve(NamedTuple):
-    """One curve of a chart: a thin line, a broad pale one to lie under it, pale dots, or a bold line."""
+    """One curve of a chart: a line, a broad pale one to lie under it, pale dots, or a line of `LINES`."""
 
     label: str
     x: np.ndarray
     y: np.ndarray
     colour: str
-    kind: Literal["line", "under", "dots", "bold"] = "line"
+    kind: Literal["line", "under", "dots", "bold", "thin", "dashed"] = "line"
 
 
+class Band(NamedTuple):
+    """A range around a curve."""
+
+    label: str
+    x: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+
+
+LINES = {"line": (1.1, "-"), "bold": (2.2, "-"), "thin": (0.6, "-"), "dashed": (0.9, "--")}
+"""Width and style."""
 MANY = 200
 """Bars from which on a picture has no gaps between them."""
 
@@ -144,9 +155,17 @@ def chart(
     zero: bool = False,
     diagonal: bool = False,
     breaks: Sequence[float] | np.ndarray = (),
+    band: Band | None = None,
+    end: float | None = None,
+    log: str = "",
 ) -> Figure:
-    """Curves over one pair of axes that hold all of `limits` (x, y); `breaks` are ends of sequences."""
+    """Curves over one pair of axes that hold all of `limits` (x, y); `breaks` are ends of sequences, and
+    `end` that of what was fitted, dashed. `log` names the logarithmic axes: "", "x", "y" or "xy"."""
     figure, axes = single()
+    if band is not None:
+        axes.fill_between(band.x, band.low, band.high, color=SKY, alpha=0.6, lw=0, label=band.label)
+    if end is not None:
+        axes.axvline(end, color=EDGE, lw=0.8, ls="--")
     if zero:
         axes.axhline(0, color=EDGE, lw=0.8)
     for where in breaks:
@@ -160,7 +179,9 @@ def chart(
             axes.plot(x, y, lw=3, color=_pale(colour), label=label,
                       marker="o" if few else "", ms=5.5, mew=0)  # fmt: skip
         else:
-            axes.plot(x, y, lw=2.2 if kind == "bold" else 1.1, color=colour, label=label)
+            width, style = LINES[kind]
+            axes.plot(x, y, lw=width, ls=style, color=colour, label=label)
+    logarithmic(axes, log)
     if diagonal:
         ends = [
             min(axes.get_xlim()[0], axes.get_ylim()[0]),
@@ -337,11 +358,18 @@ def _corner_range(draws: np.ndarray, fitted: float, see: Callable[..., Any]) -> 
     return _widened(np.array([low, high]))
 
 
-def log_ticks(axis: Any) -> None:
-    """Four labels at most of a logarithmic axis, without mathematical text."""
-    axis.set_major_locator(LogLocator(numticks=4))
+def logarithmic(axes: Any, names: str) -> None:
+    """Make the axes of these names, "x" or "xy", logarithmic."""
+    for name in names:
+        getattr(axes, f"set_{name}scale")("log")
+        log_ticks(getattr(axes, f"{name}axis"), 9)
+
+
+def log_ticks(axis: Any, most: int = 4) -> None:
+    """So many labels of a logarithmic axis at most, without mathematical text."""
+    axis.set_major_locator(LogLocator(numticks=most))
     axis.set_major_formatter(
-        FuncFormatter(lambda x, _: f"{x:.3g}" if 0.01 <= x < 1e4 else power_of_ten(np.log10(x), 3))
+        FuncFormatter(lambda x, _: f"{x:.3g}" if 1e-3 <= x <= 1e4 else power_of_ten(np.log10(x), 3))
     )
     axis.set_minor_formatter(NullFormatter())
 

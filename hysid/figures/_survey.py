@@ -1,4 +1,4 @@
-"""Figures of moduli over frequency and of several temperatures: the master curve, the shift factors."""
+"""Figures of creep, relaxation and moduli: the spectrum, the master curve, the shift factors."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
@@ -12,8 +12,7 @@ from matplotlib.figure import Figure
 import identify
 from identify import DiscreteSpectrum, FitResult
 
-from ._base import INK, SKY, VERMILLION, single, styled
-from ._creep import logarithmic
+from ._base import GREY, INK, SKY, VERMILLION, logarithmic, single, styled
 from ._format import label, label_of, name_of
 
 
@@ -24,6 +23,26 @@ class Piece(NamedTuple):
     temperature: float
     x: np.ndarray
     y: np.ndarray
+
+
+@styled
+def spectrum(
+    tau: np.ndarray, strength: np.ndarray, error: np.ndarray, inside: tuple[float, float],
+    x_label: str, y_label: str,
+) -> Figure:  # fmt: skip
+    """Strengths over their time constants, with errors (NaN for none); grey outside the record."""
+    figure, axes = single()
+    logarithmic(axes, "x")
+    ends = min(inside[0], *tau) / 3, max(inside[1], *tau) * 3
+    for a, b in ((ends[0], inside[0]), (inside[1], ends[1])):
+        axes.axvspan(a, b, color=GREY, alpha=0.2, lw=0)
+    axes.vlines(tau, 0, strength, color=INK, lw=1.6)
+    axes.plot(tau, strength, "o", color=INK, ms=4.5)
+    known = np.isfinite(error)
+    axes.errorbar(tau[known], strength[known], error[known], ls="", color=VERMILLION, capsize=3)
+    axes.set(xlabel=x_label, ylabel=y_label, xlim=ends)
+    axes.set_ylim(bottom=0)
+    return figure
 
 
 @styled

@@ -9,9 +9,8 @@ from hysteresis import GeneralizedKelvinVoigt
 from identify import DiscreteSpectrum, Spectrum
 
 from ..figures import _base as f
-from ..figures._creep import Range, step_answer
-from ..figures._creep import spectrum as drawn
 from ..figures._format import label, number, pretty, quantity
+from ..figures._survey import spectrum as drawn
 from . import _section_survey
 from ._case import Case, Section, Table
 
@@ -43,8 +42,10 @@ def curve(case: Case) -> Section:
     for log in ("", "xy" if found.kind == "creep" and step > 0 else "x"):
         t = np.geomspace(found.step, last, 200) if log else np.linspace(found.step, last, 200)
         value, low, high = (step * part for part in found.predict(t))
-        figure = step_answer(
-            drawn, Range(t, value, low, high), found.span, case.time_label, case.output_label, log
+        curves = [*drawn, f.Curve("model", t, value, f.VERMILLION)]
+        band = f.Band("range, 90 %", t, low, high)
+        figure = f.chart(
+            curves, case.time_label, case.output_label, band=band, end=found.span, log=log
         )
         how = "logarithmic" if log else "linear"
         caption = (

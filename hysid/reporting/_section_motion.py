@@ -6,8 +6,8 @@ import numpy as np
 
 from identify import Motion
 
+from ..figures import _base as f
 from ..figures._format import label, number, quantity
-from ..figures._motion import frequency_response, hysteretic_force, residual_spectrum
 from ._case import Case, Section, Table
 
 LINES = 400
@@ -18,10 +18,16 @@ def response(case: Case) -> Section:
     """The best linear approximation, with the levels of noise and of nonlinear distortion."""
     linear = motion_of(case).linear
     x, y = _frequency(case), label("displacement / force", " / ".join(case.units[::-1]))
-    figure = frequency_response(
-        linear.frequencies, linear.response, linear.noise, linear.distortion,
-        linear.model(linear.frequencies), x, y,
-    )  # fmt: skip
+    hertz = linear.frequencies
+    curves = [f.Curve("measured", hertz, np.abs(linear.response), f.BLUE, "dots")]
+    for word, level, colour in (
+        ("linear oscillator", np.abs(linear.model(hertz)), f.VERMILLION),
+        ("distortion and noise", linear.distortion, f.ORANGE),
+        ("noise", linear.noise, f.GREY),
+    ):
+        if np.isfinite(level).any():
+            curves.append(f.Curve(word, hertz, level, colour))
+    figure = f.chart(curves, x, y, log="y")
     resonance = quantity(linear.resonance, _rate(case))
     section = Section(
         "Frequency response",
@@ -42,9 +48,9 @@ def hysteresis(case: Case) -> Section:
     y = case.predicted["train"][rows]
     z: Any = np.asarray(motion.recorded.model.hysteresis.simulate(None, y))
     thin = slice(len(y) // 2, None) if len(y) > 200 else slice(None)
-    figure = hysteretic_force(
-        y[thin], z[thin], case.output_label, label("hysteretic force", case.units[0])
-    )
+    force = label("hysteretic force", case.units[0])
+    drawn = f.Curve("", y[thin], z[thin], f.BLUE, "thin")
+    figure = f.chart([drawn], case.output_label, force)
     caption = "The hysteretic force over the displacement, of the second half of the fitted motion."
     section = Section("Hysteretic force")
     section.draw(figure, "Hysteretic force over displacement", caption)
@@ -57,15 +63,17 @@ def residuals(case: Case) -> Section:
     used = fit.used
     y = np.asarray(fit.train.output)[used]
     left = fit.residuals[used]
-    f = np.fft.rfftfreq(len(y), motion.recorded.dt)
+    hertz = np.fft.rfftfreq(len(y), motion.recorded.dt)
     both = [np.abs(np.fft.rfft(x - x.mean())) / np.sqrt(len(x)) for x in (y, left)]
-    groups = np.array_split(np.arange(1, len(f)), min(LINES, len(f) - 1))
-    at = np.array([f[group].mean() for group in groups])
+    groups = np.array_split(np.arange(1, len(hertz)), min(LINES, len(hertz) - 1))
+    at = np.array([hertz[group].mean() for group in groups])
     shown = [np.array([np.sqrt(np.mean(x[group] ** 2)) for group in groups]) for x in both]
-    figure = residual_spectrum(
-        at, shown[0], shown[1], fit.noise.sigma, _frequency(case),
-        label("rms per line", case.units[1]),
-    )  # fmt: skip
+    curves = [
+        f.Curve("measured output", at, shown[0], f.BLUE),
+        f.Curve("residuals", at, shown[1], f.VERMILLION),
+        f.Curve("noise", at[[0, -1]], np.full(2, fit.noise.sigma), f.GREY, "dashed"),
+    ]
+    figure = f.chart(curves, _frequency(case), label("rms per line", case.units[1]), log="y")
     caption = (
         f"chi2 per row of the averaged motion is {number(motion.chi2)}; noise alone leaves 1. Residuals"
         " that rise at the resonance mean that the class of hysteresis is wrong."
