@@ -183,10 +183,14 @@ class Qualify(Command):
     )
     rate: float | None = option("Samples per second that the compensator must keep up with.", None)
     target: str = option(
-        "What must keep up with --rate: the header, or plain Python here.", "c", metavar="c|python"
+        "What must keep up with --rate: the header, or plain Python here.",
+        "c",
+        choices=("c", "python"),
     )
     mhz: float | None = option(
-        "Clock of the processor that runs the header; an operation is taken for a cycle.", None
+        "Clock of the processor that runs the header; an operation is taken for a cycle.",
+        None,
+        least=1e-6,
     )
     guarantee: float | None = option(
         "Probability, as 0.9, with which a band is to hold a whole new run; its width is found from the"

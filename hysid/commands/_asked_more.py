@@ -168,7 +168,9 @@ class Train(Command):
         "Hold out this whole session for testing; repeatable.", None
     )
     kind: str = option(
-        "Force model: network, everett, structured, or auto (the best of them).", "auto"
+        "Force model: network, everett, structured, or auto (the best of them).",
+        "auto",
+        choices=("auto", "network", "everett", "structured"),
     )
     epochs: int | None = _epochs()
     members: int = option(

@@ -31,7 +31,7 @@ from ..intake._columns import for_new_file, known_records, selection_of_fit
 from ..intake._folders import folders_of
 from ._asked import Qualify
 from ._console import USER, Done, Progress, warnings
-from ._step_time import check_target, step_of
+from ._step_time import step_of
 
 DRAWS, ROWS = 50, 200_000
 """Of a posterior, side by side: so many draws, or fewer where rows times draws are more than this. A row of
@@ -50,7 +50,6 @@ def run(asked: Qualify) -> Done:
 
 def _qualified(asked: Qualify, tell: Tell) -> Done:
     folder, file = asked.folder, asked.file
-    check_target(asked.target, asked.mhz)
     document = identify.internal.read_document(folder)
     fitted_on = selection_of_fit(document)
     if fitted_on.is_step or isinstance(fitted_on.input, tuple):

@@ -15,7 +15,7 @@ def together(documents: dict[str, dict[str, Any]], failed: dict[str, str]) -> di
     model = Counter(d["model"] for d in each).most_common(1)[0][0]
     candidates = []
     for name in dict.fromkeys(c["model"] for d in each for c in d["candidates"]):
-        tried = {value: c for value, d in documents.items() if (c := _candidate(d, name))}
+        tried = {v: c for v, d in documents.items() for c in d["candidates"] if c["model"] == name}
         candidates.append(
             {"model": name, "parameters": _mean_parameters([*tried.values()]), **_in_common(tried)}
         )
@@ -49,7 +49,7 @@ def _in_common(documents: dict[str, dict[str, Any]]) -> dict[str, Any]:
     """Mean figures and gravest verdict of fits or of candidates."""
     each = list(documents.values())
     return {
-        "metrics": _mean_metrics(each),
+        "metrics": _mean([d["metrics"] for d in each]),
         "score_percent": _mean([d["score_percent"] for d in each]),
         "success": all(d["success"] for d in each),
         "trusted": all(d["trusted"] for d in each),
@@ -71,34 +71,23 @@ def _mean_parameters(documents: list[dict[str, Any]]) -> list[dict[str, Any]]:
     if len(names) > 1:  # branches with other relaxation times have no mean
         return []
     columns = zip(*(d["parameters"] for d in documents), strict=True)
-    return [
-        column[0] | {"value": _mean([p["value"] for p in column])} | status for column in columns
-    ]
+    return [each[0] | {"value": _mean([p["value"] for p in each])} | status for each in columns]
 
 
 def _mean_baselines(documents: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """Mean figures of those baselines that every fit has."""
     listed = [{one["name"]: one for one in d["baselines"]} for d in documents]
+    shared = [name for name in listed[0] if all(name in found for found in listed)]
     keys = ("nrmse_percent", "rmse", "score_percent")
     return [
-        {"name": name, **{key: _mean([found[name][key] for found in listed]) for key in keys}}
-        for name in listed[0]
-        if all(name in found for found in listed)
+        {"name": name} | _mean([{key: found[name][key] for key in keys} for found in listed])
+        for name in shared
     ]
 
 
-def _candidate(document: dict[str, Any], name: str) -> dict[str, Any] | None:
-    return next((c for c in document["candidates"] if c["model"] == name), None)
-
-
-def _mean(values: list[float | None]) -> float | None:
+def _mean(values: list[Any]) -> Any:
+    """Of the numbers that are known, of objects entry by entry; None where there are none."""
     known = [v for v in values if v is not None]
+    if known and isinstance(known[0], dict):
+        return {key: _mean([one[key] for one in known]) for key in known[0]}
     return float(np.mean(known)) if known else None
-
-
-def _mean_metrics(documents: list[dict[str, Any]]) -> dict[str, Any]:
-    found: dict[str, Any] = {}
-    for part in ("train", "test"):
-        figures = [d["metrics"][part] for d in documents if d["metrics"][part] is not None]
-        found[part] = {k: _mean([f[k] for f in figures]) for k in figures[0]} if figures else None
-    return found

@@ -18,14 +18,6 @@ STEPS = 2000
 """Steps that are timed, at most."""
 
 
-def check_target(target: str, mhz: float | None) -> None:
-    """Raise `InputError` `bad-option` for an unknown target, and a clock that is none."""
-    if target not in ("c", "python"):
-        raise InputError("bad-option", f"The target {target!r} is unknown.", fix="c or python.")
-    if mhz is not None and not (np.isfinite(mhz) and mhz > 0):
-        raise InputError("bad-option", f"mhz={mhz:g} is no clock.", fix="a positive --mhz.")
-
-
 def step_of(fitted: identify.FitResult, target: str, mhz: float | None) -> Step | None:
     """Over the training's readings: "c" by counted operations, a cycle of `mhz` each; "python" timed here.
 

@@ -23,7 +23,7 @@ from ..intake._selection import Selection
 from ..soft_sensor._estimate import TRAINING, Estimates, estimates_of, judged
 from ..soft_sensor._force_networks import updates_of
 from ..soft_sensor._force_records import ForceRecord
-from ..soft_sensor._force_training import ForceTraining, train_force
+from ..soft_sensor._force_training import KINDS, ForceTraining, train_force
 from ..soft_sensor._learn import checks_of, learn_places, learn_positions
 from ..soft_sensor._sensor import ARRAYS, FORCE, WORDS, SoftSensor, save_sensor
 from ..soft_sensor._sessions import Session, Streams, Targets, read_sessions
@@ -32,7 +32,6 @@ from ._console import Done, Progress, log, warnings
 from ._estimate import figure_lines
 
 SCHEMA = 1
-KINDS = ("auto", "network", "everett", "structured")
 RUNTIME, CHECKPOINT = "runtime.json", "checkpoint"
 PICTURES = ("learning.png", "force.png", "places.png", "position.png")
 TIMED, SLOW_S = 200, 5e-4
@@ -61,9 +60,6 @@ def _trained(asked: Train, out: Path, progress: Progress) -> dict[str, Any]:
     resumed training of other data or settings, and as `train_force`, `Localizer.train` and
     `fit_positions` do.
     """
-    if asked.kind not in KINDS:
-        fix = f"Use one of {', '.join(KINDS)} (--kind)."
-        raise InputError("bad-option", f"{asked.kind!r} is not a kind of estimator.", fix=fix)
     selection = Selection(**asked.selection, output=asked.force or "", output_unit=asked.force_unit)
     targets = Targets(asked.force, asked.place, asked.position)
     names = tuple(filter(None, map(str.strip, asked.places.split(","))))
@@ -165,7 +161,7 @@ def _learn_force(
     """Of the kind asked for, or of all there can be, the least held-out error; and those of all."""
     records = [one for part in parts for one in _records(part)]
     several = parts[0].readings.shape[1] > 1
-    kinds = (asked.kind,) if asked.kind != "auto" else ("network",) if several else KINDS[1:]
+    kinds = (asked.kind,) if asked.kind != "auto" else ("network",) if several else (*KINDS,)
     options: dict[str, Any] = {"members": asked.members, "seed": asked.seed}
     if asked.epochs is not None:
         rows = sum(int(np.isfinite(record.force).sum()) for record in records)

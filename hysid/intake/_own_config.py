@@ -140,4 +140,5 @@ def read_toml(file: Path) -> dict[str, Any]:
             f"This file is not TOML: {error}.",
             place=str(file),
             cause="Text without quotation marks, or a table that is not closed.",
+            fix="Correct it in an editor, or let hysid init write a new one.",
         ) from None

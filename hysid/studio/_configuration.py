@@ -9,8 +9,8 @@ import tomlkit
 
 from hysteresis import InputError
 from hysteresis._atomic_file import write_whole
-from hysteresis._limits import parse_toml
 
+from ..intake._own_config import read_toml
 from ..intake._selection import Selection, fits_option, selection_of
 from ..intake._selection_options import FIELDS
 
@@ -24,7 +24,9 @@ def read(config: Path) -> dict[str, Any]:
 
     Raises `InputError` `bad-config`, and `outside-folder` where it names a file that is not in its folder.
     """
-    document = _document(config).unwrap()
+    document = read_toml(config) if config.exists() else {}
+    if odd := [key for key, one in document.items() if not isinstance(one, dict)]:
+        raise InputError("bad-config", f"{odd[0]!r} is not a table.", place=str(config))
     found = {name: dict(document.get(name, {})) for name in TABLES}
     other, folder = found["selection"].get("dialects"), config.parent.resolve()
     if isinstance(other, str) and not (folder / other).resolve().is_relative_to(folder):
@@ -65,7 +67,8 @@ def change(config: Path, changes: Mapping[str, Mapping[str, Any]]) -> None:
 
     Raises `InputError` `bad-config`, `unknown-key`, `bad-option` for a value that the key cannot have.
     """
-    document = _document(config)
+    read(config)
+    document = tomlkit.parse(config.read_text("utf-8")) if config.exists() else tomlkit.document()
     for name, keys in changes.items():
         if name not in TABLES:
             raise InputError(
@@ -101,22 +104,3 @@ def _is_plain(value: Any) -> bool:
     if isinstance(value, dict):
         return False
     return value is None or abs(value) < (2**63 if isinstance(value, int) else math.inf)
-
-
-def _document(config: Path) -> Any:
-    """The document, within the limits of `parse_toml`; its entries are tables."""
-    try:
-        text = config.read_text("utf-8")
-        odd = [key for key, one in parse_toml(text).items() if not isinstance(one, dict)]
-        document = tomlkit.parse(text)
-    except FileNotFoundError:
-        return tomlkit.document()
-    except ValueError as error:  # TOML's and UTF-8's errors are both
-        raise InputError(
-            "bad-config", f"This file is not TOML: {error}.", place=str(config),
-            cause="Text without quotation marks, or a table that is not closed.",
-            fix="Correct it in an editor, or delete it: hysid then guesses again.",
-        ) from None  # fmt: skip
-    if odd:
-        raise InputError("bad-config", f"{odd[0]!r} is not a table.", place=str(config))
-    return document
