@@ -141,19 +141,17 @@ def verdict_lines(document: dict[str, Any]) -> list[str]:
 
 def candidate_lines(document: dict[str, Any]) -> list[str]:
     """Models and baselines with their errors: on held-out parts of the training rows, on the test rows."""
+    from hysteresis._show import aligned  # late: it loads JAX, which runs by now
+
     unit = document["data"]["output"]["unit"]
-    rows = [(c["model"], c["score_percent"], c["metrics"]["test"]) for c in document["candidates"]]
-    baselines = document["baselines"]
-    rows += [(f"({b['name']})", b["score_percent"], b["metrics"]["test"]) for b in baselines]
-    width = max(len(name) for name, _, _ in rows)
-    lines = [f"  {'model, or (baseline)':{width}}  folds, %  held out, %  rms{_in(unit)}"]
-    for name, score, test in rows:
-        cells = [score, *((test["nrmse_percent"], test["rmse"]) if test else (None, None))]
-        shown = ["-" if x is None else f"{x:.3g}" for x in cells]
-        lines.append(
-            f"  {name:{width}}  {shown[0]:>8}  {shown[1]:>11}  {shown[2]:>{3 + len(_in(unit))}}"
-        )
-    return lines
+    named = [(c["model"], c) for c in document["candidates"]]
+    named += [(f"({b['name']})", b) for b in document["baselines"]]
+    rows = [["  model, or (baseline)", "folds, %", "held out, %", f"rms{_in(unit)}"]]
+    for name, one in named:
+        test = one["metrics"]["test"] or {}
+        cells = one["score_percent"], test.get("nrmse_percent"), test.get("rmse")
+        rows.append([f"  {name}", *("-" if x is None else f"{x:.3g}" for x in cells)])
+    return aligned(rows, range(1, 4))
 
 
 def compensator_lines(document: dict[str, Any]) -> list[str]:

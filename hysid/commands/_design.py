@@ -7,6 +7,7 @@ import numpy as np
 import identify
 from hysteresis import InputError
 from hysteresis._atomic_file import write_table
+from hysteresis._show import aligned
 
 from ._asked import Design
 from ._console import Done, warnings
@@ -48,18 +49,20 @@ def run(asked: Design) -> Done:
 
 
 def _lines(found: dict[str, Any]) -> list[str]:
-    units = found["units"]
-    of_level, of_place = f"rms ({units['level']})", f"largest ({units['displacement']})"
-    lines = [
-        f"{'band (' + units['frequency'] + ')':>22}{of_level:>12}{'hysteresis':>12}{'mass':>10}"
-        f"{'damping':>10}{'stiffness':>11}{of_place:>14}"
-    ]
-    lines += [
-        f"{one['low']:>11.4g}{one['high']:>11.4g}{one['level']:>12.4g}{one['hysteresis']:>12.2%}"
-        f"{one['mass']:>10.2%}{one['damping']:>10.2%}{one['stiffness']:>11.2%}"
-        f"{one['displacement']:>14.3g}{'  beyond the fitted record' if one['beyond'] else ''}"
+    units, figures = found["units"], ("hysteresis", "mass", "damping", "stiffness")
+    rows = [[
+        f"band ({units['frequency']})", f"rms ({units['level']})", *figures,
+        f"largest ({units['displacement']})", "",
+    ]]  # fmt: skip
+    rows += [
+        [
+            f"{one['low']:.4g}-{one['high']:.4g}", f"{one['level']:.4g}",
+            *(f"{one[name]:.2%}" for name in figures), f"{one['displacement']:.3g}",
+            "beyond the fitted record" if one["beyond"] else "",
+        ]
         for one in found["multisines"][:SHOWN]
-    ]
+    ]  # fmt: skip
+    lines = aligned(rows, range(7))
     if found["extrapolated"]:
         lines += warnings(
             ["Every multisine moves farther than the fitted record, so these figures extrapolate."]

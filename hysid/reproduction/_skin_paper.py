@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from compensate.microchannel import Confusion
+from hysteresis._show import aligned
 from identify import Trained
 
 from . import _skin_figures as figures
@@ -165,24 +166,20 @@ def _tables(skin: Skin, found: dict[str, Any], with_ours: bool) -> dict[str, str
 
 
 def _logic(skin: Skin) -> str:
-    lines = [
-        f"{'found, of 3':12}{'all fingers':>15}{'unequal forces':>18}{'the same, by':>18}",
-        f"{'':12}{'press with 4 N':>15}{'of 1.5 to 8 N':>18}{'published ranks':>18}",
-    ]
+    ways = (skin.decisions, skin.unequal, skin.by_ranks)
+    rows = [["found, of 3", "all with 4 N", "each 1.5 to 8 N", "the same, by published ranks"]]
     for places in skin.logic.combinations:
         right = [
-            sum(found == places for pressed, found in every if pressed == places)
-            for every in (skin.decisions, skin.unequal, skin.by_ranks)
+            sum(found == places for pressed, found in every if pressed == places) for every in ways
         ]
-        name = "+".join(sorted(map(str, places)))
-        lines.append(f"{name:12}{right[0]:15d}{right[1]:18d}{right[2]:18d}")
-    return "\n".join(lines)
+        rows.append(["+".join(sorted(map(str, places))), *map(str, right)])
+    return "\n".join(aligned(rows, range(1, 4)))
 
 
 def _peaks(peaks: list[dict[str, Any]]) -> str:
-    lines = [f"{'place':6}{'time, s':>9}{'force, N':>10}{'found, N':>10}{'late, ms':>10}"]
+    rows = [["place", "time, s", "force, N", "found, N", "late, ms"]]
     for one in peaks:
-        found = f"{one['found']:10.2f}{1e3 * one['late']:10.0f}"
-        found = f"{'none':>10}" if np.isnan(one["found"]) else found
-        lines.append(f"{one['location']:6}{one['time']:9.2f}{one['force']:10.2f}{found}")
-    return "\n".join(lines)
+        found = [f"{one['found']:.2f}", f"{1e3 * one['late']:.0f}"]
+        found = ["none", ""] if np.isnan(one["found"]) else found
+        rows.append([one["location"], f"{one['time']:.2f}", f"{one['force']:.2f}", *found])
+    return "\n".join(aligned(rows, range(1, 5)))
