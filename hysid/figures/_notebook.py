@@ -17,7 +17,7 @@ from identify import DataSheet, FitResult, Posterior
 from . import _base as f
 from ._data_sheet import draw_sheet, title
 from ._format import number, plain_name, pretty, quantity
-from ._plot import draw_compensator, draw_fit, draw_record, swept
+from ._plot import draw_compensator, draw_fit, draw_record, of_kind, swept
 
 MOST_ROWS, MOST_POINTS = 12, 1200
 COLOURS = {"PASS": f.GREEN, "CAUTION": f.ORANGE, "FAIL": f.VERMILLION}
@@ -28,21 +28,7 @@ def html(thing: Any) -> str:
 
     Raises `InputError` `no-picture` for anything else.
     """
-    if isinstance(thing, Record):
-        return _record(thing)
-    if isinstance(thing, FitResult):
-        return _fit(thing)
-    if isinstance(thing, Posterior):
-        return _posterior(thing)
-    if isinstance(thing, AbstractCompensator):
-        return _compensator(thing)
-    if isinstance(thing, DataSheet):
-        return _page(title(thing), [_image(draw_sheet(thing), title(thing))])
-    raise InputError(
-        "no-picture",
-        f"A {type(thing).__name__} has no HTML form.",
-        fix="Give a Record, a FitResult, a Posterior or a compensator.",
-    )
+    return of_kind(_SHOWN, thing, "has no HTML form")(thing)
 
 
 def _record(record: Record) -> str:
@@ -131,6 +117,16 @@ def _compensator(compensator: AbstractCompensator) -> str:
     picture = _image(draw_compensator(compensator), "Estimates of the input against readings")
     table = _table(("parameter", "value", "unit", "meaning"), rows)
     return _page(type(compensator).__name__, [*_listed("", said), table, picture])
+
+
+def _sheet(sheet: DataSheet) -> str:
+    return _page(title(sheet), [_image(draw_sheet(sheet), title(sheet))])
+
+
+_SHOWN: dict[type, Any] = {
+    Record: _record, FitResult: _fit, Posterior: _posterior, AbstractCompensator: _compensator,
+    DataSheet: _sheet,
+}  # fmt: skip
 
 
 def _page(title: str, parts: Iterable[str], level: str = "", word: str = "") -> str:

@@ -1,6 +1,6 @@
 """What `plot()` of a record, a fit, a posterior and a compensator draws: a matplotlib Figure out."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -25,13 +25,18 @@ SWEEP = 120
 
 def plot(thing: Any, **options: Any) -> Figure:
     """The figure of a record, a fit, a posterior or a compensator. Raises `no-picture` for others."""
-    for kind, draw in _DRAWN.items():
+    return of_kind(_DRAWN, thing, "cannot be drawn")(thing, **options)
+
+
+def of_kind(known: Mapping[type, Any], thing: Any, otherwise: str) -> Any:
+    """What shows a thing of this kind. Raises `no-picture` for others."""
+    for kind, found in known.items():
         if isinstance(thing, kind):
-            return draw(thing, **options)
+            return found
     raise InputError(
         "no-picture",
-        f"A {type(thing).__name__} cannot be drawn.",
-        fix="give a Record, a FitResult, a Posterior or a compensator.",
+        f"A {type(thing).__name__} {otherwise}.",
+        fix="Give a Record, a FitResult, a Posterior or a compensator.",
     )
 
 

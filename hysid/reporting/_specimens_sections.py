@@ -108,18 +108,12 @@ def parameters(
         section.tables.append(Table("" if k == 0 else "Further parameters.", columns, rows))
     free = [n for n in names if any(np.isfinite(f.low) for f in _of(group, n))][:CHARTS]
     if free and len(group) > 1:
-        spread = [
-            Spread(
-                n,
-                units[n],
-                np.array([f.value for f in _of(group, n)]),
-                np.array([f.low for f in _of(group, n)]),
-                np.array([f.high for f in _of(group, n)]),
-                [n in one.why for one in group],
-                (known[n].new.low, known[n].new.high) if n in known else None,
-            )
-            for n in free
-        ]
+        spread = []
+        for n in free:
+            value, low, high = np.array([f[:3] for f in _of(group, n)]).T
+            new = (known[n].new.low, known[n].new.high) if n in known else None
+            out = [n in one.why for one in group]
+            spread.append(Spread(n, units[n], value, low, high, out, new))
         caption = "Each parameter over the specimens, in the order of the table."
         if known:
             caption += " The pale band contains 90 % of new specimens."
