@@ -1,6 +1,5 @@
 """Bad input through the command line: one message with place, cause and fix; nothing is written."""
 
-import json
 import subprocess
 import sys
 from hashlib import sha256
@@ -211,14 +210,6 @@ def test_a_missing_file_names_the_nearest():
     refused(run("check", "day/run.csv", *COLUMNS), "its folder does not exist", "[file-not-found]")
     refused(run("check", ".", *COLUMNS), "this is a folder", "[is-directory]")
     assert list(tree(Path())) == ["run_07.csv"]
-
-
-@pytest.mark.parametrize("name", ["nowhere.csv", ".", "empty.csv"])
-def test_a_file_that_cannot_be_read_has_a_fix_in_json(name):
-    put("", "empty.csv")
-    error = json.loads(run("check", name, *COLUMNS, "--json").err)["error"]
-    assert error["fix"]
-    assert error["where"] == name
 
 
 def test_a_file_that_may_not_be_read(monkeypatch):

@@ -110,35 +110,6 @@ def test_the_fix_that_the_message_names_is_accepted(content, options):
     assert "complete cycles" in said.out
 
 
-def test_units_that_are_found_are_said():
-    put(text([["s", "N", "mm", ""], *ROWS], N))
-    said = run("check", "run.csv", *BARE).out
-    assert "Row 2 is units (s, N, mm, ); using them. Confirm with units_row=2" in said
-    assert "0 to 20 N" in said
-
-
-def test_of_a_hundred_specimens_the_bad_one_is_named():
-    rows, bad = ROWS[:41], overloaded()[:41]
-    parts = {f"s{k:02d}": bad if k == 57 else rows for k in range(100)}
-    cells = [[*row, name] for name, part in parts.items() for row in part]
-    put(text([*cells, [*ROWS[0], "alone"]], GROUPED))
-    found = run("check", "run.csv", *COLUMNS, "--each", "block", "--json").json()
-    assert len(found["each"]) == 99
-    assert list(found["failed"]) == ["s57", "alone"]
-    assert "line 2344" in found["failed"]["s57"]
-    assert "[text-cell]" in found["failed"]["s57"]
-    assert "[too-few-rows]" in found["failed"]["alone"]
-
-
-def test_the_others_are_fitted_where_one_reading_is_a_word():
-    put(blocks(ROWS, overloaded(), ROWS[:1]))
-    quick = ("--noise", "gaussian", "--starts", 2, "--conditioning", "keep", "--json")
-    found = run("fit", "run.csv", *COLUMNS, "--each", "block", *FIT, *quick).json()
-    assert list(found["each"]) == ["A"]
-    assert "line 108" in found["failed"]["B"]
-    assert "1 samples" in found["failed"]["C"]
-
-
 def test_specimens_of_one_sample_are_too_short():
     put(blocks(ROWS[:1], ROWS[:1]))
     words = ("1 samples", "at least one loop", "[too-few-rows]\n")

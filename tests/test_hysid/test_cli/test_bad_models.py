@@ -10,10 +10,6 @@ import pytest
 
 from hysteresis import (
     Burgers,
-    GeneralizedKelvinVoigt,
-    GeneralizedMaxwell,
-    InputError,
-    StandardLinearSolid,
 )
 from hysteresis._serialisation import described
 from identify.internal import read_document, sealed
@@ -65,43 +61,6 @@ def test_time_constants_that_the_record_cannot_show(constant, words):
     (said,) = [reason["text"] for reason in reasons if reason["code"] == "unseen-time-constant"]
     for word in words:
         assert word in said
-
-
-def test_missing_time_is_refused_by_a_model_that_needs_it():
-    put(text(sponge()))
-    said = run("fit", "run.csv", *COLUMNS[:4], *BURGERS)
-    assert (said.code, said.out) == (2, "")
-    for word in ("Burgers depends on the rate", "--time COL", "--dt SECONDS", '"no-time"'):
-        assert word in said.err.splitlines()[-1]
-
-
-def test_uneven_time_is_used_and_no_warning():
-    """Steps of a model that depends on the rate are exact at any spacing."""
-    rows = creep(20.0, 400).splitlines(keepends=True)  # of which 200 are kept
-    put("".join(row for k, row in enumerate(rows) if k == 0 or k % 3 == 1 or k > 300))
-    found = run("fit", "run.csv", *COLUMNS, *BURGERS).json()
-    assert not [reason for reason in found["verdict"]["reasons"] if "clock" in reason["text"]]
-    values = {p["name"]: p["value"] for p in found["parameters"]}
-    assert values["eta2"] / values["E2"] == pytest.approx(20.0, rel=0.1)
-
-
-@pytest.mark.parametrize(
-    ("make", "value"),
-    [
-        *((lambda x: Burgers(1.0, 1.0, x, 1.0), x) for x in (0.0, -1.0, np.nan)),
-        *((lambda x: StandardLinearSolid(x, 1.0, 1.0), x) for x in (0.0, -1.0, np.nan)),
-        # A branch of no stiffness is none.
-        *((lambda x: GeneralizedKelvinVoigt(1.0, [1.0, x], [1.0, 1.0]), x) for x in (-1.0, np.nan)),
-        *((lambda x: GeneralizedMaxwell(0.0, [1.0, x], [1.0, 1.0]), x) for x in (-1.0, np.nan)),
-        *((lambda x: GeneralizedMaxwell(x, [1.0], [1.0]), x) for x in (-1.0, np.nan)),
-    ],
-)
-def test_moduli_that_are_not_positive_are_refused(make, value):
-    with pytest.raises(InputError) as caught:
-        make(value)
-    assert caught.value.code == "parameter-out-of-bounds"
-    assert caught.value.cause
-    assert "give E" in caught.value.fix
 
 
 def test_a_saved_model_with_a_negative_modulus_is_refused(line):

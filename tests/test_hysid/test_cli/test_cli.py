@@ -89,16 +89,6 @@ def each(folder) -> dict[str, Any]:
     return again
 
 
-def test_check_says_what_is_in_a_record(folder):
-    said = run("check", folder / "run.csv", *COLUMNS)
-    assert said.code == 0
-    assert said.err == ""
-    for word in ("101 rows", "5 complete cycles", "0 to 20 N", "counter-clockwise"):
-        assert word in said.out
-    found = run("check", folder / "run.csv", *COLUMNS, "--json").json()
-    assert (found["rows"], found["cycles"], found["warnings"]) == (101, 5, [])
-
-
 def test_fit_prints_what_it_wrote(fitted, folder):
     assert fits(fitted, FIT)
     assert fitted["schema"] == 1
@@ -148,12 +138,6 @@ def test_predict_begins_in_the_state_that_known_rows_tell(fitted, folder, invers
         assert rows[30]["status"] != "RUN_IN"
     else:
         assert "30 known rows" in " ".join(known.json()["notes"])
-
-
-def test_predict_without_the_driving_column_says_so(fitted, folder):
-    said = run("predict", folder / "out", folder / "depths.csv")
-    assert (said.code, said.out) == (2, "")
-    assert f"No column {F!r}" in said.err
 
 
 def test_sample_prints_the_posterior(fitted, folder):
@@ -222,15 +206,6 @@ def test_help(arguments):
     said = run(*arguments)
     assert (said.code, said.err) == (0, "")
     assert said.out.startswith("Usage: hysid")
-
-
-@pytest.mark.parametrize("command", COMMANDS)
-def test_an_unknown_option_is_no_bug_of_ours(command):
-    said = run(command, "--frobnicate")
-    assert (said.code, said.out) == (2, "")
-    assert said.err.startswith("hysid: No such option")  # click changes the rest
-    assert "--frobnicate" in said.err
-    assert said.err.count("\n") == 1
 
 
 def stop(error: BaseException) -> Any:

@@ -9,7 +9,7 @@ from unittest.mock import patch
 import pytest
 
 from hysid import _compile_cache as _compiled
-from hysid._compile_cache import keep_compiled, keep_compiled_by_python
+from hysid._compile_cache import keep_compiled
 from tests.test_hysid.command import ENVIRONMENT
 from tests.thorough import rest_thorough
 
@@ -66,13 +66,6 @@ def test_the_users_word_counts(tmp_path: Path):
     assert FOLDER not in kept(**place, JAX_ENABLE_COMPILATION_CACHE="0")
     assert kept(**place, **{FOLDER: "elsewhere"})[FOLDER] == "elsewhere"
     assert not any(tmp_path.iterdir())
-
-
-def test_the_word_of_a_program_counts():
-    """It has given JAX a folder of its own, or turned the cache off, as these tests do."""
-    before = dict(os.environ)
-    keep_compiled_by_python.__wrapped__()
-    assert dict(os.environ) == before
 
 
 def test_without_a_home_nothing_is_kept(tmp_path: Path):

@@ -48,11 +48,6 @@ def test_an_error_of_the_data_is_an_object_with_the_fields_of_the_exception(file
     assert all(words in said for words in found.values())
 
 
-def test_the_object_is_the_only_line_where_nothing_was_logged(file):
-    said = run("check", file, "--input", "Force", *COLUMNS[2:], "--json").err
-    assert said.count("\n") == 1
-
-
 @pytest.mark.parametrize(
     ("arguments", "where"),
     [

@@ -84,12 +84,6 @@ def test_a_target_is_written(folder: Path):
     refused(run("export", folder, "--to", "plc", folder / "plc"), "plc", "arduino")
 
 
-def test_what_is_at_fault_is_said(folder: Path):
-    refused(run("export", folder), "--c FILE.h")
-    refused(run("export", folder, "--c", folder / "1 2.h"), "cannot be a name in C")
-    refused(run("export", folder / "none", "--c", folder / "it.h"), "none")
-
-
 @pytest.mark.skipif(not COMPILERS, reason="no C compiler")
 @pytest.mark.parametrize("name", ["force */ int planted; /* (N)", "/*raw*/", "a??/", "b\u202e\\"])
 def test_names_of_columns_run_nothing(name: str, tmp_path: Path):

@@ -124,12 +124,6 @@ def test_a_posterior_gives_the_worst_case(folder, monkeypatch):
     assert "coverage" in [reason["code"] for reason in result["verdict"]["reasons"]]
 
 
-@pytest.mark.parametrize("option", ["--max-error", "--rate"])
-def test_a_need_that_can_never_be_met_is_refused(folder, option):
-    said = run("qualify", folder / "fit", folder / "other.csv", option, -1)
-    refused(said, "can never be met", option)
-
-
 ROWS = sponge()
 OTHER_HEADER = (T, F, "displacement", "cycle")
 
@@ -156,32 +150,6 @@ def test_bad_files_are_refused_in_a_line(folder, tmp_path, content, words):
     before = tree(folder / "fit")
     refused(run("qualify", folder / "fit", tmp_path / "bad.csv"), *words)
     assert tree(folder / "fit") == before
-
-
-@pytest.mark.parametrize(
-    ("units", "words"),
-    [
-        (("s", "kN", "mm", "1"), ("force is in kN", "fitted to N")),
-        (("s", "N", "m", "1"), ("displacement is in m", "fitted to mm")),
-    ],
-)
-def test_other_units_are_refused(tmp_path, units, words):
-    header = ("time", "force", "displacement", "cycle")
-    columns = ("--time", "time", "--input", "force", "--output", "displacement", "--units-row", 2)
-    (tmp_path / "run.csv").write_text(text([["s", "N", "mm", "1"], *ROWS], header))
-    out = (*LINE, "--out", tmp_path / "out")
-    assert run("fit", tmp_path / "run.csv", *columns, *out).code == 0
-    (tmp_path / "other.csv").write_text(text([[*units], *ROWS], header))
-    refused(run("qualify", tmp_path / "out", tmp_path / "other.csv"), *words, "[wrong-unit]")
-
-
-def test_no_file_no_fit_and_no_value_are_refused(folder, tmp_path):
-    refused(run("qualify", folder / "fit", tmp_path / "none.csv"), "none.csv")
-    refused(run("qualify", tmp_path, folder / "run.csv"), str(tmp_path))
-    other = [[*row, "hard"] for row in ROWS]
-    (tmp_path / "other.csv").write_text(text(other, (*HEADER, "block")))
-    refused(run("qualify", folder / "each", tmp_path / "other.csv"), "was fitted", "soft")
-    refused(run("qualify", folder / "fit", folder / "run.csv", "--nan", "drop"), "drop")
 
 
 def test_a_fit_of_several_inputs_is_refused(folder, tmp_path):

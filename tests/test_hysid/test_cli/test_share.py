@@ -41,28 +41,3 @@ def test_specimens_of_several_files_share_a_parameter(tmp_path):
     assert "conflicting-options" in run("fit", *files, *again).err
     assert "bad-option" in run("fit", *files, *again, "--share", "E1").err
     assert "bad-option" in run("fit", *files, *again, "--share", "K", "--noise", "ar1").err
-
-
-def test_sigma_names_a_column(tmp_path):
-    file = tmp_path / "rig.csv"
-    written(file, 1.0)
-    how = (*COLUMNS, "--model", "LinearSponge", "--noise", "gaussian", "--starts", "2", "--json")
-    errors = {}
-    for name, more in (("with", ("--sigma", "s")), ("without", ())):
-        document = run("fit", file, *how, *more, "--out", tmp_path / name).json()
-        errors[name] = document["parameters"][0]["stderr"]
-    assert errors["with"] < 0.2 * errors["without"]
-    codes = [
-        one["code"]
-        for one in run("fit", file, *how, "--sigma", "s", "--overwrite").json()["verdict"][
-            "reasons"
-        ]
-    ]
-    assert "sigma" in codes
-    kept = identify.load(tmp_path / "with")
-    assert kept.train.sigma_name == "s"
-    assert kept.train.sigma == pytest.approx(np.where(np.arange(80) % 2, 0.05, 1.0))
-    predicted = run("predict", tmp_path / "with", file, "--json")
-    assert predicted.json()["rows"] == 80
-    assert run("init", file, *COLUMNS, "--sigma", "s").code == 0
-    assert 'sigma = "s"' in file.with_suffix(".toml").read_text()
