@@ -36,14 +36,6 @@ def test_of_very_many_cycles_some_tell_the_rate():
     assert (found.first, found.last) == (1, 20_000)
 
 
-def test_no_change_is_seen_where_there_is_none_or_nothing_is_repeated():
-    still = change(cycled(0.0))
-    assert still is not None
-    assert not still.is_sure
-    u = np.concatenate([a * (1 - np.abs(np.linspace(-1, 1, 41))) for a in (1, 2, 3, 4, 5)])
-    assert change(Record.from_arrays(u, u)) is None
-
-
 def test_a_zero_that_moves_far_is_told_first():
     (first, *_) = check_identifiable(cycled(0.3))
     assert first.code == "zero-moves"

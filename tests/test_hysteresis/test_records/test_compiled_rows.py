@@ -143,13 +143,3 @@ def test_decimal_commas_and_words_for_missing_values(both):
     assert is_compiled(found)
     assert np.isnan(found.columns["x (mm)"]).sum() == 186
     assert_same(found, careful)
-
-
-def test_a_bad_cell_far_below_is_named(both):
-    found, _ = both("\n".join(COMPILED["a word"]))
-    with pytest.raises(InputError) as caught:
-        found.number("force (N)")
-    assert caught.value.code == "text-cell"
-    assert "line 1100" in str(caught.value)
-    assert found.number("x (mm)")[1098] == 3.0
-    assert found.number("force (N)", np.arange(ROWS) < 1000).dtype == float

@@ -95,15 +95,6 @@ def test_05_text_cell(read):
     refused("text-cell", lambda: read(endless), "line 9", f"'{F}'", "'999")
 
 
-def test_29_numbers_that_are_none(read):
-    refused("not-finite", lambda: read(with_cell(4, "0.2,1,inf")), "line 4", "'inf'", "--na-values")
-    refused("too-large", lambda: read(with_cell(4, "0.2,-2e305,1")), "line 4", X)
-    thousands = with_cell(4, '0.2,1,"1,234"')
-    refused("thousands-separator", lambda: read(thousands), "line 4", "'1,234'", "--decimal ,")
-    german = f"{X};{F}\n1,5;1.234,5\n2,5;2,5\n"
-    refused("thousands-separator", lambda: read(german, decimal=","), "line 2", "'1.234,5'")
-
-
 # 6: series
 
 
@@ -146,21 +137,6 @@ def test_units_from_headers(read, header, unit):
     assert noted == (unit == "1" and "-" not in header)
 
 
-def test_09_unknown_unit(read):
-    text = table(header=f"{T},{X},Signal (ADC)")
-    words = ("'ADC' is unknown", "--output-unit", "count")
-    refused("unknown-unit", lambda: read(text, output="Signal (ADC)"), *words)
-    assert read(text, output="Signal (ADC)", output_unit="count").output_unit == "count"
-    text = table(header=f"{T},Field (a.u.),{F}")
-    refused("unknown-unit", lambda: read(text, "Field (a.u.)"), "--input-unit")
-    refused("unknown-unit", lambda: read(table(), time=T, time_unit="blinks"), "--time-unit")
-
-
-def test_10_force_in_grams(read):
-    text = table(header=f"{T},{X},Force (g)")
-    refused("wrong-unit", lambda: read(text, output="Force (g)"), "mass", "gf", "0.00981")
-
-
 # 27: dialects
 
 
@@ -187,15 +163,6 @@ def test_27_dialects_read_alike(read, change):
     assert record.digest() == read(table(), time=T).digest()
 
 
-def test_27_latin_1_header_and_quoted_separator(read):
-    text = table(header=f'"Temp, dry (°C)",{X},{F}')
-    record = read(text.encode("latin-1"), input="Temp, dry (°C)")
-    assert record.input_unit == "degC"
-    assert any("Latin-1" in s for s in record.history)
-    wrapped = table(header=f'{T},{X},"Force\n(N)"')
-    assert read(wrapped).line[0] == 3
-
-
 # selection
 
 
@@ -215,15 +182,6 @@ def test_groups_where_and_keep(read):
     refused("bad-option", lambda: read(table(), time=T, dt=0.1), "--dt")
     refused("bad-option", lambda: read(table(), dt=0.0), "--dt")
     refused("bad-option", lambda: read(table(), decimal=";"), "--decimal")
-
-
-def test_a_table_is_read_once(tmp_path):
-    path = tmp_path / "run.csv"
-    path.write_text(table())
-    rows = read_table(path)
-    assert read_csv(rows, X, F, time=T).digest() == read_csv(path, X, F, time=T).digest()
-    assert rows.columns[T].dtype == float
-    assert rows.text[F][1] == "2.5"
 
 
 def test_conditions(tmp_path):
@@ -286,26 +244,6 @@ def test_any_bytes_give_a_table_or_an_input_error(tmp_path, data):
     except InputError:
         return
     assert all(len(x) == len(found.line) for x in found.columns.values())
-
-
-@given(st.text(alphabet="0123456789.,;-e\"'#\n\tnaN ()", max_size=200))
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_any_text_gives_a_record_or_an_input_error(tmp_path, text):
-    path = tmp_path / "noise.csv"
-    path.write_text("a,b\n" + text)
-    try:
-        record = read_csv(path, "a", "b")
-    except InputError:
-        return
-    assert np.isfinite(record.input).all()
-
-
-def test_a_long_table_without_a_header_of_units(tmp_path):
-    path = tmp_path / "long.csv"
-    x = np.random.default_rng(0).normal(size=(60_000, 6))
-    np.savetxt(path, x, delimiter=",", header="a,b,c,d,e,f", comments="")
-    record = read_csv(path, "a", "f", dt=0.001)
-    assert np.array_equal(record.output, x[:, 5])
 
 
 def test_measured_data_read(request):

@@ -192,11 +192,6 @@ def test_notes_list_the_names_of_columns(notes, table):
         assert dict(found.units) == {"Force": "N", "Position": "mm"}
 
 
-def test_a_list_of_another_length_names_no_columns(table):
-    found = table("# NAME0 = Force\n# NAME1 = Position\n# NAME2 = T\n" + rows(F, X))
-    assert list(found.columns) == ["column 1", "column 2"]
-
-
 @pytest.mark.parametrize(
     ("notes", "units"),
     [("Units: lbF\nX-Axis: Travel\nTravel Unit: in", ["lbf", "in"]), ("# Units: kN, mm", ["kN", "mm"]),
@@ -206,10 +201,6 @@ def test_a_list_of_another_length_names_no_columns(table):
 def test_notes_tell_the_units_of_columns(notes, units, table):
     found = table(f"{notes}\nLoad\tTravel\n" + rows(F, X))
     assert [found.units.get(name) for name in ("Load", "Travel")] == units
-
-
-def test_a_unit_behind_a_name_goes_before_that_of_a_note(table):
-    assert not table("Units: lbF\nLoad (N)\tTravel (mm)\n" + rows(F, X)).units
 
 
 @pytest.mark.parametrize(

@@ -162,13 +162,6 @@ def test_labview_with_one_clock(table, decimal):
     assert found.decimal == decimal
 
 
-def test_labview_without_a_clock_counts_its_steps(table):
-    lines = rows(X, F, sep="\t").splitlines()
-    body = "X_Value\tweg\tkraft\tComment\n" + "".join(f"\t{line}\n" for line in lines)
-    found = table(lvm("No", SEGMENT + body), "run.lvm")
-    np.testing.assert_allclose(found.columns["X_Value"], T)
-
-
 def test_labview_with_a_clock_for_each_channel(table):
     body = "X_Value\tweg\tX_Value\tkraft\tComment\n"
     found = table(lvm("Multi", SEGMENT + body + rows(T, X, T + 0.1, F, sep="\t")), "run.lvm")
@@ -351,14 +344,6 @@ def test_ros_bag(tmp_path, generation):
     with pytest.raises(InputError) as caught:
         read_table(path)
     assert caught.value.code == "damaged-file"
-
-
-def test_plain_files_are_read_as_before(table):
-    plain = "Time (s),Disp (mm),Force (N)\n" + rows(T, X, F)
-    for content in (plain, f"# rig 3\n{plain}", plain.replace("\n", "\ns,mm,N\n", 1)):
-        found = table(content)
-        assert list(found.columns) == ["Time (s)", "Disp (mm)", "Force (N)"]
-        assert not any("Read as" in note for note in found.notes)
 
 
 def test_an_input_on_its_own_clock_is_moved_to_the_output(table):

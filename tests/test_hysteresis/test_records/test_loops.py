@@ -148,34 +148,10 @@ def test_what_a_loop_does_not_tell_has_a_reason():
     assert caught.value.code == "bad-option"
 
 
-def test_electric_loops_are_known_and_may_be_asked_for():
-    field = magnetic()
-    table = record_of(field.input, field.output, ("kV/cm", "uC/cm^2")).loops()
-    assert table.kind == "ferroelectric"
-    width = one(table, "loop width") * 1e-2 * 200 * 1e5
-    assert one(table, "loss a cycle and volume") == pytest.approx(width, rel=1e-4)
-    plain = record_of(field.input, field.output, ("1", "1"))
-    assert plain.loops().kind == "plain"
-    assert one(plain.loops("magnetic"), "coercive field") == pytest.approx(10, rel=1e-6)
-
-
 def legs(*ends: float) -> np.ndarray:
     """Straight legs of 100 rows from end to end."""
     places = np.arange(100 * (len(ends) - 1) + 1) / 100
     return np.interp(places, np.arange(len(ends)), ends)
-
-
-def test_a_virgin_curve_belongs_to_no_loop_and_a_leg_that_goes_on_is_cut():
-    x = legs(0, 1, -1, 1)
-    table = record_of(x, x**3).loops()
-    assert table.first.tolist() == [101]
-    assert np.isfinite(table["energy lost"].value).all()
-    # Unloading and reloading in a test that goes on: two small loops.
-    x = legs(0, 1, 0.5, 1.5, 1, 2)
-    table = record_of(x, x**3).loops()
-    assert len(table) == 2
-    assert table["highest input"].value == pytest.approx([1, 1.5])
-    assert table["energy lost"].value == pytest.approx([0, 0], abs=1e-4)
 
 
 def test_a_period_of_many_turns_is_one_loop():
@@ -186,14 +162,6 @@ def test_a_period_of_many_turns_is_one_loop():
     assert len(full) >= 3
     # int c v^2 dt over a period
     assert table["energy lost"].value[full] == pytest.approx(0.2 * np.pi * (1 + 1.8**2), rel=1e-3)
-
-
-def test_minor_loops_belong_to_the_loop_that_holds_them():
-    x = legs(0, 0.6, 0.55, 2, 0, 0.6, 0.55, 2, 0)
-    table = record_of(x, 3 * x).loops()
-    assert len(table) == 2
-    # What it gives back on the way is taken from what goes in.
-    assert one(table, "energy in") == pytest.approx(3 * 2**2 / 2, rel=1e-6)
 
 
 def test_rows_that_do_not_count_empty_their_loops():

@@ -197,51 +197,10 @@ def test_loop_direction(lag):
     assert loop_direction(record.split_cycles(1)[0]) == pytest.approx(np.sign(lag), abs=1e-3)
 
 
-def test_a_line_and_noise_have_no_direction():
-    u = rig(10, 100).input
-    assert abs(loop_direction(Record.from_arrays(u, 3 * u + 1))) < 1e-6
-    cut = np.abs(np.arange(-50.0, 49.0))  # ends at another input than it starts from
-    assert abs(loop_direction(Record.from_arrays(cut, 3 * cut))) < 1e-6
-    noisy = 3 * u + np.random.default_rng(0).normal(0, 0.1, len(u))
-    assert abs(loop_direction(Record.from_arrays(u, noisy))) < 0.1
-    assert loop_direction(Record.from_arrays(np.arange(9.0), np.arange(9.0))) == 0
-
-
-@pytest.mark.parametrize("n", [0, 1, 2, 30])
-def test_whatever_can_be_built_can_be_described(n):
-    for y in (np.ones(n), np.full(n, np.nan), np.arange(n, dtype=float)):
-        record = Record.from_arrays(np.ones(n), y, nan="omit")
-        assert record.describe().startswith(f"arrays: {n} rows")
-        assert record.n_cycles == 0
-
-
 def test_digest_depends_on_the_data_alone():
     record = rig()
     assert record.digest() == rig(source="other.csv").digest()
     assert record.digest() != record.select(cycle=1).digest()
-
-
-def test_summary_and_describe():
-    record = rig(input_unit="mm", output_unit="N", input_name="x", output_name="F")
-    s = record.summary()
-    assert (s["rows"], s["sequences"], s["cycles"]) == (201, 1, 4)
-    assert s["input"]["max"] == 1
-    assert s["dt"]["median"] == pytest.approx(0.01)
-    text = record.describe()
-    for word in ("4 complete cycles", "0 to 1 mm", "counter-clockwise: the output lags", "F:"):
-        assert word in text
-
-
-def test_good_data_pass_without_a_word():
-    assert check_identifiable(rig(), 5) == []
-
-
-def test_too_short():
-    u = np.linspace(0, 1, 37)
-    record = Record.from_arrays(u, u)
-    words = ("37 samples, 5 parameters, 0.5 cycle", "at least one loop")
-    refused("too-few-rows", lambda: check_identifiable(record, 5), *words)
-    refused("too-few-rows", lambda: check_identifiable(Record.from_arrays([0.0], [0.0])))
 
 
 def test_no_excitation_and_constant_input():
@@ -317,15 +276,6 @@ def test_a_note_is_its_sentence_and_keeps_its_code():
     assert json.dumps([note]) == '["Resampled 7 rows."]'
     for same in (pickle.loads(pickle.dumps(note)), copy.deepcopy(note), Note.of(note)):
         assert (same.code, same.text, type(same.text)) == ("resampled", note, str)
-
-
-def test_history_has_codes():
-    record = Record.from_arrays([0, 1, np.nan, 3], [0, 1, 2, 3], nan="interpolate", dt=1.0)
-    record = record.select(range=(0, 2)).resample(0.5)
-    codes = [note.code for note in record.history]
-    assert codes == ["time-from-rows", "filled", "selected", "resampled"]
-    said = Record.from_arrays([0, 1], [0, 1], history=("Rig B.",)).history
-    assert [(note.code, note.text) for note in said] == [("remark", "Rig B.")]
 
 
 ROW = np.arange(6.0)

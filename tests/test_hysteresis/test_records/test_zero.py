@@ -60,18 +60,6 @@ def test_a_jump_is_placed_and_sized_in_any_unit(
     assert jump.size == pytest.approx(b * size, abs=0.05 * abs(b) * np.ptp(y))
 
 
-@given(SEEDS, st.floats(0.05, 0.5), st.integers(100, 500))
-def test_a_tare_in_a_hold_is_found_where_nothing_is_passed_twice(seed: int, share: float, row: int):
-    """One ramp with a hold: nothing but the hold tells it."""
-    u = np.insert(np.linspace(0, 90, 600), row, np.full(40, np.linspace(0, 90, 600)[row]))
-    y = loop(u, seed)
-    size = share * np.ptp(y)
-    y[row + 20 :] -= size
-    (jump,) = zero_jumps(Record.from_arrays(u, y))
-    assert jump.row == row + 20
-    assert jump.size == pytest.approx(-size, abs=0.02 * np.ptp(y))
-
-
 @given(SEEDS, st.floats(0.1, 0.5), st.sampled_from([-1, 1]))
 def test_a_drift_is_sized_among_loops_of_any_size(seed: int, share: float, sign: int):
     u = motion(seed)
@@ -217,32 +205,3 @@ def test_a_jump_ends_with_its_sequence_and_odd_ones_are_refused(tmp_path):
     file.write_text("x,y\n0,1\n1,2\n")
     with pytest.raises(InputError, match="No row of the file is on line 9"):
         read_csv(file, "x", "y", rezero=["9:1"])
-
-
-@given(SEEDS)
-def test_an_output_that_follows_something_else_tells_nothing_of_the_zero(seed: int):
-    """One of two sequences in which the input rests, and another force presses."""
-    u = motion(seed)
-    y = np.r_[loop(u, seed), 3.0 * (np.arange(600) % 97 > 90)]
-    record = Record.from_arrays(np.r_[u, np.zeros(600)], y, groups=np.repeat([1, 2], 600))
-    assert not ZEROS & {note.code for note in check_identifiable(record)}
-
-
-@given(SEEDS, st.sampled_from([7, 64, 257]))
-def test_what_is_found_does_not_depend_on_how_many_rows_are_looked_at_at_a_time(
-    seed: int, count: int
-):
-    u = motion(seed)
-    y = loop(u, seed)
-    if seed % 3 == 0:
-        y[len(y) // 2 + seed % CYCLE :] += 0.5
-    elif seed % 3 == 1:
-        y[seed % CYCLE :][: 3 * CYCLE // 2] = 0.0
-    whole, parts = (Record.from_arrays(u, y, np.arange(len(u)) / 10) for _ in range(2))
-    found = check_identifiable(whole), whole.branch, whole.cycle, whole.summary()
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("hysteresis.records._arrays.PIECE", count)
-        again = check_identifiable(parts), parts.branch, parts.cycle, parts.summary()
-    assert again[0] == found[0]
-    np.testing.assert_array_equal(again[1:3], found[1:3])
-    assert again[3] == found[3]
