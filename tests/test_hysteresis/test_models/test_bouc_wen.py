@@ -131,11 +131,6 @@ def test_gradients_stay_finite_at_saturation_and_at_rest():
         assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(gradient(point)))
 
 
-def test_coefficients_there_and_back():
-    model = BoucWen.of_coefficients(k=3.0, alpha=0.1, beta=0.7, gamma=-0.2, n=1.5)
-    np.testing.assert_allclose(model.coefficients(), [0.7, -0.2], rtol=1e-14)
-
-
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

@@ -2,8 +2,6 @@
 
 from typing import Any
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import given
@@ -44,32 +42,6 @@ def test_a_map_is_the_sum_of_its_curves(seed: int):
     map, x = made(seed), samples(seed)
     # A dozen products of numbers near one, each rounded.
     np.testing.assert_allclose(map(x), slowly(map, x), rtol=0, atol=1e-12)
-
-
-@given(st.integers(0, 2**32 - 1))
-def test_the_order_of_channels_does_not_matter(seed: int):
-    map, x = made(seed), samples(seed)
-    order = np.random.default_rng(seed).permutation(CHANNELS)
-    turned = ChannelMap(
-        map.nodes[order], map.values[order], map.offset,
-        tuple(NAMES[k] for k in order), tuple(UNITS[k] for k in order),
-    )  # fmt: skip
-    # The same numbers added in another order.
-    np.testing.assert_allclose(turned(x[:, order]), map(x), rtol=0, atol=1e-12)
-
-
-def test_gradients_reach_values_and_channels():
-    map, x = made(0), jnp.asarray(samples(0))
-    inside = np.clip(samples(0), np.asarray(map.nodes)[:, 0], np.asarray(map.nodes)[:, -1])
-    slope = jax.grad(lambda at: map(at).sum())(jnp.asarray(inside))
-    h = 1e-6
-    ahead = jnp.asarray(inside).at[0, 1].add(h)
-    # One cell's slope, told from a difference of sums of thirty numbers.
-    np.testing.assert_allclose((map(ahead)[0] - map(inside)[0]) / h, slope[0, 1], atol=1e-8)
-    weight = jax.grad(lambda m: m(x).sum())(map)
-    assert float(weight.offset) == SAMPLES
-    # The hats of each channel add up to one at every sample.
-    np.testing.assert_allclose(weight.values.sum(1), SAMPLES, rtol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -114,14 +86,6 @@ def test_a_record_carries_its_channels_through_every_split():
     np.testing.assert_array_equal(second.columns["a (mT)"], record.columns["a (mT)"][120:])
 
 
-def test_channels_are_resampled_between_rows():
-    record = rig(groups=None)
-    fine = record.resample(0.05)
-    a, found = record.columns["a (mT)"], fine.columns["a (mT)"]
-    np.testing.assert_array_equal(found[::2], a)
-    np.testing.assert_allclose(found[1::2], (a[1:] + a[:-1]) / 2, atol=1e-12)
-
-
 def test_a_gap_in_a_channel_is_named_or_filled():
     a = np.arange(240.0)
     a[7:9] = np.nan
@@ -135,10 +99,3 @@ def test_a_gap_in_a_channel_is_named_or_filled():
     short = columns | {"a (mT)": np.zeros(5)}
     with pytest.raises(InputError, match="length-mismatch"):
         rig(columns=short, groups=None)
-
-
-def test_the_digest_depends_on_the_channels():
-    record = rig()
-    assert rig().digest() == record.digest()
-    moved = {**record.columns, "b (V)": record.columns["b (V)"] + 1.0}
-    assert rig(columns=moved).digest() != record.digest()

@@ -55,16 +55,6 @@ def test_it_keeps_the_laws_of_every_model():
     check_model(Conditioned(parts, [1.0, 3.0], axis="reciprocal"), -1.0, 2.0)
 
 
-def test_models_that_depend_on_the_rate_stream_as_they_simulate():
-    fast, slow = Burgers(2.0, 40.0, 1.0, 5.0), Burgers(3.0, 60.0, 2.0, 4.0)
-    model, t = Conditioned((fast, slow), [10.0, 30.0]), np.cumsum(np.linspace(0.1, 2.0, 60))
-    rows = walk(np.linspace(5.0, 35.0, 60))
-    whole = model.simulate(t, rows)
-    np.testing.assert_allclose(model.stream(t, rows)[1], whole, rtol=1e-12)
-    state, _ = model.stream(t[:20], rows[:20])
-    np.testing.assert_allclose(model.simulate(t[20:], rows[20:], state), whole[20:], rtol=1e-12)
-
-
 @pytest.mark.parametrize("axis", ["linear", "logarithmic", "reciprocal"])
 def test_at_a_knot_it_is_the_model_of_the_knot_and_beyond_them_the_nearest(axis: str):
     model = three(axis)
@@ -87,22 +77,6 @@ def test_between_two_knots_it_is_straight_on_its_axis(axis: str, c: float, share
     np.testing.assert_allclose(
         model.simulate(None, walk(c)), (1 - share) * low + share * high, atol=1e-13
     )
-
-
-def test_the_shares_are_a_partition_of_unity():
-    shares = np.asarray(three().shares(np.linspace(-3.0, 9.0, 101)))
-    np.testing.assert_allclose(shares.sum(1), 1.0, atol=1e-15)
-    assert (shares >= 0).all()
-
-
-def test_the_condition_drives_no_memory():
-    """A changing condition leaves the relays where the input put them."""
-    model, rows = three(), walk(np.linspace(1.0, 5.0, 60))
-    state, _ = model.stream(None, rows[:40])
-    other, _ = model.stream(None, walk(1.0)[:40])
-    for ours, theirs in zip(model.models, zip(state, other, strict=True), strict=True):
-        after = [ours.step(own, 0.0, 0.3)[1] for own in theirs]
-        assert after[0] == after[1]
 
 
 def test_a_stage_behind_it_and_wider_relays_keep_its_outputs():

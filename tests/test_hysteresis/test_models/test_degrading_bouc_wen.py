@@ -1,7 +1,6 @@
 """Bouc-Wen with wear: what its substeps leave against a stiff solver, and laws of a worn spring."""
 
 from itertools import pairwise
-from typing import Any
 
 import equinox as eqx
 import jax
@@ -12,10 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from compensate import Status, invert
-from hysteresis import BoucWen, DegradingBoucWen, InputError, Pinching
-from hysteresis.laws._tree import node_of
-from hysteresis.trees import plain
+from hysteresis import BoucWen, DegradingBoucWen, Pinching
 from tests.problems import SAMPLES, histories
 from tests.thorough import rest_thorough
 
@@ -116,37 +112,6 @@ def test_z_stays_within_its_limit_and_the_output_rises(seed: int, u: np.ndarray)
     assert np.all(dy * np.sign(du) >= least * np.abs(du) - OFF_BY[20] * k * Z)
 
 
-def test_energy_is_the_work_done_on_z():
-    model = drawn(1)
-    Z = float(model.inner.yield_at)
-    u = Z * path(TURNS, 0.01)
-    k, alpha, offset = (float(getattr(model.inner, name)) for name in ("k", "alpha", "offset"))
-    states: list[Any] = []
-    law = node_of(plain(model.tree()), states, [])
-    z = (np.array([law.move(0.0, x) for x in u.tolist()]) - offset - alpha * k * u) / (
-        (1 - alpha) * k
-    )
-    work = np.sum(np.diff(u) * (z[1:] + z[:-1]) / 2) / Z**2
-    # The trapezoid leaves 0.01^2 / 12 of z'' per way; h makes that at most some hundred.
-    assert states[0].energy == pytest.approx(work, abs=1e-2)
-    assert work > 10
-
-
-def test_wear_softens_and_weakens():
-    """Of two equal cycles the later one reaches less, and its slope at first is smaller."""
-    inner = BoucWen(1.0, 0.0, 1.0, 2.0, 0.0)
-    cycle = path((0.0, 5.0, -5.0, 0.0), 0.1)
-    u = np.concatenate([cycle, cycle[1:]])
-    half = len(cycle)
-    weak = np.asarray(DegradingBoucWen(inner, strength_loss=0.05).simulate(None, u))
-    assert weak[half:].max() < 0.9 * weak[:half].max()
-    soft = np.asarray(DegradingBoucWen(inner, stiffness_loss=0.05).simulate(None, u))
-    assert soft[half:].max() == pytest.approx(soft[:half].max(), rel=1e-3)
-    turn = int(np.argmax(cycle))
-    drop = [soft[at] - soft[at + 1] for at in (turn, half - 1 + turn)]
-    assert drop[1] < 0.8 * drop[0]
-
-
 @pytest.mark.thorough
 def test_no_way_is_too_long_and_gradients_stay_finite():
     u = jnp.array([0.0, 0.0, 40.0, 1e8, 1e8, -1e8, -79.9999, 3.0, 3.0, 0.0])
@@ -157,49 +122,3 @@ def test_no_way_is_too_long_and_gradients_stay_finite():
         z = (simulate(model, u) - 0.1 - 0.4 * u) / 1.6
         assert np.abs(z).max() <= 0.5 + 1e-7  # of outputs of 1e8
         assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(gradient((model, u))))
-
-
-def test_inverse_of_any_shape():
-    rng = np.random.default_rng(0)
-    for seed in range(3):
-        model = drawn(seed, loss=0.9)
-        u = rng.uniform(-3, 3, SAMPLES)
-        y = np.asarray(simulate(model, u))
-        found = invert(model).simulate(None, y)
-        assert np.all(found.status == Status.OK)
-        again = np.asarray(simulate(model, found.value))
-        assert np.abs(again - y).max() <= 1e-12 * np.ptp(y)
-
-
-def test_inverse_has_limits_without_a_line():
-    model = DegradingBoucWen(BoucWen(2.0, 0.0, 0.5, 2.0, 0.0), stiffness_loss=0.1)
-    found = invert(model).simulate(None, [0.5, 1.1, np.nan, -0.5, -3.0, 0.0])
-    beyond, ok = Status.SATURATED, Status.OK
-    np.testing.assert_array_equal(found.status, [ok, beyond, Status.INVALID, ok, beyond, ok])
-    assert found.value[2] == found.value[1] == found.value[0]
-    assert found.value[4] == found.value[3]
-
-
-def test_a_loss_that_outruns_the_line_has_no_inverse():
-    model = DegradingBoucWen(BoucWen(2.0, 0.1, 0.5, 2.0, 0.0), strength_loss=0.3)
-    with pytest.raises(InputError, match="not-invertible") as caught:
-        invert(model)
-    for word in ("alpha = 0.1", "strength_loss = 0.3", "several inputs", "n alpha / (1 - alpha)"):
-        assert word in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    ("make", "words"),
-    [
-        (lambda: DegradingBoucWen(BoucWen(1.0, 0.5, 1.0), -0.1), "strength_loss"),
-        (lambda: DegradingBoucWen(BoucWen(1.0, 0.5, 1.0), None, np.nan), "stiffness_loss"),
-        (lambda: Pinching(1.0, 1.0, 0.2, 0.1, 0.1), "slip"),
-        (lambda: Pinching(0.5, 1.0, 1.0, 0.1, 0.1), "level"),
-        (lambda: Pinching(0.5, 1.0, 0.2, 0.0, 0.1), "spread"),
-        (lambda: Pinching(0.5, 1.0, 0.2, 0.1, 0.1, -1.0), "widening"),
-    ],
-)
-def test_bad_arguments_are_refused(make, words: str):
-    with pytest.raises(InputError, match="parameter-out-of-bounds") as caught:
-        make()
-    assert words in str(caught.value)

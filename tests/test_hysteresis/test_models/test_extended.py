@@ -49,24 +49,6 @@ def test_the_output_is_continuous_at_the_seam_and_rises_beyond(case: Any):
         assert step.max() < 0.05 * np.ptp(y)  # no jump: four times the mean step of 80
 
 
-def test_an_even_density_goes_on_as_play_operators():
-    """A density of alpha - beta alone is a Prandtl-Ishlinskii operator, whose range has no end."""
-    band = np.tril(np.ones((CELLS, CELLS))) * (
-        np.subtract.outer(np.arange(CELLS), np.arange(CELLS)) < 3
-    )
-    band -= 0.5 * np.eye(CELLS)  # half cells on the diagonal
-    wide = extended(Preisach(GridDensity(0.0, 1.0, band)), -1.0, 2.0)
-    u = np.random.default_rng(1).uniform(0, 1, 200)
-    u[100:] = np.random.default_rng(2).uniform(-1, 2, 100)
-    # In the middle of a grid three times as wide the same density has no edge.
-    n = 5 * CELLS
-    everywhere = np.tril(np.ones((n, n))) * (np.subtract.outer(np.arange(n), np.arange(n)) < 3)
-    everywhere -= 0.5 * np.eye(n)
-    whole = Preisach(GridDensity(-2.0, 3.0, everywhere), initial=(3.0, 0.0))
-    difference = np.asarray(wide.simulate(None, u)) - np.asarray(whole.simulate(None, u))
-    np.testing.assert_allclose(difference, difference[0], rtol=0, atol=1e-10)
-
-
 def test_other_models_are_given_back():
     line = LinearSponge(1.0, 0.0)
     assert extended(line, -9.0, 9.0) is line

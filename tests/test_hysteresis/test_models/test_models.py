@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hysteresis import AbstractModel, InputError, Preisach, parameters
+from hysteresis import AbstractModel, InputError, parameters
 from tests.problems import (
     PROBLEMS,
     SAMPLES,
@@ -19,7 +19,6 @@ from tests.problems import (
     clock,
     histories,
     kinds_often,
-    tagged,
     variants_thorough,
 )
 
@@ -94,17 +93,6 @@ def test_starts_are_independent_sequences(problem: Problem, data: st.DataObject)
     close(every[last], model.stream(after, u[rest])[1][:-1], model)
 
 
-@kinds
-def test_arrays_prepared_on_the_host_give_the_same(problem: Problem):
-    model, rng = problem.model(), np.random.default_rng(0)
-    u, t = rng.uniform(problem.low, problem.high, SAMPLES), clock(0)
-    state, _ = model.stream(t[:CUT], u[:CUT])
-    # The programs of the traced ones are those of the tests above.
-    for rows, before, starts in ((slice(None), None, STARTS), (slice(CUT, None), state, (0,))):
-        got = model.simulate(t[rows], u[rows], before, starts=starts)
-        close(got, batch(model, t[rows], u[rows], before, starts), model)
-
-
 @pytest.mark.thorough
 @every
 def test_a_state_and_short_sequences_prepared_on_the_host_give_the_same(problem: Problem):
@@ -167,26 +155,6 @@ def test_gradients_in_every_parameter_and_in_the_input(problem: Problem):
             continue
         along = float(np.sum(np.asarray(slope) * direction))
         assert abs(along - difference) <= 1e-7 * (abs(along) + size), k
-
-
-@pytest.mark.parametrize("problem", tagged("grid", "flat"), ids=lambda p: p.name)
-def test_gradients_of_step_and_of_simulate_are_equal(problem: Problem):
-    rng, model = np.random.default_rng(3), problem.model(3)
-    u = jnp.asarray(rng.uniform(problem.low, problem.high, SAMPLES))
-    c = jnp.asarray(rng.normal(size=SAMPLES))
-    of_batch = eqx.filter_grad(lambda m: c @ batch(m, None, u))(model)
-    # Reverse mode cannot pass the loop that closes loops; forward mode can.
-    assert isinstance(model, Preisach)
-    weights = model.density.weights  # pyright: ignore[reportAttributeAccessIssue]
-    direction = jnp.asarray(np.tril(rng.normal(size=weights.shape)))
-
-    def streamed(w: jax.Array) -> jax.Array:
-        return c @ eqx.tree_at(lambda m: m.density.weights, model, w).stream(None, u)[1]
-
-    along = jax.jvp(streamed, (weights,), (direction,))[1]
-    wanted = float((of_batch.density.weights * direction).sum())
-    # The same sums in another order.
-    assert abs(float(along) - wanted) < 1e-11 * (1 + abs(wanted))
 
 
 @every

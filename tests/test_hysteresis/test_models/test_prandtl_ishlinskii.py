@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hysteresis import AbstractModel, InputError, ModulatedStops, PrandtlIshlinskii, Preisach
+from hysteresis import AbstractModel, InputError, PrandtlIshlinskii, Preisach
 from hysteresis.preisach import GridDensity
 from tests.problems import SAMPLES, clock, histories
 
@@ -81,19 +81,6 @@ def test_equal_to_a_loop_over_plays(
     np.testing.assert_allclose(output(model, u, t), play_loop(model, t, u), rtol=0, atol=tolerance)
 
 
-@given(seed=seeds, u=paths, leading=flags)
-def test_modulated_stops_of_one_level_are_the_same(seed: int, u: np.ndarray, leading: bool):
-    """Plays that lag are their plays, and plays that lead are stops: slopes w_j + ... + w_n."""
-    model = draw(seed, leading)
-    r, w = np.asarray(model.thresholds), np.asarray(model.weights)[:, None]
-    slopes, plays = (w[::-1].cumsum(0)[::-1], None) if leading else (0 * w, w)
-    spring, level = np.array([model.slope]), np.zeros(1)
-    sliders = ModulatedStops(
-        LOW, HIGH, r, level, slopes, spring, model.offset, by="position", plays=plays
-    )
-    np.testing.assert_allclose(output(sliders, u), output(model, u), rtol=0, atol=rounding(model))
-
-
 @given(data=st.data())
 def test_equal_to_a_preisach_model_at_the_nodes_of_its_grid(data: st.DataObject):
     """Play of half width d/2 switches, from node to node, as the cells (j + d, j) do, w/2 in each."""
@@ -125,26 +112,6 @@ def test_area_of_a_loop(seed: int, leading: bool, size: float):
     area = (falling - rising) * (-1 if leading else 1)
     wanted = 4 * np.sum(w * r * np.maximum(size - r, 0))
     assert abs(area - wanted) <= 8 * rounding(model) * HIGH
-
-
-def test_only_the_speed_before_a_sample_widens_its_plays():
-    model = PrandtlIshlinskii([1.0], [1.0], 1.0, rates=[0.5])
-    u = np.array([0.0, 3.0, 6.0, 9.0, 9.0, 9.0])
-    t = np.array([0.0, 1.0, 2.0, 3.5, 4.0, 5.0])
-    # Speeds before each sample 0, 0, 3, 3, 2, 0: half widths 1, 1, 2.5, 2.5, 2, 1.
-    wanted = u + np.array([0.0, 2.0, 3.5, 6.5, 7.0, 8.0])
-    np.testing.assert_allclose(model.simulate(t, u), wanted, rtol=1e-15)
-
-
-def test_a_new_sequence_takes_no_derivative_from_the_one_before():
-    """Even where it happens to start at the value the plays stood at."""
-    model, u = draw(0), jnp.array([2.0, 2.5, 2.5, 2.0])
-
-    def last(u: jax.Array) -> jax.Array:
-        return model.evaluate(model.prepare(None, u, starts=(0, 2)))[2]
-
-    slope = float(model.slope) + float(model.weights.sum())
-    np.testing.assert_allclose(jax.jacfwd(last)(u), [0.0, 0.0, slope, 0.0], rtol=1e-14)
 
 
 @pytest.mark.parametrize(

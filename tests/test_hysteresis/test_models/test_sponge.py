@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hysteresis import LinearSponge, parameters
+from hysteresis import LinearSponge
 from tests.problems import histories
 
 
@@ -35,8 +35,3 @@ def test_superposition_without_threshold(u: np.ndarray, p: float, q: float):
 def test_it_has_no_memory():
     u = np.array([3.0, 12.0, 3.0, 19.0, 3.0])
     assert len(set(np.asarray(LinearSponge(1.0, 0.3).simulate(None, u))[::2].tolist())) == 1
-
-
-def test_the_threshold_is_no_parameter_to_fit():
-    fixed = {name: info.fixed for name, info, _ in parameters(LinearSponge(1.0))}
-    assert fixed == {"K": False, "b": False, "threshold": True}

@@ -91,18 +91,6 @@ def test_the_turned_chain_is_the_inverse_at_every_frequency(make: Any, seed: int
     np.testing.assert_allclose(product, 1.0, rtol=0, atol=1e-6)
 
 
-def test_a_burgers_element_as_a_maxwell_chain():
-    """Two relaxation times and no stiffness at rest, from the eigenvalues."""
-    burgers = Burgers(2.0, 40.0, 1.0, 5.0)
-    _, rates, drives, _ = burgers.chain().turned()
-    same = GeneralizedMaxwell(0.0, -drives / rates, 1 / rates)
-    t = np.linspace(0.0, 100.0, 31)
-    np.testing.assert_allclose(
-        same.relaxation_modulus(t), burgers.relaxation_modulus(t), atol=1e-14
-    )
-    np.testing.assert_allclose(same.creep_compliance(t), burgers.creep_compliance(t), rtol=1e-13)
-
-
 def stiff(model: AbstractViscoelastic, t: np.ndarray, load: np.ndarray) -> np.ndarray:
     """The slow oracle: Radau from knot to knot of a piecewise-linear load, from the elements' laws."""
     if isinstance(model, GeneralizedKelvinVoigt):
@@ -209,43 +197,6 @@ def test_an_even_clock_is_one_number(case: str, hold: str):
             np.testing.assert_allclose(x, y, rtol=0, atol=1e-12 * float(jnp.abs(y).max()))
 
 
-@pytest.mark.parametrize("rate", [300.0, 44100 / 128])
-def test_a_printed_clock_is_even_to_its_last_digit(rate: float):
-    """Outputs at the printed times and under the even clock differ by less than that digit can do."""
-    exact = np.arange(4000) / rate
-    t = np.array([float(f"{x:.6g}") for x in exact])
-    u = np.sin(3 * t) + np.sin(11 * t)
-    model = CLOSED["two branches"]("linear")
-    even = model.prepare(t, u)
-    assert even.dt.shape == ()
-    np.testing.assert_allclose(even.dt, 1 / rate, rtol=1e-5)
-    uneven = even._replace(dt=jnp.asarray(np.diff(t, prepend=t[:1])))
-    found, wanted = np.asarray(model.evaluate(even)), np.asarray(model.evaluate(uneven))
-    digit = 10.0 ** (np.floor(np.log10(t[-1])) - 5)
-    assert digit == pytest.approx(10.0**-4)
-    rate_of_output = np.abs(np.diff(wanted)).max() * rate
-    assert 0 < np.abs(found - wanted).max() < digit * rate_of_output
-
-
-@given(seeds, st.sampled_from([0.0, 1e3]), st.integers(3, 9))
-@settings(max_examples=40)
-def test_uneven_clocks_stay_uneven(seed: int, begin: float, decimals: int):
-    def step(t: np.ndarray, starts: tuple[int, ...] = (0,)) -> float | None:
-        """Of an even clock, which is one number to a model."""
-        dt = np.asarray(Burgers(2.0, 90.0, 1.0, 8.0).prepare(t, 0 * t, starts=starts).dt)
-        return None if dt.shape else float(dt)
-
-    rng = np.random.default_rng(seed)
-    t = begin + np.cumsum(rng.uniform(0.1, 0.3, 40))
-    assert step(np.round(t, decimals)) is None
-    # Whole numbers may come from an even clock of another step, which would be a third of a step off.
-    assert step(np.array([0.0, 1.0, 3.0, 4.0, 6.0])) is None
-    every, noise = rng.uniform(0.01, 1.0), rng.normal(size=40)
-    assert step(begin + every * np.arange(40) + 1e-6 * noise) is None
-    printed = np.round(begin + every * np.arange(40), decimals)
-    assert step(printed, (0, 20)) == pytest.approx(every, abs=10.0**-decimals)
-
-
 def spectral_radius(model: AbstractViscoelastic, dt: float) -> float:
     """Of the step of (load, branches), run against the chain with no input."""
     n = model.chain().all_rates.size
@@ -281,12 +232,6 @@ def test_largest_stable_step(seed: int):
     ):
         assert model.largest_stable_step() == np.inf
         assert max(spectral_radius(model, dt) for dt in (1e-3, 0.1, 10.0, 1e3)) <= 1 + 1e-11
-
-
-def test_a_spring_without_branches():
-    model, u = GeneralizedMaxwell(2.0, [], []), np.array([0.0, 1.0, 3.0])
-    np.testing.assert_array_equal(model.simulate(u, u), 2 * u)
-    np.testing.assert_array_equal(model.stream(u, u)[1], 2 * u)
 
 
 @pytest.mark.parametrize(
