@@ -10,15 +10,10 @@ from compensate import Status, invert
 from hysteresis import (
     AbstractModel,
     BoucWen,
-    DegradingBoucWen,
     FoamCurve,
-    Pinching,
     Record,
-    load_model,
     parameters,
-    save_model,
 )
-from hysteresis.curves import MonotoneSpline
 from identify import FitResult, fit, load, save
 
 DATASETS = Path(__file__).resolve().parents[3] / "datasets"
@@ -94,18 +89,3 @@ def test_loading_branch_of_a_measured_sponge(measured_data: Path) -> None:
     train = result.metrics["train"]
     assert train is not None
     assert train.nrmse_percent < 0.5
-
-
-def test_what_no_fit_makes_is_kept_too(tmp_path: Path) -> None:
-    inner, slip = BoucWen(2.0, 0.2, 0.5), Pinching(0.5, 1.0, 0.2, 0.3, 0.3)
-    u = np.linspace(-1.0, 3.0, 9)
-    for k, model in enumerate(
-        (
-            MonotoneSpline([0.0, 1.0, 2.0], [0.5, 0.0, 1.0], 0.1),
-            DegradingBoucWen(inner, stiffness_loss=0.1),
-            DegradingBoucWen(inner, 0.1, None, slip),
-        )
-    ):
-        again = load_model(save_model(model, tmp_path / f"{k}.json"))
-        assert type(again) is type(model)
-        np.testing.assert_array_equal(again.simulate(None, u), model.simulate(None, u))

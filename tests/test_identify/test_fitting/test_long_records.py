@@ -67,15 +67,6 @@ def test_noise_of_the_input_is_no_path() -> None:
     assert len(found.train) < 0.6 * MOST
 
 
-def test_held_out_rows_stay_held_out() -> None:
-    found = fit(pressed(), "Burgers", test_tail=0.25, noise="gaussian")
-    assert found.test is not None
-    counted = [one.line[one.mask] for one in (found.train, found.test)]
-    assert all(0.4 * MOST < len(lines) <= 0.5 * MOST for lines in counted)
-    assert not np.isin(*counted).any()
-    assert found.metrics["test"].nrmse_percent < 0.1
-
-
 @pytest.mark.thorough
 def test_a_record_that_turns_within_a_few_rows_stays_whole() -> None:
     found = fit(pressed(turns=ROWS // 4), "Burgers", noise="gaussian")

@@ -18,7 +18,7 @@ from hysteresis import InputError, Record, model_names, register
 from hysteresis._registry import OURS, class_of, find_model, known_models, registered
 from hysteresis._serialisation import described, rebuilt
 from identify import fit, fit_many, load, save
-from identify.fitting._candidates import AUTO, INSTEAD, OSCILLATOR, candidates, names
+from identify.fitting._candidates import INSTEAD, OSCILLATOR, candidates, names
 from tests.other_models import Gain, Line, Preisach, Unregistered, Weighted
 
 OUR_MODELS = [one for one in known_models() if one.kind.__module__.startswith(OURS)]
@@ -37,18 +37,6 @@ def test_names_and_models_are_ranked_together():
     assert {c.name for c in ranked.candidates} == {"LinearSponge", "Line", "Gain"}
     assert ranked.name != "Gain"  # a line through the origin
     assert type(fit(record(), Line, **QUICK).model) is Line
-
-
-@pytest.mark.parametrize("name", ["BURGERS", "burgers", "Burgers"])
-def test_names_have_no_case(name: str):
-    (one,) = candidates(name)
-    assert (one.name, one.kind) == ("Burgers", hysteresis.Burgers)
-
-
-def test_a_list_is_what_its_parts_are():
-    assert candidates("auto") == candidates(["auto"]) == candidates(",".join(AUTO))
-    assert candidates("Burgers, preisach") == candidates(["Burgers", hysteresis.Preisach])
-    assert [one.name for one in candidates([Line(1.0), Line(2.0)])] == ["Line", "Line (2)"]
 
 
 @pytest.mark.parametrize(

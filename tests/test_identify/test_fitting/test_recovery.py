@@ -5,9 +5,8 @@ import pytest
 from scipy.stats import binom
 
 from benchmarks.recovery import Run, cases, one_run
-from hysteresis import InputError, LinearSponge, MonotoneCurve, Record
+from hysteresis import InputError, MonotoneCurve, Record
 from identify import fit
-from identify.parameters._transform import transform
 
 RUNS = 4
 
@@ -33,23 +32,7 @@ def test_no_run_stays_where_it_started(runs: list[Run]) -> None:
     assert all(run.best for run in runs)
 
 
-def test_entries_at_their_bounds_stay() -> None:
-    """The logarithm of an increment of 0 is nowhere to start from; the others are fitted."""
-    names = transform(MonotoneCurve.even(0.0, 1.0, [1.0, 0.0]), 1.0).names
-    assert names == ("increments.0", "offset")
-    assert transform(MonotoneCurve.even(0.0, 1.0, [1.0, 2.0]), 1.0).names == (
-        "increments.0", "increments.1", "offset",
-    )  # fmt: skip
-
-
 def test_starts_without_a_finite_output_are_refused() -> None:
     u = np.linspace(0.0, 1.0, 50)
     with pytest.raises(InputError, match=r"\[no-finite-start\]"):
         fit(Record.from_arrays(u, 2 * u), MonotoneCurve.even(0.0, 1.0, [1.0], np.nan), starts=4)
-
-
-def test_what_the_record_suggests_is_a_start_too() -> None:
-    u = np.linspace(0.0, 1.0, 50)
-    result = fit(Record.from_arrays(u, 2 * u), LinearSponge(np.nan, 0.0), starts=4)
-    # A line through points on a line: rounding, and the solver's tolerance.
-    np.testing.assert_allclose(result.model.simulate(None, u), 2 * u, atol=1e-5)

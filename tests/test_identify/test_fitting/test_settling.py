@@ -6,7 +6,7 @@ import jax
 import numpy as np
 import pytest
 
-from hysteresis import AbstractModel, Burgers, CyclicDrift, Record, TimeDrift
+from hysteresis import AbstractModel, CyclicDrift, Record, TimeDrift
 from identify import Composition, FitResult, fit
 
 PERIOD = 10.0
@@ -65,31 +65,3 @@ def test_the_model_is_of_the_last_state(fits: dict[str, FitResult]):
     assert train is not None
     assert test.rmse < 0.05
     assert train.rmse > 2 * test.rmse
-
-
-def test_a_named_model_of_equal_cycles_has_all_rows():
-    """Creep is what Burgers is for: it is not taken for a sample that settles."""
-    truth = Burgers(2.0, 60.0, 1.5, 3.0, 0.1)
-    t = np.linspace(0, 80, 801)
-    u = 5 - 5 * np.cos(2 * np.pi * t / PERIOD)
-    y = np.asarray(truth.simulate(t, u))
-    y = y + 0.02 * np.random.default_rng(0).normal(size=len(t))
-    found = fit(Record.from_arrays(u, y, t), "Burgers", test_cycles=1, noise="gaussian", starts=4)
-    np.testing.assert_array_equal(found.used, found.train.mask)
-    assert {p.name: p.value for p in found.parameters}["E1"] == pytest.approx(2.0, rel=0.02)
-    assert np.sqrt(np.mean((found.predict(found.train) - y) ** 2)) < 0.022
-
-
-def test_rows_left_out_are_earned_told_and_never_the_baselines():
-    """A first cycle that is like no other one."""
-    record = drifting(0.0, 5)
-    soft = np.where(record.cycle == 1, 0.5, 0.0) * record.input
-    record = Record.from_arrays(record.input, record.output + soft, record.time)
-    each = {way: fit(record, "LinearSponge", test_cycles=1, conditioning=way, noise="gaussian",
-                     starts=2) for way in ("auto", "keep")}  # fmt: skip
-    (note,) = [r for r in each["auto"].verdict.reasons if getattr(r, "code", "") == "settling"]
-    left = each["auto"].train.mask & ~each["auto"].used
-    assert note.values["rows"] == left.sum() == (record.cycle == 1).sum()
-    assert "settling" not in each["keep"].verdict.codes
-    for one, other in zip(each["auto"].baselines, each["keep"].baselines, strict=True):
-        assert one.judged == other.judged

@@ -54,29 +54,6 @@ def test_parameters_and_errors_are_those_of_another_solver(spread):
         assert own == pytest.approx(errors[at], rel=0.2)
 
 
-@pytest.mark.thorough
-def test_sharing_makes_errors_smaller():
-    records = specimens()
-    alone = identify.fit(records[0], "Burgers", starts=2, parameters=KNOWN, noise="gaussian")
-    found = identify.fit_shared(records, "Burgers", share=["E1"], starts=2, parameters=KNOWN)
-    assert found[0]["E1"].stderr < 0.75 * alone["E1"].stderr
-    assert len({fit["E1"].value for fit in found}) == 1
-    assert len({fit["eta1"].value for fit in found}) == 3
-    assert all(fit.baselines and fit.verdict.reasons for fit in found)
-
-
-def test_each_specimen_has_its_own_test_record():
-    pairs = [one.split_tail(0.2) for one in specimens()[:2]]
-    found = identify.fit_shared(
-        [train for train, _ in pairs], "Burgers", share=["E1", "E2"], starts=2, parameters=KNOWN,
-        tests=[test for _, test in pairs],
-    )  # fmt: skip
-    for fit in found:
-        figures = fit.metrics["test"]
-        assert figures is not None
-        assert figures.rmse < 0.1
-
-
 def records_of(change: str) -> list[Record]:
     one, other, _ = specimens()
     if change == "alone":

@@ -9,7 +9,7 @@ import pytest
 import identify
 from hysteresis import GeneralizedKelvinVoigt, GeneralizedMaxwell, InputError, Record
 from identify import fit_step
-from identify.internal import kind_of, stepped, told_by_the_change
+from identify.internal import kind_of, told_by_the_change
 from tests.thorough import rest_thorough
 
 CREEP = GeneralizedKelvinVoigt(2.0, [1.0, 4.0], [0.5, 80.0], 500.0)
@@ -77,43 +77,6 @@ def test_a_liquid_has_no_spring():
     spring = next(p for p in fit.parameters if p.name == "E_inf")
     # Without noise what is left of a spring is the normal equations' rounding.
     assert spring.status == "at bound" or spring.value < 1e-3
-
-
-def test_what_the_model_predicts_is_what_was_fitted():
-    """The step's own row included: the model sees the jump at zero and not at the first reading."""
-    fit = fit_step(record(T, creeping()))
-    assert fit.train.time is not None
-    assert fit.train.time[0] == 0
-    assert not fit.train.mask[0]
-    predicted = fit.predict(fit.train)
-    np.testing.assert_allclose(
-        predicted[1:] - fit.train.output[1:], fit.residuals[1:], atol=1e-9 * np.abs(predicted).max()
-    )
-
-
-def test_a_clock_that_was_running_before():
-    late = record(T + 5000.0, creeping())
-    assert not identify.internal.is_at_first_row(stepped(record(T, creeping())))
-    assert identify.internal.is_at_first_row(stepped(late))
-    moved = stepped(late)
-    assert moved.time is not None
-    np.testing.assert_allclose(moved.time, T - T[0], atol=1e-9)
-    as_asked = stepped(late, at_first_row=False).time
-    assert as_asked is not None
-    assert as_asked[1] == T[0] + 5000.0
-    assert stepped(moved) is moved
-
-
-def test_the_end_held_out():
-    fit = fit_step(record(T, creeping()), test_tail=0.15)
-    assert fit.metrics["test"] is not None
-    assert fit.test is not None
-    assert any("held-out rows, up to" in reason for reason in fit.verdict.reasons)
-    found = fit.detail.spectrum
-    assert found.span < T[-1] / 3
-    _, low, high = found.predict(T)
-    y = np.asarray(CREEP.creep_compliance(T))
-    assert np.mean((low <= y) & (y <= high)) > 0.95
 
 
 def test_elements_outside_the_record_are_a_spring_or_a_dashpot():
