@@ -105,13 +105,6 @@ def test_numbers_of_its_file_and_names_like_those_of_math_mean_the_same_in_c(
     np.testing.assert_allclose(found, inputs, atol=1e-6)
 
 
-def test_a_law_that_was_edited_and_registered_again_is_the_new_one(made: Callable[..., Any]):
-    model = made(LAW, "edited")
-    assert model.simulate(None, np.ones(1)).tolist() == [1.5 + 1 / np.pi + 0.5]
-    model = made(LAW.replace("0.75", "-10.5"), "edited")
-    assert model.simulate(None, np.ones(1)).tolist() == [-21 + 1 / np.pi + 0.5]
-
-
 @pytest.mark.parametrize(
     ("old", "new"),
     [

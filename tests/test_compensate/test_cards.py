@@ -9,8 +9,8 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from compensate import Card, material_card
-from hysteresis import Burgers, GeneralizedKelvinVoigt, GeneralizedMaxwell, InputError, LinearSponge
+from compensate import material_card
+from hysteresis import GeneralizedKelvinVoigt, GeneralizedMaxwell, InputError, LinearSponge
 
 NU = 0.37
 T = np.geomspace(1e-4, 1e6, 200)
@@ -170,8 +170,3 @@ def test_shift_factors_are_in_the_card_or_said_to_be_missing(program: str):
 def test_what_has_no_card(program: str, model: Any, options: dict[str, Any], code: str):
     with pytest.raises(InputError, match=rf"\[{code}\]"):
         material_card(program, model, **options)
-
-
-def test_a_liquid_is_said_to_be_one():
-    card: Card = material_card("abaqus", Burgers(2.0, 40.0, 1.0, 5.0))
-    assert any("liquid" in note for note in card.notes)

@@ -4,19 +4,14 @@ import json
 from pathlib import Path
 from typing import Any
 
-import equinox as eqx
-import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from compensate import (
-    EnsembleCompensator,
     GuardedCompensator,
     Origin,
     Past,
     Status,
-    calibrated,
     export_c,
     export_runtime,
     invert,
@@ -29,9 +24,7 @@ from hysteresis import (
     GeneralizedMaxwell,
     InputError,
     MonotoneCurve,
-    PrandtlIshlinskii,
     Preisach,
-    Record,
     Sum,
 )
 from hysteresis.preisach import GridDensity
@@ -116,45 +109,6 @@ def test_jax_python_and_c_are_the_same(name: str, beyond: Any, tmp_path: Path):
         assert f"State: {it.size} bytes" in it.text
 
 
-@pytest.mark.parametrize("start", ["known", "unknown"])
-def test_a_long_pause_is_held_alike(start: Any, tmp_path: Path):
-    """JAX, Python and C take a step beyond the longest one for that, and say so; the rest is as ever."""
-    t, u, _ = history(CREEP)
-    y = np.where(np.arange(ROWS) % 20 == 7, np.nan, CREEP.simulate(t, u))
-    options = {"trained": (0.2, 0.8), "start": start}
-    export_runtime(CREEP, tmp_path / "it.json", y, times=t, depth=128, **options)
-    export_c(CREEP, tmp_path / "it.h", y, times=t, depth=128, **options)
-    runtime = load(tmp_path / "it.json")
-    longest = runtime.longest
-    assert longest > np.diff(t).max()
-    for pause in (0.999 * longest, longest, 1e3 * longest):
-        # A pause after a reading, one that ends where the reading is missing, and the one at the start.
-        dt = np.diff(t, prepend=t[0])
-        dt[[0, 30, 47]] = pause
-        clock = np.cumsum(dt)
-        past = Past(t, invert(CREEP).simulate(t, y).value)
-        compensator = invert(CREEP, longest=longest, past=past, **options)
-        wanted = compensator.simulate(clock, y)
-        value, status = np.asarray(wanted.value), np.asarray(wanted.status)
-        runtime.reset()
-        found = [runtime.step(*now) for now in zip(dt.tolist(), y.tolist(), strict=True)]
-        scale = 1e-6 if pause > longest else 1e-9  # the clock has its digits less
-        np.testing.assert_allclose([e.value for e in found], value, rtol=0, atol=scale)
-        np.testing.assert_array_equal([int(e.status) for e in found], status)
-        if start == "known" and pause >= longest:
-            assert (status[[30, 48]] == Status.EXTRAPOLATED).all()
-        if COMPILERS:
-            it = Compiled(tmp_path / "it.h", COMPILERS[0], ("-O0",))
-            value_c, status_c = it.run(dt, y)
-            np.testing.assert_allclose(value_c, [e.value for e in found], rtol=0, atol=1e-9)
-            np.testing.assert_array_equal(status_c, status)
-        state, step = compensator.init(), eqx.filter_jit(compensator.step)
-        for k in range(60):
-            state, one = step(state, clock[k], y[k])
-            np.testing.assert_allclose(one.value, value[k], rtol=0, atol=scale)
-            assert int(one.status) == status[k]
-
-
 def test_the_law_of_each_mode():
     """limit is the clipped inverse, nan has no value there, free is the inverse; all tell the same rows."""
     model = RELAYS
@@ -169,34 +123,6 @@ def test_the_law_of_each_mode():
     expected = np.where(~inside & sound, Status.EXTRAPOLATED, free.status)
     for estimate in found.values():
         np.testing.assert_array_equal(estimate.status, expected)
-
-
-def test_a_nearly_flat_end_is_not_believed():
-    """The estimate of a millivolt beyond what was trained is not hundreds of times the range."""
-    model = MODELS["curve"]
-    y = np.array([0.5, 1.001, 1.5])
-    free = np.asarray(invert(model).simulate(None, y).value)
-    assert free[2] > 100
-    found = invert(model, trained=(0.0, 1.0)).simulate(None, y)
-    np.testing.assert_allclose(found.value, [0.25, 1.0, 1.0], atol=1e-6)
-    assert np.asarray(found.status).tolist() == [Status.OK, Status.OK, Status.EXTRAPOLATED]
-
-
-def test_run_in_of_relays_ends_when_the_past_no_longer_matters():
-    """The sample was pressed before the compensator is switched on: OK estimates are right."""
-    before = np.array([1.0, 0.1, 0.7, 0.3, 0.55])
-    u = np.interp(
-        np.arange(400) / 40, np.arange(11), [0.5, 0.3, 0.6, 0.2, 0.8, 0, 0.9, 0.04, 0.97, 0.2, 0.6]
-    )
-    y = np.asarray(RELAYS.simulate(None, np.concatenate([before, u])))[len(before) :]
-    found = invert(RELAYS, trained=(0.0, 1.0), start="unknown").simulate(None, y)
-    error, status = np.abs(np.asarray(found.value) - u), np.asarray(found.status)
-    early = status == Status.RUN_IN
-    assert error[early].max() > 0.1
-    assert error[~early].max() < 0.06
-    first = int(np.argmin(early))
-    assert not early[first:].any()
-    assert 150 < first < 400
 
 
 @pytest.mark.parametrize("name", rest_thorough(["sum", "relays", "creep", "plays"], 2))
@@ -220,24 +146,6 @@ def test_no_start_within_the_past_gives_another_ok_estimate(name: str):
         worst <= 1.5 * deviation
     )  # the truth lies between the starts, but for branches that cross
     assert ok > 0.9 * 4 * 120
-
-
-def test_a_model_without_memory_has_no_run_in():
-    own = invert(MODELS["curve"], trained=(0.0, 1.0), start="unknown")
-    assert isinstance(own, GuardedCompensator)
-    assert not own.starts
-    assert np.asarray(own.simulate(None, [0.5]).status).tolist() == [Status.OK]
-
-
-def test_draws_and_deviations_are_guarded():
-    draws = jax.tree.map(lambda x: jnp.stack([jnp.asarray(x), 1.1 * jnp.asarray(x)]), CREEP)
-    t, u, y = history(CREEP)
-    found = invert(draws, trained=(0.2, 0.8)).simulate(t, y)
-    assert isinstance(invert(draws), EnsembleCompensator)
-    assert (np.asarray(found.draws) <= 0.8).all()
-    record = Record.from_arrays(u, np.nan_to_num(y), t)
-    band = calibrated(invert(CREEP, trained=(0.2, 0.8)), record)
-    assert float(np.asarray(band.simulate(t, y).value).max()) <= 0.8
 
 
 def test_files_say_what_they_know(tmp_path: Path):
@@ -274,12 +182,3 @@ def test_what_does_not_fit_is_refused():
         invert(RELAYS, trained=(0.0, 1.0), start="cold")
     with pytest.raises(InputError, match="zero-range"):
         invert(RELAYS, trained=(1.0, 1.0))
-
-
-def test_a_guard_that_ran_under_jit_or_has_another_limit_keeps_no_old_numbers():
-    guarded = invert(PrandtlIshlinskii(np.array([0.1]), np.array([0.4]), 0.5), trained=(0.0, 1.0))
-    y = jnp.array([1.0, 9.0])
-    traced = jax.jit(lambda y: guarded.simulate(None, y).value)(y)
-    np.testing.assert_array_equal(guarded.simulate(None, y).value, traced)
-    wider = eqx.tree_at(lambda c: c.high, guarded, jnp.asarray(3.0))
-    np.testing.assert_array_equal(wider.simulate(None, y).value[1], 3.0)

@@ -200,48 +200,6 @@ def test_beyond_saturation_the_reversible_part_goes_on():
     np.testing.assert_array_equal(found.status[jnp.array([2, 5])], Status.EXTRAPOLATED)
 
 
-def test_beyond_saturation_without_one_the_bound_is_held():
-    model = preisach(0.0)
-    top = float(np.asarray(model.simulate(None, [HIGH]))[0])
-    y = np.array([0.0, top + 1.0, np.nan, -top - 1.0, 0.0])
-    found = invert(model).simulate(None, y)
-    wanted = [Status.OK, Status.SATURATED, Status.INVALID, Status.SATURATED, Status.OK]
-    np.testing.assert_array_equal(found.status, wanted)
-    np.testing.assert_allclose(found.value[1:4], [HIGH, HIGH, LOW])
-    again = np.asarray(model.simulate(None, found.value))
-    np.testing.assert_allclose(again[[0, 4]], [0.0, 0.0], atol=1e-12)
-
-
-def test_an_invalid_sample_holds_an_extrapolated_value_too():
-    model = preisach(0.5)
-    u = np.array([0.0, HIGH + 0.7, HIGH + 0.7])
-    y = np.asarray(model.simulate(None, u))
-    found = invert(model).simulate(None, np.where([False, False, True], np.nan, y))
-    assert found.value[2] == found.value[1] > HIGH + 0.6
-
-
-def test_flat_places_hold_the_nearest_input():
-    """A model of one cell that switches between 1 and 2 of 0 to 3: nothing happens elsewhere."""
-    w = np.zeros((3, 3))
-    w[1, 1] = 1.0
-    model = Preisach(GridDensity(0.0, 3.0, w))
-    found = invert(model).simulate(None, [-1.0, 0.0, 1.0, 1.0, 0.5, -1.0])
-    # At the end of its range the output says only that u >= 2 (or u <= 1): the nearest is held.
-    np.testing.assert_allclose(found.value[jnp.array([2, 3, 5])], [2.0, 2.0, 1.0], atol=1e-7)
-    assert found.status[0] == Status.FLAT
-    assert found.status[1] == Status.OK
-    again = np.asarray(model.simulate(None, found.value))
-    np.testing.assert_allclose(again, [-1.0, 0.0, 1.0, 1.0, 0.5, -1.0], rtol=0, atol=1e-12)
-
-
-def test_below_the_threshold_the_force_is_unknown():
-    sponge = LinearSponge(K=2.0, b=3.0, threshold=1.5)
-    found = invert(sponge).simulate(None, [0.0, 5.9, 6.0, 23.0, np.nan])
-    below, ok = Status.BELOW_THRESHOLD, Status.OK
-    np.testing.assert_array_equal(found.status, [below, below, ok, ok, Status.INVALID])
-    np.testing.assert_allclose(found.value, [0.0, 0.0, 1.5, 10.0, 10.0], rtol=1e-15)
-
-
 def refused(code: str, *words: str):
     return pytest.raises(InputError, match=".*".join([*words, rf"\[{code}\]"]))
 
@@ -257,13 +215,6 @@ def test_signed_densities_that_fall_are_refused():
     y = forward(model, jnp.zeros(SAMPLES), jnp.asarray(u))
     again = forward(model, jnp.zeros(SAMPLES), backward(invert(model), jnp.zeros(SAMPLES), y).value)
     np.testing.assert_allclose(again, y, rtol=0, atol=1e-9 * float(jnp.ptp(y)))
-
-
-def test_leading_models_that_are_too_flat_are_refused():
-    with refused("not-invertible", "can fall"):
-        invert(preisach(0.01, leading=True))
-    with refused("not-invertible", "can fall"):
-        invert(preisach(0.0, leading=True))
 
 
 def test_a_line_without_slope_is_refused():
@@ -292,27 +243,6 @@ def test_steps_too_long_for_a_held_input_are_refused():
     assert np.abs(again - y).max() <= 1e-9 * np.ptp(y)
 
 
-@pytest.mark.parametrize(
-    "problem", [p for p in INVERTIBLE if "rates" in p.tags], ids=lambda p: p.name
-)
-def test_time_is_needed_where_the_rate_matters(problem: Problem):
-    with refused("no-time"):
-        invert(problem.model()).simulate(None, np.ones(3))
-
-
-@pytest.mark.parametrize("problem", tagged("grid", "leading"), ids=lambda p: p.name)
-def test_state_may_be_carried(problem: Problem):
-    model, _, _, y, whole = reachable(problem)
-    compensator = invert(model)
-    step, state = eqx.filter_jit(compensator.step), compensator.init()
-    for value in y[0][:13]:
-        state, _ = step(state, 0.0, jnp.asarray(value))
-    rest = compensator.simulate(None, y[0][13:], state)
-    # The same steps, compiled for other shapes.
-    np.testing.assert_allclose(rest.value, whole.value[0, 13:], rtol=0, atol=1e-9)
-    np.testing.assert_array_equal(rest.status, whole.status[0, 13:])
-
-
 @pytest.mark.parametrize(("strength", "falls"), [(3.0, True), (0.2, False)])
 def test_a_model_that_falls_in_a_state_of_its_past_has_no_inverse(strength: float, falls: bool):
     """After a jump from 0 to u the output is u - strength u^2: on [0, 1] it falls from 1 / 2 on."""
@@ -332,15 +262,6 @@ def test_a_model_that_falls_in_a_state_of_its_past_has_no_inverse(strength: floa
 
 def curve(*increments: float) -> MonotoneCurve:
     return MonotoneCurve.even(0.0, 2.0, np.array(increments))
-
-
-@settings(max_examples=10)
-@given(st.lists(st.floats(0.0, 0.9), min_size=4, max_size=4))
-def test_a_sum_with_a_part_that_falls_less_than_the_others_rise_has_an_inverse(fall: list[float]):
-    model = Sum([curve(1.0, 1.0, 1.0, 1.0), Scaled(curve(*fall), -1.0)])
-    u = np.array([0.0, 0.5, 1.2, 1.9, 1.4])
-    found = invert(model).simulate(None, model.simulate(None, u))
-    np.testing.assert_allclose(found.value, u, atol=1e-8)
 
 
 @pytest.mark.parametrize("factor", [-1.5, -4.0])

@@ -7,7 +7,6 @@ import identify
 from compensate import material_card
 from hysteresis import (
     BoucWen,
-    Burgers,
     GeneralizedKelvinVoigt,
     GeneralizedMaxwell,
     InputError,
@@ -113,12 +112,6 @@ def test_what_no_material_is_is_refused():
         assert caught.value.code == "not-exportable"
 
 
-def test_what_the_lines_do_not_hold_is_told():
-    notes = material_card("opensees", Sum(CURVE, Burgers(2.0, 40.0, 1.0, 5.0))).notes
-    assert any("left out" in note for note in notes)
-    assert any("transient" in note for note in notes)
-
-
 def test_a_fit_is_exported(tmp_path):
     force = np.asarray(WEN.simulate(T, U)) + 1e-3 * np.random.default_rng(0).normal(size=T.size)
     for units in (("mm", "N"), ("N", "mm")):
@@ -134,20 +127,3 @@ def test_a_fit_is_exported(tmp_path):
         text = (folder / "foam.tcl").read_text()
         assert "N / mm" in text
         np.testing.assert_allclose(force_of(text), force, atol=0.01)
-
-
-def test_opensees_itself_has_the_force(tmp_path):
-    ops = pytest.importorskip("openseespy.opensees")
-    for model in (WEN, PLAYS, CURVE):
-        ops.wipe()
-        for line in material_card("opensees", model).text.splitlines():
-            if line.startswith("uniaxialMaterial"):
-                name, *words = line.split()[1:]
-                ops.uniaxialMaterial(name, *(w if w.startswith("-") else float(w) for w in words))
-        ops.testUniaxialMaterial(1)
-        found = []
-        for u in U:
-            ops.setStrain(u)
-            found.append(ops.getStress())
-        wanted = np.asarray(model.simulate(T, U))
-        np.testing.assert_allclose(found, wanted - wanted[0], atol=0.02 * np.ptp(wanted))

@@ -28,19 +28,6 @@ def readings(one: Conditioned) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return u, y, c
 
 
-def test_a_guard_beside_a_condition_is_the_same(tmp_path: Path):
-    """Estimates beyond the trained inputs, and conditions beyond the knots, are both told."""
-    one = conditioned()
-    u, y, c = readings(one)
-    pairs, trained = np.column_stack([y, c]), tuple(np.quantile(u, [0.2, 0.8]))
-    wanted = invert(one, trained=trained).simulate(None, pairs)
-    runtime = load(export_runtime(one, tmp_path / "it.json", pairs, trained=trained).path)
-    found = [runtime.step(0.01, a, b) for a, b in pairs.tolist()]
-    np.testing.assert_array_equal([one.value for one in found], wanted.value)
-    np.testing.assert_array_equal([int(one.status) for one in found], wanted.status)
-    assert {Status.OK, Status.EXTRAPOLATED} <= set(np.asarray(wanted.status).tolist())
-
-
 @pytest.mark.parametrize(
     ("sign", "axis"), rest_thorough([(1.0, "logarithmic"), (-1.0, "reciprocal")], 1)
 )

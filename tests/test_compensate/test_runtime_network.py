@@ -1,8 +1,6 @@
 """Force estimators without JAX are the JAX ones, to a billionth of the largest force."""
 
 import json
-import subprocess
-import sys
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -11,16 +9,14 @@ import jax
 import numpy as np
 import pytest
 
-from compensate import Quantity, Status, export_runtime, invert
+from compensate import Quantity, Status, invert
 from compensate.microchannel import BackwardsModel, EverettNetwork, ForceEstimator, export_force
-from compensate.runtime import Compensator, FileError, load, load_force
-from compensate.runtime import ForceEstimator as Runtime
+from compensate.runtime import FileError, load, load_force
 from compensate.runtime._file import checksum
 from hysteresis import (
     AbstractModel,
     GeneralizedMaxwell,
     InputError,
-    LinearSponge,
     Preisach,
     Scaled,
     Series,
@@ -31,7 +27,6 @@ from hysteresis.networks import StaircaseNetwork
 from hysteresis.preisach import GridDensity
 from hysteresis.rigs import MicrochannelRig
 
-ROOT = Path(__file__).parents[2]
 RECORD = MicrochannelRig(seed=11).cnc_loops(300)
 T, F = RECORD.time, RECORD.force[:, 0]
 ONE, TWO = RECORD.reading[:, 0], RECORD.reading
@@ -112,18 +107,6 @@ def test_plain_python_is_the_same(name: str, tmp_path: Path):
     assert {Status.OK, Status.EXTRAPOLATED, Status.INVALID} <= set(status.tolist())
 
 
-@every
-def test_time_that_passes_without_a_reading_counts(name: str, tmp_path: Path):
-    runtime = load(case(name).export(tmp_path))
-    first, second = (case(name).readings[k].tolist() for k in (100, 200))
-    runtime.step(0.0, first)
-    once = runtime.step(3.0, second)
-    runtime.reset()
-    runtime.step(0.0, first)
-    runtime.step(1.0, np.full(np.shape(first), np.nan).tolist())
-    assert runtime.step(2.0, second).value == pytest.approx(once.value, abs=1e-12)
-
-
 def test_what_the_file_says_of_itself(tmp_path: Path):
     runtime = load_force(case("network of two channels").export(tmp_path))
     assert [c["name"] for c in runtime.channels] == ["layer 1", "layer 2"]
@@ -134,17 +117,6 @@ def test_what_the_file_says_of_itself(tmp_path: Path):
     with pytest.raises(TypeError, match=r"step\(dt, reading\)"):
         runtime.step([1.0, 1.0])
     assert load(case("network without time").export(tmp_path)).step(0.1, 1.0).status in Status
-
-
-def test_neither_jax_nor_numpy_is_loaded(tmp_path: Path):
-    file = case("network").export(tmp_path)
-    code = (
-        "import sys; from compensate.runtime import load\n"
-        f"load({str(file)!r}).step(0.1, 1.0)\n"
-        "print({'jax', 'numpy', 'scipy'} & set(sys.modules))"
-    )
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
-    assert done.stdout.strip() == "set()", done.stderr
 
 
 def change(file: Path, name: str, value: Any, *, sealed: bool = True) -> None:
@@ -178,13 +150,6 @@ def test_files_that_cannot_be_trusted_are_refused(tmp_path: Path):
         load_force(file)
     with pytest.raises(FileError, match="No such file"):
         load(tmp_path / "none.json")
-
-
-def test_a_compensator_is_still_one(tmp_path: Path):
-    file = tmp_path / "sponge.json"
-    export_runtime(LinearSponge(K=1.0, b=0.5), file, [2.0, 5.0, 9.0])
-    assert isinstance(load(file), Compensator)
-    assert isinstance(load(case("network").export(tmp_path)), Runtime)
 
 
 def test_what_cannot_be_exported_is_refused(tmp_path: Path):

@@ -15,7 +15,6 @@ import numpy as np
 import pytest
 
 from compensate import Status, export_to
-from compensate.runtime import load
 from hysteresis import InputError
 from tests.boards import on_avr, on_cortex_m4
 from tests.c_harness import STRICT
@@ -39,22 +38,6 @@ def test_the_example_compiles(name: str, real: str, tmp_path: Path):
     command += ["-I", str(stub), "-I", str(out / "src"), str(example)]
     done = subprocess.run(command, capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (0, "")
-
-
-def test_the_library_carries_the_fit(tmp_path: Path):
-    one = case("relays")
-    out = one.write("arduino", tmp_path / "sensor")
-    runtime = load(out / "hysid-export.json")
-    assert runtime.origin == {**ORIGIN._asdict(), "codes": ["flat"]}
-    assert runtime.trained == (one.u.min(), one.u.max())
-    properties = dict(
-        line.split("=", 1) for line in (out / "library.properties").read_text().splitlines()
-    )
-    assert properties["name"] == json.loads((out / "library.json").read_text())["name"] == "sensor"
-    assert (out / "src" / properties["includes"]).is_file()
-    for text in (out / "README.md", out / "src" / "sensor.h"):
-        for fact in ("CAUTION", "2024-05-03", 64 * "a", "A sponge & its <skin>", "mm", "force"):
-            assert fact in text.read_text()
 
 
 def test_a_folder_is_replaced_only_where_an_export_wrote_it(tmp_path: Path):

@@ -1,13 +1,10 @@
 """The inverse of a model that depends on a condition: given the output and the condition."""
 
-from dataclasses import replace
-
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-import compensate
 from compensate import Status, invert
 from hysteresis import (
     AbstractModel,
@@ -16,12 +13,9 @@ from hysteresis import (
     InputError,
     MonotoneCurve,
     PrandtlIshlinskii,
-    Record,
     Scaled,
-    Series,
     Sum,
 )
-from hysteresis.curves import Clip
 
 KNOTS = [10.0, 20.0, 50.0]
 
@@ -61,11 +55,6 @@ def test_the_inverse_undoes_the_model_at_every_condition(sign: float):
     there_and_back(model(sign))
 
 
-def test_stages_behind_it_and_its_sign_are_undone_too():
-    there_and_back(Series(model(), Clip(low=-50.0)))
-    there_and_back(Scaled(model(), -2.0, 3.0))
-
-
 def test_models_that_depend_on_the_rate_are_inverted():
     fast, slow = Burgers(2.0, 40.0, 1.0, 5.0), Burgers(3.0, 60.0, 2.0, 4.0)
     there_and_back(Conditioned((fast, slow), [10.0, 50.0]), np.arange(40.0))
@@ -82,14 +71,6 @@ def test_a_stream_gives_what_the_batch_gives():
         assert float(found.value) == pytest.approx(float(batch.value[k]), abs=1e-9)
 
 
-def test_beyond_the_knots_the_nearest_is_taken_and_told():
-    compensator, u = invert(model()), np.linspace(-0.5, 1.5, 8)
-    y = np.asarray(model().simulate(None, np.column_stack([u, np.full(8, 50.0)])))
-    far = compensator.simulate(None, np.column_stack([y, np.full(8, 80.0)]))
-    assert (np.asarray(far.status) == Status.EXTRAPOLATED).all()
-    np.testing.assert_allclose(far.value, u, atol=1e-7)
-
-
 def test_without_a_condition_the_last_estimate_is_held():
     compensator, u = invert(model()), np.array([0.0, 0.5, 0.5, 1.0])
     c = np.array([20.0, 20.0, np.nan, 20.0])
@@ -100,33 +81,6 @@ def test_without_a_condition_the_last_estimate_is_held():
     with pytest.raises(InputError) as error:
         compensator.simulate(None, y)
     assert error.value.code == "wrong-shape"
-
-
-def test_what_surrounds_a_compensator_passes_the_condition_on():
-    u, c = walk(16)
-    inside = (u > -0.95) & (u < 1.95)
-    readings = np.column_stack([model().simulate(None, np.column_stack([u, c])), c])
-    draws = jax.tree.map(lambda x: jnp.stack([x, x]), model())
-    for compensator in (
-        compensate.EnsembleCompensator(draws),
-        compensate.DeadBandCompensator(invert(model()), 0.0),
-        compensate.FilteredCompensator(model(), 1.0, 1e-6),
-    ):
-        found = compensator.simulate(None, readings)
-        np.testing.assert_allclose(np.asarray(found.value)[inside], u[inside], atol=1e-4)
-
-
-def test_a_record_gives_the_condition_to_its_estimates():
-    u, c = walk()
-    y = np.asarray(model().simulate(None, np.column_stack([u, c])))
-    record = Record.from_columns(
-        {"u": u, "y": y, "temperature": c}, "u", "y", condition="temperature"
-    )
-    found = compensate.estimate(invert(model()), record)
-    np.testing.assert_allclose(found.value, u, atol=1e-7)
-    with pytest.raises(InputError) as error:
-        compensate.estimate(invert(model()), replace(record, columns={}, conditions={}))
-    assert error.value.code == "no-condition"
 
 
 def test_a_model_that_rises_here_and_falls_there_has_no_inverse():

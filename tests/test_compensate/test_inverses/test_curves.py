@@ -65,51 +65,6 @@ def test_spline_of_any_bend_there_and_back(seed: int, bend: float, level: float)
     assert set(np.unique(found.status).tolist()) <= {Status.OK, Status.FLAT}
 
 
-def test_beyond_a_spline():
-    """Along the end slopes, or held where those are 0."""
-    model = MonotoneSpline([0.0, 1.0, 3.0], [0.5, 1.0, 2.0])
-    u = np.array([-3.0, 9.0, 0.0, 3.0])
-    found = invert(model).simulate(None, np.asarray(model.simulate(None, u)))
-    np.testing.assert_allclose(found.value, u, rtol=0, atol=1e-12)
-    beyond, ok = Status.EXTRAPOLATED, Status.OK
-    np.testing.assert_array_equal(found.status, [beyond, beyond, ok, ok])
-    found = invert(MonotoneSpline([0.0, 1.0, 2.0], [0.0, 1.0, 0.0])).simulate(None, [-1.0, 7.0])
-    np.testing.assert_allclose(found.value, [0.0, 2.0], atol=1e-7)
-    np.testing.assert_array_equal(found.status, [Status.SATURATED] * 2)
-
-
-def test_flat_cells_hold_the_nearest_input():
-    model = MonotoneCurve([0.0, 1.0, 2.0, 3.0, 4.0], [1.0, 0.0, 0.0, 2.0], 0.5)
-    found = invert(model).simulate(None, [1.0, 1.5, 3.0, 1.5, 0.5, np.nan, 2.5])
-    flat, ok = Status.FLAT, Status.OK
-    np.testing.assert_allclose(found.value, [0.5, 1.0, 3.75, 3.0, 0.0, 0.0, 3.5], atol=1e-12)
-    np.testing.assert_array_equal(found.status, [ok, flat, ok, flat, ok, Status.INVALID, ok])
-
-
-def test_beyond_the_nodes():
-    """Along the end cells, or held where those are flat."""
-    found = invert(MonotoneCurve([0.0, 1.0, 2.0], [1.0, 2.0])).simulate(None, [-1.0, 7.0])
-    np.testing.assert_allclose(found.value, [-1.0, 4.0], atol=1e-12)
-    np.testing.assert_array_equal(found.status, [Status.EXTRAPOLATED] * 2)
-    flat = MonotoneCurve([0.0, 1.0, 2.0, 3.0], [0.0, 1.0, 0.0])
-    found = invert(flat).simulate(None, [-1.0, 7.0, 0.0, 1.0])
-    np.testing.assert_allclose(found.value, [0.0, 3.0, 1.0, 2.0], atol=1e-12)
-    wanted = [Status.SATURATED] * 2 + [Status.FLAT] * 2
-    np.testing.assert_array_equal(found.status, wanted)
-
-
-def test_beyond_a_polynomial():
-    u = np.array([-3.0, 9.0])
-    found = invert(RISING).simulate(None, np.asarray(RISING.simulate(None, u)))
-    np.testing.assert_allclose(found.value, u, rtol=1e-12)
-    np.testing.assert_array_equal(found.status, [Status.EXTRAPOLATED] * 2)
-    # x + x^2/2 from -1 to 1 starts level, so below there is nothing.
-    level = PolynomialCurve([0.0, 1.0, 0.5])
-    found = invert(level).simulate(None, [-2.0, 0.0])
-    np.testing.assert_allclose(found.value, [-1.0, 0.0], atol=1e-12)
-    np.testing.assert_array_equal(found.status, [Status.SATURATED, Status.OK])
-
-
 @pytest.mark.parametrize(
     ("model", "place"),
     [
@@ -126,14 +81,6 @@ def test_what_falls_is_refused_with_the_place(model: AbstractCurve, place: str):
         invert(model)
     assert caught.value.code == "not-invertible"
     assert place in str(caught.value)
-
-
-def test_clip_says_what_its_ends_hide():
-    found = invert(Clip(0.0, 2.0)).simulate(None, [-1.0, 0.0, 1.0, 2.0, 3.0, np.inf])
-    np.testing.assert_array_equal(found.value, [0.0, 0.0, 1.0, 2.0, 2.0, 2.0])
-    beyond, flat = Status.SATURATED, Status.FLAT
-    wanted = [beyond, flat, Status.OK, flat, beyond, Status.INVALID]
-    np.testing.assert_array_equal(found.status, wanted)
 
 
 @pytest.mark.parametrize("n", [0.5, 1.0, 2.5, 10.0])

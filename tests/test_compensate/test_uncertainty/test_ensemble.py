@@ -7,16 +7,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from compensate import CalibratedCompensator, EnsembleCompensator, Status, calibrated, invert
+from compensate import CalibratedCompensator, Status, calibrated, invert
 from hysteresis import (
     AbstractModel,
     Burgers,
     InputError,
     LinearSponge,
-    MonotoneCurve,
     Preisach,
     Record,
-    Sum,
 )
 from hysteresis.preisach import GridDensity
 from tests.problems import HIGH, LOW, SAMPLES, random_histories, weights, without
@@ -107,27 +105,6 @@ def test_the_readings_noise_is_in_the_spread():
         assert abs(np.mean(np.asarray(found.deviation)) / wanted - 1) < 0.02
 
 
-def test_the_commonest_status_that_is_not_ok():
-    models = jax.vmap(lambda s: LinearSponge(1.0, 0.0, s))(jnp.array([0.5, 1.0, 1.5]))
-    found = invert(models).simulate(None, [2.0, 1.2, np.nan])
-    wanted = [Status.OK, Status.BELOW_THRESHOLD, Status.INVALID]
-    np.testing.assert_array_equal(found.status, wanted)
-
-
-def test_what_all_draws_share_is_known_before_jax_runs():
-    """The range of a sum is read from the nodes of its curve."""
-
-    def make(rng: np.random.Generator) -> Sum:
-        curve = MonotoneCurve(np.linspace(LOW, HIGH, 5), rng.uniform(0.5, 1.0, 4), 0.0)
-        return Sum((curve, grid(rng)))
-
-    each, models = stacked(make, 3)
-    u = history()
-    y = np.asarray(each[1].simulate(None, u))
-    found = invert(models).simulate(None, y)
-    np.testing.assert_allclose(found.draws[1], u, rtol=0, atol=1e-6)
-
-
 def refused(code: str):
     return pytest.raises(InputError, match=rf"\[{code}\]")
 
@@ -139,12 +116,6 @@ def test_what_is_no_deviation_is_refused():
             invert(models, output_sigma=sigma)
     with refused("not-invertible"):
         invert(each[0], output_sigma=0.1)
-
-
-def test_a_first_draw_without_inverse_is_refused():
-    models = jax.vmap(lambda K: LinearSponge(K, 1.0))(jnp.array([0.0, 1.0]))
-    with refused("not-invertible"):
-        invert(models)
 
 
 def wrong(seed: int, cycles: int = 8) -> tuple[AbstractModel, Record]:
@@ -197,14 +168,3 @@ def test_only_the_last_cycles_and_counted_rows():
     np.testing.assert_allclose(last.scores, alone.scores, rtol=1e-12)
     with refused("no-rows"):
         calibrated(invert(model), record.split_rows(record.cycle >= 4)[1], cycles=0)
-
-
-def test_several_sequences_are_told_apart():
-    model, first = wrong(0, 2)
-    _, second = wrong(1, 2)
-    u, y = (np.concatenate([getattr(r, k) for r in (first, second)]) for k in ("input", "output"))
-    groups = np.repeat(["a", "b"], [len(first), len(second)])
-    both = Record.from_arrays(u, y, groups=groups, dt=0.01)
-    known = calibrated(EnsembleCompensator(stacked(lambda _: model, 2)[1]), both)
-    assert np.isfinite(np.asarray(known.error)).all()
-    assert coverage(known, first) > 0.5

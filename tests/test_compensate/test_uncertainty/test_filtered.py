@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from compensate import DeadBandCompensator, EnsembleCompensator, FilteredCompensator, Status, invert
+from compensate import DeadBandCompensator, FilteredCompensator, Status, invert
 from hysteresis import AbstractModel, Burgers, InputError, LinearSponge, Preisach
 from hysteresis.preisach import GridDensity
 from tests.problems import HIGH, LOW, SAMPLES, clock, random_histories, without
@@ -135,33 +135,6 @@ def test_a_model_without_laws_is_filtered_step_by_step(monkeypatch: pytest.Monke
     np.testing.assert_allclose(each[1].value, each[0].value, rtol=0, atol=1e-9)
     np.testing.assert_allclose(each[1].deviation, each[0].deviation, rtol=1e-6)
     np.testing.assert_array_equal(each[1].status, each[0].status)
-
-
-def test_nothing_is_known_before_the_first_reading():
-    found = FilteredCompensator(GRID, 0.05, 0.02).simulate(None, [np.nan, np.nan])
-    assert np.isinf(np.asarray(found.deviation)).all()
-    assert np.isfinite(np.asarray(found.value)).all()
-
-
-def test_by_time_a_longer_pause_leaves_more_open():
-    found = FilteredCompensator(LinearSponge(2.0, 1.0, 0.0), 1.0, 0.1, by_time=True)
-    deviation = np.asarray(found.simulate([0.0, 0.1, 0.2, 10.0], np.full(4, 41.0)).deviation)
-    # P = 1 / (1 / (Q dt + P) + H^2 / R), from R / H^2.
-    wanted = [0.05**2]
-    for dt in (0.1, 0.1, 9.8):
-        wanted.append(1 / (1 / (wanted[-1] + dt) + 1 / 0.05**2))
-    np.testing.assert_allclose(deviation, np.sqrt(wanted), rtol=1e-6)
-    assert deviation[3] > deviation[2]
-
-
-def test_filters_of_draws_run_side_by_side():
-    models = jax.vmap(lambda e: Burgers(e, 40.0, 1.0, 5.0))(jnp.array([1.9, 2.0, 2.1]))
-    t, y, sigma = noisy(BURGERS, walk(0.02, SAMPLES, 3))
-    each = EnsembleCompensator(models, inverse=lambda m: FilteredCompensator(m, 0.06, sigma))
-    found = each.simulate(t, y)
-    one = FilteredCompensator(Burgers(2.0, 40.0, 1.0, 5.0), 0.06, sigma).simulate(t, y)
-    assert found.draws is not None
-    np.testing.assert_allclose(found.draws[1], one.value, rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("value", [0.0, -1.0, np.inf, np.nan])

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from compensate import FlatInterval, Status, flat_intervals, invert, qualify
-from hysteresis import AbstractModel, LinearSponge, Preisach, Record
+from hysteresis import AbstractModel, Preisach, Record
 from hysteresis.preisach import GridDensity
 
 
@@ -43,13 +43,6 @@ def test_intervals_of_known_relays():
     assert np.asarray(interval.high) == pytest.approx(
         np.array([5.0, 7.0, 10.0, 5.0, 2.0]), abs=1e-5
     )
-
-
-def test_below_its_threshold_a_sponge_says_nothing():
-    model = LinearSponge(K=1.0, b=0.5, threshold=2.0)
-    interval = flat_intervals(model, None, [1.0, 3.0], 0.0, 8.0)
-    assert np.asarray(interval.low) == pytest.approx(np.array([0.0, 3.0]), abs=1e-9)
-    assert np.asarray(interval.high) == pytest.approx(np.array([2.0, 3.0]), abs=1e-9)
 
 
 def test_a_verdict_tells_the_widest():

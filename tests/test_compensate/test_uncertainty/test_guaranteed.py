@@ -2,7 +2,6 @@
 
 import ctypes
 import subprocess
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -62,21 +61,6 @@ def test_too_few_runs_cannot_guarantee():
         with pytest.raises(InputError) as error:
             guaranteed(invert(MODEL), runs(9, 0), guarantee, kind)
         assert error.value.code == "bad-option"
-
-
-def test_cycles_are_runs_of_one_sequence():
-    record = runs(12, 0)
-    one = Record.from_arrays(record.input, record.output)
-    assert guaranteed(invert(MODEL), one, 0.9).runs == one.n_cycles
-    with pytest.raises(InputError):
-        guaranteed(invert(MODEL), one, 0.9, runs="sequence")
-
-
-def test_rows_outside_the_mask_do_not_count():
-    record = runs(12, 0)
-    mask = np.ones(len(record), bool)
-    mask[:12] = False
-    assert guaranteed(invert(MODEL), replace(record, mask=mask), 0.9).runs == 11
 
 
 def test_a_followed_band_keeps_its_share_as_the_sensor_drifts():

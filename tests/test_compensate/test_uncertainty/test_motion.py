@@ -1,6 +1,5 @@
 """A deviation that knows its motion: as it was learnt, and wider where reversals or speed are others."""
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +10,7 @@ import pytest
 
 from compensate import CalibratedCompensator, Status, calibrated, export_c, export_runtime, invert
 from compensate.runtime import load
-from compensate.runtime._file import checksum
-from hysteresis import Burgers, Preisach, Record
+from hysteresis import Preisach, Record
 from hysteresis.preisach import GridDensity
 from tests.c_harness import COMPILERS, Compiled
 from tests.thorough import rest_thorough
@@ -62,22 +60,6 @@ def test_it_is_wider_on_other_motions_and_as_it_was_on_the_same(band: Calibrated
         assert np.median(later) > 1.5, name
 
 
-def test_a_loop_that_closes_is_forgotten(band: CalibratedCompensator):
-    """On the way on to the trained peak, and back from there, the motion is as in training again."""
-    u = motion(0.0, 6.0, 4.0, 10.0, 0.0)
-    wider = widening(band, u)
-    inside = slice(int(1.3 / DT), int(1.55 / DT))
-    assert wider[inside].min() > 1.5
-    assert wider[int(2.2 / DT) :].max() < 1.3
-
-
-def test_without_times_speed_says_nothing():
-    timeless = calibrated(invert(RELAYS), Record.from_arrays(CYCLES, RELAYS.simulate(None, CYCLES)))
-    assert not timeless.knows_speeds
-    y = RELAYS.simulate(None, OTHERS["eight times as fast"])
-    assert np.isfinite(np.asarray(timeless.simulate(None, y).deviation)).all()
-
-
 @pytest.mark.parametrize("name", rest_thorough(list(OTHERS)[1:], 1))
 def test_stream_batch_file_and_c_agree(band: CalibratedCompensator, name: str, tmp_path: Path):
     u = OTHERS[name]
@@ -104,30 +86,3 @@ def test_stream_batch_file_and_c_agree(band: CalibratedCompensator, name: str, t
         np.testing.assert_allclose(off, found, rtol=1e-12)
         said = header.read_text()
         assert "turned down at 10 to 10 and up at 0 to 0, in strokes of a mean speed from" in said
-
-
-def test_files_of_before_have_the_error_that_they_had(band: CalibratedCompensator, tmp_path: Path):
-    y = np.asarray(RELAYS.simulate(None, OTHERS["small loops"]))
-    file = export_runtime(RELAYS, tmp_path / "it.json", y, error=band).path
-    document = json.loads(file.read_text())
-    kept = {"levels", "level", "falling", "rising", "width"}
-    document["error"]["parameters"] = {
-        k: v for k, v in document["error"]["parameters"].items() if k in kept
-    }
-    document["error"]["state"] = {"status": 0, "begun": 0, "follower": 0.0, "up": 1}
-    document["checksum"] = checksum(document)
-    file.write_text(json.dumps(document))
-    plain = CalibratedCompensator(band.inner, band.levels, band.error, band.scores, band.width)
-    runtime = load(file)
-    found = [runtime.step(DT, value).deviation for value in y.tolist()]
-    np.testing.assert_allclose(found, plain.simulate(None, y).deviation, rtol=1e-6)
-
-
-def test_a_held_input_is_tried_at_short_steps_only():
-    """Its inverse stands up to a largest step: what another speed does is asked at a higher one."""
-    model = Burgers(2.0, 40.0, 2.0, 4.0, leading=False, hold="constant")
-    dt = 0.9 * model.largest_stable_step()
-    u = np.interp(np.arange(60), np.arange(7) * 10, [0.0, 4.0] * 3 + [0.0])
-    y = np.asarray(model.simulate(dt * np.arange(60), u))
-    learnt = calibrated(invert(model, trained=(0.0, 4.0)), Record.from_arrays(u, y, dt=dt))
-    assert np.isfinite(np.asarray(learnt.error)).all()
