@@ -3,7 +3,6 @@
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import given
@@ -79,37 +78,6 @@ def test_the_search_overlooks_nothing(seed: int):
         assert set(np.flatnonzero(outside[n] < 0)) <= set(row) - {-1}
 
 
-def test_soft_triangles_lie_deeper_by_what_they_give_way():
-    """Square pushes: every contact lies d_n under the surface."""
-    k, point, _ = presses(ARM, 100, 1)
-    normal = np.asarray(ARM.faces().normal)[k]
-    d = 1e-3 * (0.2 * 10 + 1)
-    contact = ContactSolver(ARM, LinearSponge(0.2, 1.0)).solve(
-        10 * normal, np.cross(point + d * normal, 10 * normal)
-    )
-    away = np.linalg.norm(np.asarray(contact.point) - point - d * normal, axis=1)
-    # A neighbour across a ridge gives way too: the points are no farther apart than the two are deep.
-    assert away.max() < 2 * d
-    assert np.median(away) < 1e-13
-
-
-def test_under_jit_vmap_and_grad_it_is_the_same():
-    _, point, force = presses(ARM, 8, 2)
-    moment = np.cross(point, force)
-    solver = ContactSolver(ARM, LinearSponge(0.2, 1.0))
-    found = solver.solve(force, moment)
-    traced = jax.jit(jax.vmap(solver.solve))(force, moment)
-    np.testing.assert_allclose(traced.point, found.point, atol=1e-14)
-    step = 1e-6 * np.array([1.0, 0, 0])
-
-    def at(f: Any) -> Any:
-        return solver.solve(f, moment[0]).point
-
-    _, slope = jax.jvp(at, (jnp.asarray(force[0]),), (jnp.asarray(1e6 * step),))
-    change = np.asarray(at(force[0] + step)) - np.asarray(at(force[0] - step))
-    np.testing.assert_allclose(slope, change / 2e-6, atol=1e-7)
-
-
 def test_a_mesh_in_a_stream():
     _, point, force = presses(ARM, 5, 4)
     moment = np.cross(point, force)
@@ -119,16 +87,6 @@ def test_a_mesh_in_a_stream():
         stream.step(0.1 * n, *now).surface for n, now in enumerate(zip(force, moment, strict=True))
     ]
     np.testing.assert_array_equal(found, solver.solve(force, moment).surface)
-
-
-def test_lines_that_meet_nothing():
-    solver = ContactSolver(ARM)
-    force = np.array([[9.0, 0, 0], [0, 0, 0], [np.nan, 0, 0], [1.0, 0, 0]])
-    moment = np.cross([0, 0.2, 0.1], force)
-    told = [ContactStatus.MISSED, ContactStatus.NO_CONTACT, ContactStatus.INVALID]
-    np.testing.assert_array_equal(
-        solver.solve(force, moment).status, [*told, ContactStatus.BELOW_THRESHOLD]
-    )
 
 
 @pytest.mark.parametrize(
@@ -145,10 +103,6 @@ def test_lines_that_meet_nothing():
 def test_what_is_no_surface_is_refused(vertices: Any, triangles: Any, code: str):
     with pytest.raises(InputError, match=code):
         Mesh(vertices, triangles)
-
-
-def test_a_shell_may_end():
-    assert len(Mesh(CUBE, SIDES[:-2], rim=True).faces().offset) == 10
 
 
 @pytest.mark.parametrize("ending", ["stl", "obj"])

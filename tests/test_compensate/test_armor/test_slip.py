@@ -2,7 +2,6 @@
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -18,7 +17,7 @@ from compensate.armor import (
     with_slip,
 )
 from hysteresis import InputError, LinearSponge
-from hysteresis.rigs import INWARD, ArmorRig, force_path
+from hysteresis.rigs import INWARD, ArmorRig
 
 FULL = np.repeat([200.0, 20.0], 3)
 
@@ -40,16 +39,6 @@ def presses(rig: ArmorRig) -> Presses:
     made = rig.calibrate(points, surface)
     normal = INWARD[surface - 1]
     return Presses(made.time, made.wrench, made.force, normal, points, surface, made.displacement)
-
-
-def test_a_correction_is_bounded_and_forgets_small_loops():
-    """Each stop within its travel; a loop inside another leaves nothing behind."""
-    random = np.random.default_rng(0)
-    slip = Slip(FULL, 1e-3 * random.normal(size=(6, 36, 3)))
-    path = force_path((0.0, 20.0, 5.0, 20.0), 0.5)[:, None] * random.normal(size=6)
-    stops = np.asarray(slip.stops(path))
-    assert np.abs(stops).max() <= 1
-    np.testing.assert_allclose(stops[39], stops[-1], atol=1e-12)
 
 
 def test_step_by_step_is_all_at_once():
@@ -88,18 +77,6 @@ def test_slip_is_found_where_no_axis_has_a_play_of_its_own(
     load = np.concatenate([true, np.cross(touched, true)], axis=-1).reshape(-1, 6)
     matrix = np.linalg.lstsq(known, load, rcond=None)[0].T
     assert left(found.sensor) < 0.8 * left(WristSensor(matrix))
-
-
-def test_a_sensor_that_does_not_slip_is_left_alone(armor: Armor, presses: Presses):
-    """Loads as readings: a unit matrix, and weights that correct by no more than rounding."""
-    from compensate.armor._calibration import loads_of
-
-    force, moment = loads_of(armor, presses)
-    exact = eqx.tree_at(lambda p: p.readings, presses, jnp.concatenate([force, moment], axis=-1))
-    found = with_slip(armor, exact, FULL)
-    np.testing.assert_allclose(found.sensor.matrix, np.eye(6), atol=1e-9)
-    assert found.sensor.slip is not None
-    assert np.abs(found.sensor.slip.weights).max() < 1e-9
 
 
 def test_what_cannot_be(armor: Armor, presses: Presses, tmp_path):

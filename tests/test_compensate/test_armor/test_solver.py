@@ -17,7 +17,6 @@ from compensate.armor import (
     Bumps,
     ContactSolver,
     ContactStatus,
-    ContactStream,
     Convex,
     Cover,
     Grid,
@@ -46,7 +45,6 @@ LOCAL = Cover(
     compliance=Grid(np.linspace(0, 1e-4, 45).reshape(5, 3, 3), BOX.centres(), BOX.axes()),
 )
 COVERS = {"rigid": None, "local": LOCAL}
-SIZE = 0.6
 
 NORMALS = np.asarray(BOX.faces().normal)
 
@@ -140,20 +138,6 @@ def test_convex_polygons_are_found(drawn: list[tuple[int, float, float]]):
     assert not np.asarray(contact.status).any()
 
 
-@given(presses())
-def test_a_turned_box_turns_the_contact(press: Any):
-    """A quarter turn about z: the half sides change places, and surfaces 2, 5, 3, 4 follow each other."""
-    surface, place, force, spin = press
-    turn = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
-    solver = ContactSolver(BOX, SPONGE)
-    turned = ContactSolver(Box(0.25, 0.3, 0.55, 0.1), SPONGE)
-    _, moment = put(solver, surface, place, force, spin, 0.9)
-    here, there = solver.solve(force, moment), turned.solve(turn @ force, turn @ moment)
-    np.testing.assert_allclose(there.point, turn @ np.asarray(here.point), atol=1e-12)
-    assert int(there.surface) == {0: 0, 1: 1, 2: 5, 5: 3, 3: 4, 4: 2}[int(here.surface)]
-    assert int(there.status) == int(here.status)
-
-
 STATUSES = [
     ([0, 0, 0], [0, 0, 0], ContactStatus.NO_CONTACT),
     ([0, 0, -1.4], [0, 0, 0], ContactStatus.BELOW_THRESHOLD),
@@ -197,44 +181,6 @@ def test_two_surfaces_apart_are_ambiguous():
         assert listed.surface[:3].tolist() == [1, 4, 0]
 
 
-def test_what_the_sensor_doubts_is_told():
-    doubt = [ContactStatus.OK, ContactStatus.SATURATED, ContactStatus.INVALID]
-    contact = ContactSolver(BOX).solve(np.tile([0, 0, -9.0], (3, 1)), np.zeros((3, 3)), doubt)
-    np.testing.assert_array_equal(contact.status, doubt)
-
-
-def test_an_edge_is_not_lost_to_noise():
-    """Least violation wins within the tolerance; beyond it there is no contact."""
-    solver = ContactSolver(BOX, SPONGE)
-    moment = [np.cross([0, 0.25 + beyond, 0.55], [0, 0, -15.0]) for beyond in (0.02, 0.04)]
-    contact = solver.solve(np.tile([0, 0, -15.0], (2, 1)), np.array(moment))
-    np.testing.assert_array_equal(contact.surface, [1, 0])
-    np.testing.assert_array_equal(contact.status, [ContactStatus.OK, ContactStatus.MISSED])
-    np.testing.assert_allclose(contact.outside, [0.02, 0.04], atol=1e-12)
-
-
-def test_bad_wrenches_leave_the_others_alone():
-    random = np.random.default_rng(0)
-    force, moment = random.normal(size=(2, 50, 3)) * 8
-    solver = ContactSolver(BOX, SPONGE)
-    spoilt = force.copy()
-    spoilt[::7, 1] = np.nan
-    kept = np.arange(50) % 7 > 0
-    for good, bad in zip(solver.solve(force, moment), solver.solve(spoilt, moment), strict=True):
-        np.testing.assert_array_equal(np.asarray(good)[kept], np.asarray(bad)[kept])
-
-
-def test_any_leading_shape():
-    random = np.random.default_rng(1)
-    force, moment = random.normal(size=(2, 2, 3, 4, 3))
-    solver = ContactSolver(BOX, SPONGE, threshold=0.1)
-    whole, flat = solver.solve(8 * force, moment), solver.solve(8 * force[1, 2, 3], moment[1, 2, 3])
-    assert whole.point.shape == (2, 3, 4, 3)
-    assert whole.status.shape == (2, 3, 4)
-    for a, b in zip(whole, flat, strict=True):
-        np.testing.assert_allclose(a[1, 2, 3], b, atol=1e-14)
-
-
 @covers
 def test_gradients_match_finite_differences(cover: Any):
     solver = ContactSolver(BOX, cover)
@@ -252,15 +198,6 @@ def test_gradients_match_finite_differences(cover: Any):
     exact = jax.jacfwd(found)(jnp.asarray(inputs))
     # Central differences: the square of the step against |F|, and rounding over the step.
     np.testing.assert_allclose(np.stack(by_steps, axis=1), exact, atol=1e-9)
-
-
-def test_the_box_and_the_cover_are_differentiable():
-    """One N more compliance or one m more height shows in z as it does in the equation."""
-    solver = ContactSolver(BOX, SPONGE)
-    slope = eqx.filter_grad(lambda s: s.solve([0, 0, -15.0], [0, 0, 0.0]).point[2])(solver)
-    assert float(slope.shape.dz1) == pytest.approx(1)
-    assert float(slope.cover.compensator.K) == pytest.approx(-15e-3)
-    assert float(slope.cover.factor.value) == pytest.approx(-1e-3 * (1.298 * 15 + 6.186))
 
 
 # Streams
@@ -299,26 +236,6 @@ def pushes(solver: ContactSolver, strength: Any, t: Any = None, x: Any = 0.05) -
     return solver.simulate(t, force, moment)
 
 
-def test_compiled_ahead_it_is_the_same():
-    solver, t, strength = ContactSolver(BOX, PLAYS), 0.1 * np.arange(30), force_in_waves(30)
-    strength[10:12] = [np.nan, 0.1]
-    force = np.outer(strength, [0.1, 0, -1.0])
-    moment = np.cross([0.05, 0, 0.55], force)
-    stream, whole = ContactStream(solver), solver.simulate(t, force, moment)
-    for _ in range(2):
-        for n in range(30):
-            told = stream.step(t[n], force[n], moment[n])
-            for a, b in zip(told, whole, strict=True):
-                np.testing.assert_allclose(a, b[n], atol=1e-15)
-        stream.reset()
-
-
-def test_noise_at_the_threshold_does_not_chatter():
-    """On at 1.5 N, off below 1.2 N."""
-    contacts = pushes(ContactSolver(BOX), [1.4, 1.55, 1.4, 1.25, 1.15, 1.4, 1.49, 1.5])
-    assert contacts.surface.tolist() == [0, 1, 1, 1, 0, 0, 0, 1]
-
-
 def test_bad_samples_hold_the_contact_and_change_nothing():
     solver = ContactSolver(BOX, PLAYS)
     strength = force_in_waves(30)
@@ -330,27 +247,6 @@ def test_bad_samples_hold_the_contact_and_change_nothing():
     np.testing.assert_array_equal(held.point[10], held.point[9])
     for a, b in zip(good, held, strict=True):
         np.testing.assert_array_equal(a, np.delete(b, 10, axis=0))
-
-
-def test_a_touch_elsewhere_or_much_later_finds_virgin_material():
-    strength = np.array([10.0, 15, 10, 0, 0, 10])
-    t = 0.1 * np.arange(6)
-    solver, left = ContactSolver(BOX, PLAYS), []
-    for at, x in ((0.5, 0.05), (100.0, 0.05), (0.5, 0.1)):
-        t[-1] = at
-        places = np.where(np.arange(6) < 5, 0.05, x)
-        left.append(pushes(solver, strength, t, places).displacement.tolist())
-    # Plays keep a set after 15 N and a release.
-    assert left[0][-1] > left[0][0] + 1e-4
-    assert all(d[-1] == d[0] for d in left[1:])
-
-
-def test_a_stream_saturates_and_goes_on():
-    doubt = [0, ContactStatus.SATURATED, ContactStatus.INVALID, 0]
-    pushed = np.tile([0, 0, -9.0], (4, 1))
-    contacts = ContactSolver(BOX, SPONGE).simulate(np.arange(4), pushed, 0 * pushed, doubt)
-    assert contacts.status.tolist() == doubt
-    assert contacts.surface.tolist() == [1, 1, 1, 1]
 
 
 # What is refused
@@ -432,14 +328,6 @@ def test_units_that_contradict_are_refused():
             Cover(in_cm, **given_)
     with pytest.raises(InputError, match="wrong-unit"):
         Cover(with_units(SPONGE, Units("V", "N")))
-
-
-def test_nothing_is_pressed_in_further_than_it_is_thick():
-    """A line that is typed in is known to 25 N: 100 N would go 136 mm into the sponge. 30 mm are less."""
-    solver = ContactSolver(BOX, Cover(SPONGE, thickness=0.03))
-    loads = np.array([[0.0, 0, -18.0], [0, 0, -19.0], [0, 0, -100.0]])
-    status = solver.solve(loads, 0 * loads).status.tolist()
-    assert status == [ContactStatus.OK, ContactStatus.EXTRAPOLATED, ContactStatus.EXTRAPOLATED]
 
 
 def test_a_cover_that_creeps_needs_a_stream_or_a_dwell_time():

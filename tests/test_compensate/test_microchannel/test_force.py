@@ -11,7 +11,6 @@ from compensate.microchannel import EverettNetwork, ForceEstimator
 from hysteresis import InputError
 from hysteresis.networks import StaircaseNetwork
 from hysteresis.rigs import MicrochannelRig
-from identify import train
 from tests.problems import without
 
 RECORD = MicrochannelRig(seed=11).cnc_loops(400)
@@ -29,13 +28,6 @@ def test_a_batch_is_the_stream(network):
     batch = network.simulate(T, Z)
     _, stream = network.stream(T, Z)
     np.testing.assert_allclose(stream, batch, atol=1e-10)
-
-
-@networks
-def test_a_record_split_in_two_changes_nothing(network):
-    state, _ = network.stream(T[:150], Z[:150])
-    rest = network.simulate(T[150:], Z[150:], state)
-    np.testing.assert_allclose(rest, network.simulate(T, Z)[150:], atol=1e-10)
 
 
 def test_gradients_are_those_of_differences():
@@ -58,25 +50,6 @@ def test_the_staircase_is_that_of_a_preisach_memory():
     kept = slice(0, 3)  # the input and the plays, without what depends on time
     ends = [np.asarray(STAIRCASE.prepare(np.arange(len(u)), u))[-1, kept] for u in (long, short)]
     np.testing.assert_array_equal(ends[0], ends[1])
-
-
-def test_an_everett_network_rises_with_its_reading_after_any_history():
-    last = float(Z[199])
-    rises = np.concatenate([Z[:200], np.linspace(last, last + 1.5, 51)[1:]])
-    times = 0.02 * np.arange(len(rises))
-    found = np.diff(np.asarray(EVERETT.simulate(times, rises))[200:])
-    assert (found > 0).all()
-
-
-def test_a_network_learns_the_sensor():
-    """A record of 8 s is no training; but the error must be far below the forces' deviation of 2.2 N."""
-    x = np.asarray(STAIRCASE.prepare(T, Z))
-
-    def squares(network, rows, key):
-        return jnp.mean((network.evaluate(rows[0]) - rows[1]) ** 2)
-
-    found = train(STAIRCASE, squares, (x, F), batch=50, epochs=100, learning_rate=0.01)
-    assert np.sqrt(found.validation[found.best]) < 0.3
 
 
 TWO = np.column_stack([Z, 0.4 * Z**2])
@@ -131,19 +104,6 @@ def test_an_estimate_comes_with_its_worth(network):
     good = np.isfinite(z)
     alone = estimator.simulate(*without(~good, T[:60], z)).value[: good.sum()]
     np.testing.assert_allclose(found.value[good], alone, atol=1e-10)
-
-
-@networks
-def test_compiled_it_is_the_same(network):
-    """Also where the first readings, or all of them, are none."""
-    estimator = ForceEstimator(network, 0.05, 8.0)
-    for none in (slice(5), slice(20, 25), slice(None)):
-        z = Z[:60].copy()
-        z[none] = np.nan
-        found = estimator.simulate(T[:60], z)
-        compiled = jax.jit(lambda *rows: estimator.simulate(*rows))(T[:60], z)
-        np.testing.assert_allclose(compiled.value, found.value, atol=1e-10)
-        np.testing.assert_array_equal(compiled.status, found.status)
 
 
 def test_bad_settings_are_answered():

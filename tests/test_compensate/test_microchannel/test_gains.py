@@ -39,46 +39,9 @@ def test_the_directions_are_found(seed):
     np.testing.assert_allclose(np.hypot(*found), np.hypot(*KNOWN), rtol=1e-12)
 
 
-def test_signals_need_not_be_independent():
-    """Pressed together ten times, by one hand, and alone once each: the correlation is above 0.3."""
-    random = np.random.default_rng(0)
-    press = np.sin(np.pi * np.arange(100) / 100)
-    together = [press[:, None] * random.uniform(1, 3, (1, 2)) for _ in range(10)]
-    once = 3.0 * press[:, None]
-    s = np.concatenate([*together, once * [1, 0], once * [0, 1], np.zeros((100, 2))])
-    assert np.corrcoef(s.T)[0, 1] > 0.3
-    np.testing.assert_allclose(angles(gains_in_use(read(s), KNOWN)), angles(TRUE), atol=0.86)
-
-
-def test_places_keep_their_order():
-    swapped = [1, 0]
-    z = read(signals(1))
-    there = gains_in_use(z, KNOWN)
-    np.testing.assert_array_equal(gains_in_use(z, KNOWN[:, swapped]), there[:, swapped])
-    np.testing.assert_allclose(gains_in_use(z[:, ::-1], KNOWN[::-1])[::-1], there, rtol=0.01)
-
-
-def test_the_unit_of_the_readings_only_scales_what_counts():
-    z = read(signals(2))
-    np.testing.assert_allclose(gains_in_use(1e3 * z, KNOWN, pressed=500.0), gains_in_use(z, KNOWN))
-
-
-def test_lost_readings_are_left_out():
-    z = read(signals(3))
-    with_gaps = np.insert(z, [5, 900, 2000], np.nan, axis=0)
-    np.testing.assert_array_equal(gains_in_use(with_gaps, KNOWN), gains_in_use(z, KNOWN))
-
-
 def test_places_never_pressed_alone_are_refused():
     with pytest.raises(InputError, match="no-excitation"):
         gains_in_use(read(signals(0, alone=False)), KNOWN)
-
-
-def test_one_place_alone_is_refused():
-    s = signals(0)
-    s[:, 1] = 0.0
-    with pytest.raises(InputError, match="no-excitation"):
-        gains_in_use(read(s), KNOWN)
 
 
 @pytest.mark.parametrize(

@@ -2,8 +2,6 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from compensate.microchannel import Confusion, Localizer, PlaceStatus
 from hysteresis import InputError
@@ -39,16 +37,6 @@ def test_both_kinds_are_as_good_as_they_should_be():
     assert GAUSSIAN.doubts() == ()
 
 
-def test_neighbours_are_those_nearest():
-    """An own search over all distances."""
-    neighbours = trained(method="neighbours", neighbours=7)
-    asked = ASKED.reading[::400]
-    far = np.linalg.norm(asked[:, None] - KNOWN.reading, axis=2)
-    nearest = KNOWN.location[np.argsort(far, axis=1)[:, :7]]
-    votes = np.array([np.bincount(row, minlength=5) / 7 for row in nearest])
-    np.testing.assert_allclose(neighbours.locate(asked).probability, votes, atol=1e-15)
-
-
 def test_probabilities_are_the_frequencies():
     """Among presses given 60 % some 60 % are right; also with priors, if the presses follow them."""
     found = GAUSSIAN.locate(ASKED.reading)
@@ -66,24 +54,6 @@ def test_probabilities_are_the_frequencies():
     assert np.mean(found.argmax(axis=1) == uneven.location) > np.mean(
         GAUSSIAN.locate(uneven.reading).probability.argmax(axis=1) == uneven.location
     )
-
-
-def test_training_counts_are_no_priors_unless_told():
-    few = RIG.finger_presses([2000, 2000, 2000, 20, 2000], session=5)
-    equal = Localizer.train(few.reading, few.location, noise=0.02)
-    np.testing.assert_array_equal(equal.priors, 0.2)
-    counted = Localizer.train(few.reading, few.location, noise=0.02, priors="counts")
-    assert counted.priors[3] == pytest.approx(20 / 8020)
-    votes = Localizer.train(few.reading, few.location, noise=0.02, method="neighbours")
-
-    def found(localizer: Localizer) -> float:
-        rows = ASKED.location == 3
-        return float(np.mean(localizer.locate(ASKED.reading[rows]).place == 3))
-
-    # 20 presses leave the mean uncertain by 0.2 deviations; their votes are outnumbered.
-    assert found(equal) > 0.75
-    assert found(votes) < 0.25
-    assert found(counted) < found(equal) - 0.2
 
 
 def test_what_was_never_seen_is_rejected():
@@ -114,31 +84,6 @@ def test_swapped_channels_are_found_where_places_are_known():
     order = GAUSSIAN.channel_order(swapped, places)
     assert order == (1, 0)
     np.testing.assert_array_equal(swapped[:, order], presses.reading)
-
-
-@given(st.integers(2, 4), st.integers(2, 6), st.integers(0, 2**32 - 1))
-def test_any_number_of_channels_and_places(channels, places, seed):
-    """Places eight deviations apart or more are found nearly always."""
-    rng = np.random.default_rng(seed)
-    centre = np.array([rng.permutation(places) for _ in range(channels)]).T * 1.2
-    centre[:, 0] = 0.0
-    where = np.repeat(np.arange(places), 60)
-    force = rng.uniform(0, 2, (len(where), 1))
-    noise = 0.1 * rng.normal(size=(len(where), channels))
-    readings = np.exp(centre[where] + force + noise)
-    localizer = Localizer.train(readings[::2], where[::2])
-    assert localizer.confusion(readings[1::2], where[1::2]).accuracy > 0.98
-
-
-def test_a_place_with_few_presses_leans_on_the_others():
-    """Three presses at one place: its scatter is mostly that of all."""
-    few = RIG.finger_presses([300, 300, 3, 300, 300], session=9)
-    localizer = Localizer.train(few.reading, few.location, noise=0.02)
-    scatter = localizer.clouds.scatter[:, 0, 0]
-    assert 0.5 < scatter[2] / np.median(scatter) < 2
-    assert localizer.doubts() == ("2 has 3 presses only",)
-    one = Localizer.train(few.reading, few.location, noise=0.02, shared=np.inf)
-    assert np.ptp(one.clouds.scatter[[0, 1, 3, 4]]) < 1e-12
 
 
 def test_confusion_prints_as_table_ii():

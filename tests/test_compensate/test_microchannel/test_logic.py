@@ -19,10 +19,6 @@ FIVE = [[3, 2.5, 2, 1.5, 1], [1, 1.5, 2, 2.5, 3]]
 ANY_FORCE = (0.1, 1.0)
 
 
-def sets(*words: str) -> tuple[frozenset, ...]:
-    return tuple(map(frozenset, words))
-
-
 def test_table_i_is_the_paper_s():
     assert str(LogicTable(PAPER, "ACE")).splitlines() == [
         "Contact Locations  V1     V2",
@@ -76,14 +72,6 @@ def test_all_31_combinations_of_five_are_decided_or_named(unit, apart):
             assert found.probability > 0.99
 
 
-def test_collisions_of_the_paper_s_table():
-    """At a known force none; else C, A+E and A+C+E lie on one line."""
-    assert LogicTable(PAPER, "ACE").collisions() == ()
-    assert LogicTable(PAPER, "ACE", unit=ANY_FORCE).collisions() == (sets("C", "AE", "ACE"),)
-    # Forces that differ by less than two leave C alone, A+E and A+C+E differ by 1.5.
-    assert LogicTable(PAPER, "ACE", unit=(1.0, 1.6)).collisions() == (sets("AE", "ACE"),)
-
-
 @given(
     arrays(
         float,
@@ -126,44 +114,6 @@ def test_remedies_remove_every_collision(levels, unit):
             np.testing.assert_array_equal(remedy.levels[: len(old)], old)
             new = remedy.levels[len(old) :]
             np.testing.assert_array_equal(np.sort(new), np.sort(old[:1]).repeat(len(new), 0))
-
-
-def test_remedies_of_the_paper_s_table():
-    """C need only be out of line with A+E: one level, another wiring, or a third layer."""
-    changes = [r.change for r in LogicTable(PAPER, "ACE", unit=ANY_FORCE).remedies()]
-    assert changes == [
-        "level of C in layer 1: 3 instead of 2",
-        "layer 2: A 1, C 3, E 2",
-        "one more layer: A 2, C 3, E 1",
-    ]
-
-
-@given(st.floats(0.15, 0.95), st.integers(0, 6))
-def test_force_drops_out_where_it_must(f, n):
-    """Whatever the force within its bounds, what is pressed is found or among those on its line."""
-    table = LogicTable(PAPER, "ACE", unit=ANY_FORCE, common=0.01, differential=0.01)
-    found = table.decide(f * table.sums[n])
-    pressed = table.combinations[n]
-    assert pressed in (found.places, *found.alternatives)
-    assert (found.status == OK) == (pressed not in sets("C", "AE", "ACE") or not found.alternatives)
-
-
-def test_probabilities_are_the_frequencies():
-    """Presses drawn from the law itself; those given 90 % are right in 90 %."""
-    table = LogicTable(FIVE, noise=0.02, common=0.05, differential=0.05)
-    rng = np.random.default_rng(1)
-    sure, right = [], []
-    for pressed in table.combinations * 10:
-        chosen = [k in pressed for k in table.names]
-        common, between = rng.normal(0, 0.05, (2, 5))
-        placed = 1 + np.stack([common + between, common - between])
-        found = table.decide(
-            (table.levels * placed)[:, chosen].sum(axis=1) + rng.normal(0, 0.02, 2)
-        )
-        sure.append(found.probability)
-        right.append(found.places == pressed)
-    # 310 presses: 2.8 % each way is one deviation; four of them.
-    assert abs(np.mean(sure) - np.mean(right)) < 0.11
 
 
 def test_readings_of_nothing_and_of_no_combination():

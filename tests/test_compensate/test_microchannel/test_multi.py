@@ -21,9 +21,8 @@ from compensate.microchannel import (
     windows,
 )
 from compensate.runtime import load_contacts
-from hysteresis import Burgers, InputError, PrandtlIshlinskii, Preisach
+from hysteresis import InputError, PrandtlIshlinskii
 from hysteresis.networks import StaircaseNetwork
-from hysteresis.preisach import GridDensity
 from hysteresis.rigs import MicrochannelRig
 
 GAINS = np.array([[1.0, 0.5], [0.6, 1.0]])
@@ -110,40 +109,6 @@ def test_readings_that_no_forces_make_are_told():
     assert (status[101:120] == Status.EXTRAPOLATED).all()
 
 
-def test_a_long_gap_leaves_the_forces_where_they_were():
-    later = np.concatenate([T[:100], T[100:] + 30.0])
-    held = np.concatenate([TRUTH[0][:100], np.tile(TRUTH[0][99], (100, 1))])
-    found = ESTIMATOR.simulate(later, readings(held, 9))
-    off = np.asarray(found.value)[102:] - held[102:]
-    assert np.sqrt(np.mean(off**2)) < 0.06
-
-
-def test_it_comes_back_from_where_the_models_are_flat():
-    """Beyond its grid a Preisach model says nothing about the force: no slope leads back from there."""
-    model = Preisach(GridDensity(0.0, 6.0, 0.02 + 0.2 * np.eye(6)))
-    filter_ = MotionFilter(high=9.0, ways=4)  # half as high again as the models know
-    estimator = MultiContactEstimator(ChannelSensor([model, model], GAINS), [0.01, 0.01], filter_)
-    begin, random = estimator.init(), np.random.default_rng(3)
-    t, force = 0.05 * np.arange(100), np.interp(np.arange(100), [0, 60, 70, 100], [0, 0, 3, 3])
-    signal = np.asarray(model.simulate(None, force))
-    base = float(signal[0])
-    clean = np.stack([signal, np.full(100, base)], 1) @ GAINS.T
-    for _ in range(3):
-        astray = begin.motion.x.at[:, :2].set(random.uniform(6.5, 9.0, (4, 2)))
-        memory = jax.vmap(lambda state, x: estimator.sensor.follow(state, jnp.array(0.0), x[:2]))(
-            begin.motion.sensor, astray
-        )
-        weight = jnp.full(4, -jnp.log(4.0))
-        lost = begin.motion._replace(x=astray, sensor=memory, log_weight=weight, t=jnp.array(-0.05))
-        read = clean + 0.01 * random.normal(size=clean.shape)
-        found = estimator.simulate(t, read, begin._replace(motion=lost))
-        assert found.status[0] == Status.EXTRAPOLATED
-        assert (found.status[-20:] == Status.OK).all()
-        # The reading rises by 0.4 V/N^2 at its foot: 0.01 V of noise are 0.16 N.
-        assert float(jnp.sqrt(jnp.mean(found.value[40:60] ** 2))) < 0.2
-        np.testing.assert_allclose(found.value[-1], [3.0, 0.0], atol=0.3)
-
-
 def test_bad_settings_are_answered():
     with pytest.raises(InputError, match="wrong-channels"):
         ChannelSensor(MODELS, np.ones((2, 3)))
@@ -196,25 +161,6 @@ def test_windows_end_at_their_sample():
     np.testing.assert_array_equal(found[[0, 1, 4]], [[0, 0, 1], [0, 1, 2], [3, 4, 5]])
 
 
-def test_a_layer_is_the_equations():
-    """One window through one layer, gate by gate."""
-    one = ForceNetwork.random(jax.random.key(3), hidden=2, dense=3, depth=1)
-    (W,), (b,) = (np.asarray(p[0])[None] for p in (one.matrices, one.biases))
-    h = c = np.zeros(2)
-
-    def sigmoid(x: np.ndarray) -> np.ndarray:
-        return 1 / (1 + np.exp(-x))
-
-    force = [0.5, 1.5, 1.0]
-    for F in force:
-        i, f, o, g = np.split(np.concatenate([[F], h]) @ W + b, 4)
-        c = sigmoid(f) * c + sigmoid(i) * np.maximum(g, 0)
-        h = sigmoid(o) * np.maximum(c, 0)
-    dense = np.maximum(h @ np.asarray(one.dense) + np.asarray(one.dense_bias), 0)
-    wanted = dense @ np.asarray(one.line) + np.asarray(one.line_bias)
-    np.testing.assert_allclose(one(jnp.array([force]))[0], wanted, atol=1e-14)
-
-
 def test_dropout_leaves_out_half_while_training_alone():
     key, force = jax.random.key(0), jnp.ones((1, 20))
     trained, running = network(0), eqx.nn.inference_mode(network(0))
@@ -239,13 +185,3 @@ def test_the_search_finds_forces_on_its_grid():
         wanted[k + 1] = np.maximum(wanted[k] + 0.1 * step, 0.0)
     found = search.simulate(None, wanted[1:] @ GAINS.T)
     np.testing.assert_allclose(found, wanted[1:], atol=1e-9)
-
-
-def test_models_with_time_go_through_the_same_filter():
-    """A creeping sensor: the filter's clock is the model's."""
-    model = Burgers(E1=2.0, eta1=60.0, E2=8.0, eta2=4.0)
-    force = np.interp(T, [0, 1, 2.5, 4], [0, 5, 2, 6])
-    z = np.asarray(model.simulate(T, force))
-    one = MultiContactEstimator(ChannelSensor([model]), 1e-3, MotionFilter(8.0))
-    found = np.asarray(one.simulate(T, z[:, None]).value)[:, 0]
-    assert np.abs(found - force)[5:].max() < 0.02

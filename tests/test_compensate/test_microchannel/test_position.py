@@ -2,7 +2,6 @@
 
 from functools import cache
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -52,19 +51,6 @@ def test_what_is_unlike_all_and_what_is_nothing_is_said():
     wanted = [PlaceStatus.UNKNOWN, PlaceStatus.NO_PRESS, PlaceStatus.INVALID]
     assert found.status.tolist() == wanted
     assert np.isfinite(np.asarray(found.point)).all()
-
-
-def test_one_reading_is_like_many_and_has_a_slope():
-    rows = jnp.asarray(readings(grid(7.0), 4))
-    one = learnt().estimate(rows[3])
-    assert np.asarray(one.point) == pytest.approx(np.asarray(learnt().estimate(rows).point)[3])
-    J = jax.jacfwd(lambda w: learnt().estimate(w).point)(rows[3])
-    step = 1e-5
-    ahead, behind = (learnt().estimate(rows[3].at[2].add(s)).point for s in (step, -step))
-    assert np.asarray(J[:, 2]) == pytest.approx(np.asarray(ahead - behind) / (2 * step), rel=1e-5)
-    assert np.isfinite(
-        np.asarray(jax.jacfwd(lambda w: learnt().estimate(w).point)(jnp.zeros(9)))
-    ).all()
 
 
 def test_faults_say_what_to_do():
