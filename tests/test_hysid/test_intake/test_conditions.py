@@ -51,14 +51,6 @@ def test_a_condition_between_trained_ones_is_predicted(fitted):
     )
 
 
-def test_the_option_gives_the_same_record(folder, fitted):
-    columns = ("--input", U, "--output", Y, "--condition", C, "--group", "run")
-    by_option = run("check", folder / "runs.csv", *columns, "--json").json()
-    assert by_option["conditions"][0]["max"] == 320.0
-    twice = run("check", folder / "runs.csv", "--input", U, "--output", Y, "--condition", U)
-    assert (twice.code, "given-twice" in twice.err) == (2, True)
-
-
 def test_a_new_file_of_one_condition_is_predicted_and_run_backwards(folder, fitted):
     found = run("predict", folder / "out", folder / "warm.csv", "--json").json()
     assert found["nrmse_percent"] < 4

@@ -1,6 +1,5 @@
 """`hysid init`: what it makes of a file, and that `hysid fit` takes it as it is."""
 
-import json
 import tempfile
 import tomllib
 from pathlib import Path
@@ -62,18 +61,6 @@ def test_fit_takes_what_init_wrote():
     assert "5 complete cycles" in looked.out
 
 
-def test_what_was_seen_is_said_with_how_sure_and_why():
-    found = guessed(CLEAN)
-    seen = {f["what"]: f for f in found["found"]}
-    assert {"time", "input", "output", "held out"} <= set(seen)
-    assert {f["sure"] for f in found["found"]} <= {"sure", "likely", "guess"}
-    assert "lags" in seen["output"]["why"]
-    assert any(F in other and X in other for other in found["alternatives"])
-    page = Path(found["file"]).read_text("utf-8")
-    assert all(line.isprintable() for line in page.splitlines())
-    assert seen["output"]["why"] in page
-
-
 def test_a_configuration_that_is_there_is_kept():
     put("mine", "run.toml")
     refused(run("init", put(CLEAN)), "run.toml", "--overwrite", "[would-overwrite]")
@@ -103,11 +90,6 @@ def test_columns_are_known_by_their_names(time, force, x):
     assert columns(guessed(renamed(time, force, x))) == (time, force, x)
 
 
-def test_the_order_of_the_columns_says_nothing():
-    turned = text([[x, t, f] for t, f, x, _ in ROWS], (X, T, F))
-    assert columns(guessed(turned)) == (T, F, X)
-
-
 def test_names_that_say_nothing_leave_it_to_the_loop():
     found = guessed(renamed("tick", "alpha", "beta"))
     assert columns(found) == ("tick", "alpha", "beta")
@@ -118,26 +100,6 @@ def test_names_that_say_nothing_leave_it_to_the_loop():
     asked = run("init", many, "--input", "alpha", "--output", "beta", "--json").json()
     assert columns(asked) == ("tick", "alpha", "beta")
     refused(run("init", many, "--overwrite", "--input", "delta"), "'delta'", "'alpha'")
-
-
-def test_what_was_commanded_is_not_what_was_measured():
-    rows = [[t, f"{float(x) + 0.01:.3f}", f, x] for t, f, x, _ in ROWS]
-    content = text(rows, (T, "position setpoint (mm)", F, "position (mm)"))
-    assert columns(guessed(content)) == (T, F, "position (mm)")
-
-
-@pytest.mark.parametrize(
-    ("drive", "sure"), [("ramps", "sure"), ("wandering", "likely")], ids=["ramps", "wandering"]
-)
-def test_which_of_a_load_and_a_motion_drives_is_sure_where_it_shows(drive, sure):
-    ramps = np.abs(np.arange(400) % 80 - 40.0)
-    rng = np.random.default_rng(2)
-    wandering = np.convolve(rng.normal(size=400), np.ones(30) / 30, "same")
-    x = ramps if drive == "ramps" else wandering
-    force = x + x**2 / np.ptp(x) + np.ptp(x) * 1e-3 * rng.normal(size=400)
-    rows = [[f"{a:.4f}", f"{b:.4f}"] for a, b in zip(force, x, strict=True)]
-    found = guessed(text(rows, (F, X)))
-    assert {f["sure"] for f in found["found"] if f["what"] in ("input", "output")} == {sure}
 
 
 @pytest.mark.parametrize("order", [(0, 1, 2), (2, 1, 0), (1, 2, 0)])
@@ -167,25 +129,6 @@ def test_a_decimal_comma_and_units_below_the_header():
     assert (odd["selection"]["units_row"], odd["selection"]["output_unit"]) == (2, "1")
     assert odd["selection"]["dt"] == 6  # a clock in an unknown unit
     assert usable(odd)
-
-
-def test_gaps_and_words_among_numbers():
-    rows = [list(row) for row in ROWS]
-    rows[40][2] = rows[41][2] = "OVLD"
-    found = guessed(text(rows))
-    assert found["selection"]["na_values"] == ["OVLD"]
-    assert found["selection"]["nan"] == "omit"
-    rows[40][1] = ""
-    assert guessed(text(rows), "--overwrite")["selection"]["nan"] == "interpolate"
-
-
-def test_dates_and_times_are_a_clock():
-    stamped = [
-        [f"2024-05-01 12:{k // 60:02d}:{k % 60:02d}.5", f, x] for k, (_, f, x, _) in enumerate(ROWS)
-    ]
-    found = guessed(text(stamped, ("timestamp", F, X)))
-    assert found["selection"]["time"] == "timestamp"
-    assert "median step of 1" in next(f["why"] for f in found["found"] if f["what"] == "time")
 
 
 def test_a_force_in_grams_is_a_weight():
@@ -239,14 +182,6 @@ def test_a_split_in_the_file_is_taken():
     assert found["selection"]["test_where"] == ["split=test"]
 
 
-def test_one_loop_holds_nothing_out():
-    found = guessed(text(ROWS[:21]))
-    assert not any(key.startswith("test_") for key in found["selection"])
-    page = Path(found["file"]).read_text("utf-8")
-    assert "one loop" in page
-    tomllib.loads(page)
-
-
 WAY = np.interp(np.arange(240), np.arange(0, 241, 40), [0, 5, 0, 3, 0, 4, 0])
 BENT = WAY + np.convolve(WAY, np.exp(-np.arange(20) / 6))[: len(WAY)] / 6
 
@@ -294,24 +229,6 @@ def test_creep_has_a_step():
     assert run("init", alone, "--step", "10").code == 0
 
 
-def test_each_quantity_with_its_own_clock():
-    rows = [[t, x, f"{float(t) + 0.5:g}", f] for t, f, x, _ in ROWS]
-    found = guessed(text(rows, ("t_position_s", "position_mm", "t_force_s", "force_N")))
-    assert columns(found) == ("t_position_s", "force_N", "position_mm")
-    assert found["selection"]["input_time"] == "t_force_s"
-    assert usable(found)
-
-
-def test_what_a_machine_exported_needs_no_options():
-    body = "".join(f"{t}\t{x}\t{f}\n" for t, f, x, _ in ROWS)
-    note = "MTS793|MPT|ENU|1|2|.|/|:|1|0|0|A\n\nData Acquisition\t\t\tTime:\t4\tSec\n"
-    found = guessed(
-        f"{note}Time\tAxial Displacement\tAxial Force\ns\tmm\tN\n{body}", name="run.dat"
-    )
-    assert columns(found) == ("Time", "Axial Force", "Axial Displacement")
-    assert usable(found)
-
-
 BAD: dict[str, tuple[str | bytes, tuple[str, ...]]] = {
     "empty": ("", ("the file is empty",)),
     "header only": (f"{T},{F},{X}\n", ("a header and no rows",)),
@@ -356,20 +273,6 @@ def test_any_table_gives_a_configuration_or_a_fault(header, rows, separator):
         if done.code:
             return
         options_of(Path(done.json()["file"]), typer.main.get_command(app).commands["fit"])  # type: ignore[attr-defined]
-
-
-def test_a_missing_file_names_the_nearest():
-    put(CLEAN, "run_07.csv")
-    refused(run("init", "run_7.csv"), "nearest: run_07.csv")
-
-
-def test_odd_names_survive_the_file():
-    name = 'Kraft "α\\" (N)'
-    quoted = '"' + name.replace('"', '""') + '"'
-    found = guessed(text([row[:3] for row in ROWS], (T, quoted, X)))
-    document = tomllib.loads(Path(found["file"]).read_text("utf-8"))
-    assert document["selection"]["input"] == name
-    assert json.loads(json.dumps(found))["selection"]["input"] == name
 
 
 @pytest.mark.parametrize(
@@ -434,22 +337,6 @@ def test_a_copy_of_a_column_is_no_pair(digits: int):
     assert "input" not in two["selection"]
 
 
-def test_an_even_clock_is_told_from_its_changes(tmp_path):
-    """Whole seconds with many rows each, of which the first and the last are cut; a few repeated stamps."""
-    t = 0.37 + np.arange(len(SMOOTH)) / 16
-    odd = t.copy()
-    odd[[40, 41, 200]] = odd[[39, 39, 199]]
-    odd[90] -= 0.06
-    for clock in (np.floor(t), odd):
-        rows = [
-            [f"{c:.4f}", f"{f:.4f}", f"{x:.4f}"]
-            for c, f, x in zip(clock, DEAD, SMOOTH, strict=True)
-        ]
-        found = guessed(text(rows, (T, F, X)), "--overwrite")
-        assert found["selection"]["dt"] == pytest.approx(1 / 16, rel=1e-3)
-        assert "segments" not in found["selection"]
-
-
 def test_whole_numbers_at_which_the_clock_begins_again_are_specimens_of_a_relaxation():
     t = np.geomspace(0.1, 100, 20)
     rows = [[f"{c:.4g}", f"{(50 - 9 * k) * c**-0.1:.5g}", f"{20 + c % 0.3:.1f}", str(k)]
@@ -457,11 +344,3 @@ def test_whole_numbers_at_which_the_clock_begins_again_are_specimens_of_a_relaxa
     found = guessed(text(rows, ("t (s)", "E_relax (MPa)", "T (degC)", "No")))
     assert found["selection"] | {"time": "t (s)", "each": "No", "step": 1.0} == found["selection"]
     assert "input" not in found["selection"]
-
-
-@pytest.mark.parametrize("names", [("E_stor", "E_loss"), ("G'", "G''")])
-def test_moduli_over_frequency_have_no_roles(names: tuple[str, str]):
-    rows = [[f"{f:.4g}", f"{1 + f:.4g}", f"{0.1 * f:.4g}"] for f in np.geomspace(0.01, 10, 40)]
-    found = guessed(text(rows, ("f (Hz)", *(f"{name} (MPa)" for name in names))))
-    assert "input" not in found["selection"]
-    assert "storage and loss modulus" in found["no_roles"]

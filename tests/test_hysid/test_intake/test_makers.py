@@ -1,6 +1,5 @@
 """Files in the layouts of makers, with made-up numbers: the table, its units, the roles of columns."""
 
-import io
 import json
 import re
 from pathlib import Path
@@ -362,27 +361,6 @@ def test_old_workbooks_need_an_extra_and_are_read(vendor_files, tmp_path):
     assert told["selection"] == {
         "frequency": "f", "output": "E'", "loss": "E''", "condition": ["T"]
     }  # fmt: skip
-
-
-def test_a_workbook_of_steps(tmp_path):
-    openpyxl = pytest.importorskip("openpyxl", reason="openpyxl is an extra")
-    pytest.importorskip("python_calamine", reason="python-calamine is an extra")
-    book = openpyxl.Workbook()
-    book.active.append(["Filename", "run"])
-    for step in ("Peak hold - 1", "Flow ramp - 2"):
-        sheet = book.create_sheet(step)
-        for row in ([step], ["Stress", "Shear rate", "Step time"], ["Pa", "1/s", "s"]):
-            sheet.append(row)
-        for row in zip(ANSWER, DRIVE, T, strict=True):
-            sheet.append([float(v) for v in row])
-    packed = io.BytesIO()
-    book.save(packed)
-    file = tmp_path / "run.xlsx"
-    file.write_bytes(packed.getvalue())
-    told = run("init", file, "--json").json()
-    assert told["rows"] == 2 * N
-    assert {told["selection"]["input"], told["selection"]["output"]} == {"Shear rate", "Stress"}
-    assert {"name": "Shear rate", "unit": "1/s"} in told["columns"]
 
 
 def test_files_of_makers_are_read_right(vendor_files, tmp_path):

@@ -81,21 +81,6 @@ def test_a_report_shows_each_curve(folder, fitted):
         assert words in page
 
 
-def test_check_says_what_stands_for_the_input(folder):
-    said = run("check", folder / "run.csv", *COLUMNS)
-    assert said.code == 0
-    assert "common part of 2 channels" in said.out
-    assert "5 complete cycles" in said.out
-
-
-def test_one_input_is_no_channel(folder):
-    record = hysid.read_csv(folder / "run.csv", input=[A], output=X, time=T)
-    scalar = hysid.read_csv(folder / "run.csv", input=A, output=X, time=T)
-    assert record.digest() == scalar.digest()
-    assert record.channels == {}
-    assert (record.input_name, record.input_unit) == (A, "mT")
-
-
 def test_a_still_channel_is_left_out_and_said(folder):
     options = ("--input", STILL, *LINE, "--out", folder / "still")
     found = run("fit", folder / "run.csv", *COLUMNS, *options, "--json").json()

@@ -16,7 +16,6 @@ CREEP = GeneralizedKelvinVoigt(2.0, [1.0, 4.0], [0.5, 80.0], 500.0)
 RELAXING = GeneralizedMaxwell(0.5, [1.0, 4.0], [0.4, 20.0])
 SECONDS, X, F = "time (s)", "displacement (mm)", "force (N)"
 CREEPS = ("--step", 5, "--input-unit", "N", "--output", X, "--time", SECONDS)
-RELAXES = ("--step", 0.5, "--input-unit", "mm", "--output", F, "--time", SECONDS)
 
 
 def write(file: Path, *columns: tuple[str, Any]) -> Path:
@@ -70,17 +69,6 @@ def test_fit_writes_what_every_fit_writes(creep: dict[str, Any], folder: Path):
     assert loaded.detail.spectrum.order == 2
 
 
-def test_relaxation_is_told_from_creep(folder: Path):
-    out = folder / "relaxation"
-    found = run("fit", folder / "relaxation.csv", *RELAXES, "--out", out, "--json").json()
-    assert found["model"] == "GeneralizedMaxwell of order 2"
-    values = {p["name"]: p["value"] for p in found["parameters"]}
-    np.testing.assert_allclose(values["tau2"], 20.0, rtol=0.1)
-    page = Path(run("report", out, "--json").json()["file"]).read_text()
-    assert "Relaxation of force under 0.500 mm" in page
-    assert "--test-tail" in page  # what to do next
-
-
 def test_report_shows_curve_spectrum_and_range(creep: dict[str, Any], folder: Path):
     page = Path(run("report", folder / "out", "--json").json()["file"]).read_text()
     for heading in ("Creep", "Spectrum", "Parameters", "Residuals", "Data"):
@@ -118,22 +106,6 @@ def test_predict_at_times_alone(creep: dict[str, Any], folder: Path):
     assert [row["status"] for row in rest] == ["beyond the trained times"] * 2
 
 
-def test_each_sample(folder: Path):
-    out = ("--each", "sample", "--out", folder / "each")
-    found = run("fit", folder / "samples.csv", *CREEPS, *out, "--json").json()
-    assert list(found["each"]) == ["soft", "hard"]
-    ratio = [next(p for p in f["parameters"] if p["name"] == "E0") for f in found["each"].values()]
-    assert ratio[1]["value"] == pytest.approx(3 * ratio[0]["value"], rel=1e-6)
-
-
-def test_check(folder: Path):
-    found = run("check", folder / "creep.csv", *CREEPS, "--json").json()
-    assert (found["kind"], found["warnings"]) == ("creep", [])
-    said = run("check", folder / "creep.csv", *CREEPS)
-    assert "creep over 4 decades of time" in said.out
-    assert "Averaged 288 rows" in said.out
-
-
 T = np.arange(1.0, 41.0)
 Y = 1 + np.log(T)
 
@@ -163,15 +135,3 @@ def test_bad_steps_are_answered(tmp_path: Path, t: Any, y: Any, options: Any, co
     assert f"[{code}]" in said.err
     assert "Traceback" not in said.err
     assert not (tmp_path / "out").exists()
-
-
-def test_an_element_beyond_the_record_is_a_spring_or_a_dashpot(tmp_path: Path):
-    t = np.geomspace(0.02, 20.0, 150)
-    G = GeneralizedMaxwell(0.0, [1.0, 2.0], [0.5, 45.0])
-    noise = 1 + 1e-3 * np.random.default_rng(0).normal(size=len(t))
-    file = write(tmp_path / "a.csv", ("t", t), ("y", np.asarray(G.relaxation_modulus(t)) * noise))
-    options = ("--step", 1, "--output", "y", "--time", "t", "--out", tmp_path / "out")
-    found = run("fit", file, *options, "--json").json()
-    assert any("identifiable only as a spring" in x["text"] for x in found["verdict"]["reasons"])
-    late = next(p for p in found["parameters"] if p["name"] == "tau2")
-    assert (late["status"], late["stderr"]) == ("unidentified", None)
