@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from compensate.armor import Box, ContactSolver, forearm
+from compensate.armor import Box, ContactSolver
 from hysid.armor._touches import read_touches, save_touches, shell_of
 from hysteresis import LinearSponge
 from hysteresis.rigs import ArmorRig, force_path
@@ -63,40 +63,6 @@ def test_half_axes_hold_ninety_per_cent(folder):
     reach = np.sqrt(scipy.stats.chi2.ppf(0.9, 3))
     axes = np.abs(record["axes"][0])
     np.testing.assert_allclose(axes, np.diag(reach * np.array([2e-3, 1e-3, 0])), atol=1e-7)
-
-
-def test_rows_without_contact_have_no_point(folder):
-    record = read_touches(folder)
-    for point, surface in zip(record["point"], record["surface"], strict=True):
-        assert (point is None) == (surface == 0)
-
-
-def area_and_normals(shape) -> tuple[float, np.ndarray, np.ndarray]:
-    vertices, triangles = shell_of(shape)
-    p, q, r = vertices[triangles.T]
-    normals = np.cross(q - p, r - p) / 2
-    return float(np.sum(np.linalg.norm(normals, axis=1))), normals, (p + q + r) / 3
-
-
-def test_shell_of_the_box_is_its_five_sides():
-    area, normals, at = area_and_normals(Box(0.3, 0.2, 0.5, 0.1))
-    assert np.all(np.sum(normals * (at - [0, 0, 0.3]), axis=1) > 0)
-    # The base is open: 2 (0.6 + 0.4) 0.4 + 0.6 0.4 m2.
-    assert area == pytest.approx(1.04)
-
-
-def test_shell_of_a_mesh_is_the_mesh():
-    """Each corner once, each edge of the closed surface in both directions."""
-    mesh = forearm(around=12, along=4)
-    vertices, triangles = shell_of(mesh)
-    assert len(triangles) == len(mesh.faces().surface)
-    edges = [(a, b) for t in triangles for a, b in ((t[0], t[1]), (t[1], t[2]), (t[2], t[0]))]
-    assert len(set(edges)) == len(edges)
-    assert {(b, a) for a, b in edges} == set(edges)
-    assert len(vertices) - len(edges) // 2 + len(triangles) == 2  # Euler
-    _, normals, _ = area_and_normals(mesh)
-    outwards = -np.asarray(mesh.faces().normal)
-    assert np.all(np.sum(normals * outwards, axis=1) > 0)
 
 
 @pytest.mark.parametrize(

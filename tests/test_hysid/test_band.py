@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import hysid
-import identify
 from compensate.runtime import load as load_runtime
 from hysid.figures._format import number
 from hysteresis import BoucWen, LinearSponge, Record
@@ -63,19 +62,6 @@ def test_every_consumer_tells_the_same_coverage(
             for a, b in zip(csv.DictReader(one), csv.DictReader(other), strict=True)
         ]
     np.testing.assert_allclose(*np.transpose(pairs), rtol=1e-9)
-
-
-def test_a_folder_without_a_band_learns_it_and_another_model_too(
-    place: tuple[Path, Path], tmp_path: Path
-):
-    fit = hysid.load(place[1])
-    assert fit.compensator is not None
-    bare = hysid.load(identify.save(replace(fit, compensator=None), tmp_path / "bare"))
-    assert bare.compensator is None
-    again, known = hysid.invert(bare), hysid.invert(fit)
-    np.testing.assert_allclose(again.error, known.error, rtol=1e-9)
-    off = hysid.invert(replace(fit, model=LinearSponge(K=0.4, b=1.0)))
-    assert np.mean(off.error) > 2 * np.mean(known.error)
 
 
 def test_a_model_that_a_line_beats_backwards_is_exported_with_a_verdict_that_says_so(

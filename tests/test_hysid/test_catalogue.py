@@ -160,14 +160,6 @@ def test_fetched_is_what_fit_takes(address: str):
     assert fitted["model"] == "LinearSponge"
 
 
-def test_next_command_and_licence_are_said(address: str):
-    done = fetch(entry(address, "1,2\n3,4\n"))
-    assert done.code == 0
-    assert "Next: hysid fit got/sponge.csv --config got/sponge.toml --out got/sponge" in done.out
-    assert "Them, 2020." in done.out
-    assert "no licence" in done.err
-
-
 def test_nothing_is_written_over(address: str):
     file = entry(address, "1,2\n3,4\n")
     assert fetch(file).code == 0

@@ -60,13 +60,6 @@ def test_fit_says_how_to_call_it(call: Any, code: str):
     assert caught.value.code == code
 
 
-def test_columns_become_channels_sequences_and_times():
-    table = {"a (V)": U, "b (V)": U + 1, "x": Y, "t (ms)": np.arange(360.0), "run": U * 0 + 1}
-    record = Record.from_columns(table, ["a (V)", "b (V)"], "x", "t (ms)", "run")
-    assert record.channels == {"a (V)": "V", "b (V)": "V"}
-    assert (record.time_unit, record.output_unit, record.labels) == ("ms", "1", ("1.0",))
-
-
 def test_a_record_called_wrongly_says_what_to_call():
     record: Any = Record
     for arguments in ((), (U, Y), ("run.csv",)):

@@ -10,7 +10,7 @@ import pytest
 import hysid
 from compensate import estimate, invert
 from hysid._compensator import judged_to_compensate
-from hysteresis import InputError, LinearSponge, Record
+from hysteresis import LinearSponge, Record
 from identify import FitResult
 from tests.test_hysid.command import run
 
@@ -107,8 +107,3 @@ def test_the_command_says_what_the_verdict_is_for(tmp_path: Path):
     refused = run("fit", file, *hold, "--out", tmp_path / "hold")
     assert refused.code == 2
     assert "cannot be recovered" in refused.err
-
-
-def test_a_purpose_has_to_exist():
-    with pytest.raises(InputError, match="bad-option"):
-        hysid.fit(record(0.1), "LinearSponge", purpose="sell")

@@ -44,11 +44,6 @@ def test_guards_are_those_that_are_asked_for(fit: FitResult):
     assert late.status[0] in (Status.RUN_IN, Status.OK)
 
 
-def test_without_test_rows_no_coverage_is_claimed():
-    alone = hysid.fit(RECORD, "LinearSponge", noise="gaussian")
-    assert np.isnan(hysid.invert(alone).coverage)
-
-
 def test_the_longest_sequence_may_be_held_out_as_a_whole(tmp_path: Path):
     """Its clock is not that of the rows that were trained, and its readings are no golden ones."""
     t, name = 0.01 * np.arange(600.0), np.repeat(["a", "b"], [200, 400])

@@ -1,6 +1,5 @@
 """The template distribution, installed, through the command line."""
 
-import ast
 import json
 import subprocess
 import sys
@@ -111,20 +110,3 @@ def measured(seed: int) -> str:
         before = x
         rows.append(f"{x},{y + noise.normal(0, 0.005)}\n")
     return "u(mm),y(N)\n" + "".join(rows)
-
-
-def test_a_model_takes_fifteen_lines():
-    """With its imports, without docstrings and `guess`, which is optional."""
-    module = ast.parse((TEMPLATE / "hysid_duhem.py").read_text("utf-8"))
-    (model,) = (part for part in module.body if isinstance(part, ast.ClassDef))
-    used = {node.id for node in ast.walk(model) if isinstance(node, ast.Name)}
-    imports = [
-        part
-        for part in module.body
-        if isinstance(part, ast.Import | ast.ImportFrom)
-        and used & {name.asname or name.name for name in part.names}
-    ]
-    assert isinstance(model.body[0], ast.Expr)  # the docstring
-    parts = [*imports, *model.decorator_list, *model.body[1:]]
-    written = "\n".join(map(ast.unparse, parts)).splitlines()
-    assert len(written) + len(["class Duhem(...):"]) <= 15, written

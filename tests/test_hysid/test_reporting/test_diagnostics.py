@@ -7,11 +7,9 @@ import numpy as np
 import pytest
 
 from benchmarks._identification.cases import constructed_cases, shown
-from hysid import plots
 from hysteresis import Record
-from identify import fit, predictive, profiles, save, whiteness
+from identify import fit, save
 from tests.test_hysid.test_reporting.test_report import write_report
-from tests.test_identify.lines import line, pressed
 from tests.thorough import rest_thorough
 
 QUESTIONS = (
@@ -40,16 +38,6 @@ def questions(file: Path) -> list[str]:
     return re.findall(r"<h3 id=\"[a-z-]+\">([^<]+)</h3>", file.read_text("utf-8"))
 
 
-def test_every_question_is_answered(tmp_path: Path) -> None:
-    folder = save(line(*pressed(1.5, 2.0, 0)), tmp_path)
-    file = write_report(folder)
-    assert questions(file) == list(QUESTIONS)
-    text = file.read_text("utf-8")
-    assert "The data bound every parameter from both sides." in text
-    assert "Ljung-Box" in text
-    assert "would be no surprise" in text
-
-
 @pytest.mark.thorough
 def test_a_fit_by_weights_is_asked_what_makes_sense(tmp_path: Path) -> None:
     u = np.concatenate([np.linspace(0, 1, 40), np.linspace(1, 0, 40)] * 4)
@@ -58,15 +46,3 @@ def test_a_fit_by_weights_is_asked_what_makes_sense(tmp_path: Path) -> None:
     file = write_report(save(found, tmp_path))
     assert questions(file) == [QUESTIONS[k] for k in (0, 1, 2, 3, 7)]
     assert "A sum of a rising curve" in file.read_text("utf-8")
-
-
-def test_public_plots_are_drawn() -> None:
-    made = line(*pressed(1.5, 2.0, 0))
-    bands = predictive(made)
-    for figure in (
-        plots.residual_correlation(whiteness(made)),
-        plots.profiles(profiles(made), [p.stderr for p in made.parameters]),
-        plots.bands(bands),
-        plots.bands(bands, about=True),
-    ):
-        assert figure.axes

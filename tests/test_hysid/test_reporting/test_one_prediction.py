@@ -1,7 +1,6 @@
 """One prediction: every number and picture of a report is that of `FitResult.predict` and of fit.json."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +9,7 @@ import pytest
 
 import identify
 from hysid.figures._format import quantity
-from hysteresis import Preisach, Record, extended
+from hysteresis import Preisach, Record
 from hysteresis.preisach import GridDensity
 from identify import FitResult, load, predict, predictive, sample
 from tests.test_hysid.command import run
@@ -124,13 +123,3 @@ def test_other_views_have_the_same_prediction(fit: FitResult):
     alone = predict(fit.model, fit.test)[bands.rows]
     ours = fit.predict(fit.test)[bands.rows]
     assert np.abs(bands.middle - ours).max() < 0.2 * np.abs(alone - ours).max()
-
-
-def test_a_lag_is_taken_out_once(fit: FitResult):
-    """Whether a record is as it was measured or as the model sees it, a prediction of it is the same."""
-    lagging = replace(fit, clocks=fit.clocks._replace(lag=0.05))
-    seen = lagging.clocks.applied(fit.train)
-    assert not np.array_equal(seen.input, fit.train.input)
-    assert np.array_equal(lagging.predict(fit.train), lagging.predict(seen))
-    low, high = seen.input.min(), seen.input.max()
-    assert np.array_equal(lagging.predict(seen), predict(extended(fit.model, low, high), seen))

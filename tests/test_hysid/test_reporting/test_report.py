@@ -13,11 +13,9 @@ import pytest
 
 from compensate import invert
 from hysid._plots_script import script, script_rule
-from hysid.figures._format import number, plain_name
 from hysid.reporting._residual_rows import round_trip
-from hysteresis import LinearSponge, Preisach, Record, read_csv
-from hysteresis.preisach import GridDensity
-from identify import excited_cells, fit, load, predict, sample, save, save_posterior
+from hysteresis import LinearSponge, Record, read_csv
+from identify import fit, load, predict, sample, save, save_posterior
 from identify.internal import sealed
 from tests.test_hysid.command import run
 
@@ -227,26 +225,6 @@ def test_an_overview_links_to_every_report(preisach: Path, line: Path, tmp_path:
     assert "LinearSponge" in page.text
     assert Path(done["file"]).stat().st_size < 150_000
     assert "[file-not-found]" in run("report", tmp_path / "gone").err
-
-
-def test_only_cells_that_switched_are_excited():
-    """Up to 0.5 of a range of 1 and back: the cells with alpha below it, and no others."""
-    model = Preisach(GridDensity(0.0, 1.0, np.tril(np.ones((10, 10)))))
-    u = np.concatenate([np.linspace(0, 0.5, 40), np.linspace(0.5, 0, 40)])
-    record = Record.from_arrays(u, u)
-    excited = excited_cells(model, record, record.mask)
-    i, j = np.mgrid[:10, :10]
-    assert np.array_equal(excited, (j <= i) & (i < 5))
-
-
-def test_numbers_and_names():
-    assert [number(x) for x in (0.0, 1.0, -12.345, 1234.5, 3.3e7, 2e-9)] == [
-        "0", "1.00", "−12.3", "1,230", "3.30 × 10⁷", "2.00 × 10⁻⁹"
-    ]  # fmt: skip
-    assert number(1.23456, 0.001) == "1.2346"
-    assert [plain_name(n, "N") for n in ("force (N)", "force_N", "force", "(N)")] == [
-        "force", "force", "force", "(N)"
-    ]  # fmt: skip
 
 
 def test_of_a_long_record_some_rows_are_sent_through_the_compensator(

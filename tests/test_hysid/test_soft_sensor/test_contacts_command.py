@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from compensate.runtime import FileError, load_contacts
-from hysid.commands._pairs import load_contact_training
 from tests.test_hysid.command import refused, run
 
 DATA = Path(__file__).parents[3] / "datasets" / "skin-two-places.csv"
@@ -51,20 +50,6 @@ def test_what_was_learnt_runs_over_a_file_and_without_jax(trained: Path):
     same = [runtime.step(float(dt), y).value for y, dt in steps]
     np.testing.assert_allclose(same, value[:40], atol=1e-5)  # of six digits in the table
     assert runtime.step(0.05, (float("nan"), 1.0)).status.name == "INVALID"
-
-
-def test_a_lost_runtime_comes_back_as_jax_does(trained: Path):
-    """Readings that no forces make, and then rest: the statuses and forces are those of JAX."""
-    estimator = load_contact_training(trained)[1]
-    runtime = load_contacts(trained / "runtime.json")
-    t = 0.05 * np.arange(30.0)
-    y = np.zeros((30, 2))
-    y[5:12] = [1.0, 30.0]
-    wanted = estimator.simulate(t, y)
-    found = [runtime.step(0.05, now) for now in y.tolist()]
-    np.testing.assert_allclose([f.value for f in found], wanted.value, atol=1e-6)
-    assert [int(f.status) for f in found] == wanted.status.tolist()
-    assert {f.status.name for f in found} == {"OK", "EXTRAPOLATED"}
 
 
 def test_what_cannot_be_used_is_answered(trained: Path, tmp_path: Path):

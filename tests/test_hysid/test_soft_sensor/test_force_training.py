@@ -66,19 +66,6 @@ def test_several_channels_are_learnt_and_watched():
     assert np.isfinite(np.asarray(estimate.value)).all()
 
 
-def test_the_seed_is_all_the_chance_there_is():
-    one, again = (train_force(RECORDS, seed=3, **FAST) for _ in range(2))
-    np.testing.assert_array_equal(one.held_out, again.held_out)
-
-
-def test_rows_without_a_force_still_drive_the_memory():
-    sparse = [ForceRecord(t, y, np.where(np.arange(len(F)) % 2, np.nan, F)) for t, y, F in RECORDS]
-    with pytest.raises(InputError, match="not-finite"):
-        train_force(sparse, **FAST)
-    found = train_force(sparse, nan="omit", **FAST)
-    assert np.isfinite(found.held_out).sum() == sum(len(r.force) for r in RECORDS) // 2
-
-
 def test_an_interrupted_training_goes_on(tmp_path):
     whole = train_force(RECORDS, checkpoint=tmp_path, **FAST)
     rest = train_force(RECORDS, checkpoint=tmp_path, resume=True, **FAST)
@@ -89,11 +76,6 @@ def test_an_interrupted_training_goes_on(tmp_path):
 def long_record() -> ForceRecord:
     t, y, F = (np.concatenate(part) for part in zip(*RECORDS, strict=True))
     return ForceRecord(0.05 * np.arange(len(t)), y, F)
-
-
-def test_one_long_record_is_cut_at_its_rests():
-    found = train_force([long_record()], **FAST)
-    assert found.rmse < 0.5 * found.force.std()
 
 
 def test_a_model_run_backwards_is_a_model():

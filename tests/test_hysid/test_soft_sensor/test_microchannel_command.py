@@ -213,15 +213,6 @@ def places(folder: Path, session: Rows, *options: Any) -> Result:
     return run(*head, *options)
 
 
-def test_places_are_told_by_the_method_that_is_asked_for(tmp_path: Path):
-    done = places(tmp_path, presses("AACCEE" * 4), "--method", "neighbours")
-    assert done.code == 0
-    assert json.loads((tmp_path / "out" / "training.json").read_text())["settings"]["method"] == (
-        "neighbours"
-    )
-    assert places(tmp_path, presses("AACC"), "--method", "votes").code == 2
-
-
 def test_places_that_are_missing_or_rare_are_named(tmp_path: Path):
     second = put(tmp_path / "second.csv", presses("AAAA", seed=1))
     wanted = ("--places", "A,C,E", "--json")
@@ -238,12 +229,6 @@ def test_places_that_are_missing_or_rare_are_named(tmp_path: Path):
     assert found["metrics"]["test"]["place"]["confusion"]["places"] == ["A", "C", "E"]
     answered(places(tmp_path, presses("AAA"), "--overwrite"), "1 place", "[bad-option]")
     answered(places(tmp_path, presses("AC"), "--places", "A", "--overwrite"), "'C'", "--places")
-
-
-def test_results_are_kept(trained: Trained):
-    before = (trained.out / "training.json").read_bytes()
-    refused(run(*trained.arguments), "left as they are", "--overwrite")
-    assert (trained.out / "training.json").read_bytes() == before
 
 
 def test_a_training_goes_on_only_with_its_own_data(trained: Trained, monkeypatch: Any):

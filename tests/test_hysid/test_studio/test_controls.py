@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 
 import identify
 from hysid.figures._sliders import moved, sliders_of
-from hysid.studio import _controls
 from hysid.studio._controls import on_page, worded
 from hysid.studio._shapes import STIFFNESS, WIDTH, handles_of, reshaped
 from hysteresis import Burgers, InputError, Record, parameter_at
@@ -65,12 +64,6 @@ def test_names_are_left_as_they_are(document):
     assert worded({"columns": [{"name": "--input"}], "fix": "--input"}) == {
         "columns": [{"name": "--input"}], "fix": "“input”",
     }  # fmt: skip
-
-
-def test_settings_speak_of_no_options():
-    every = _controls.settings()
-    assert len({one["name"] for one in every}) == len(every) > 15
-    assert not any(OPTION.search(one["help"]) for one in worded(every))
 
 
 def test_sliders_stay_within_bounds():

@@ -141,46 +141,6 @@ def test_a_file_that_cannot_be_decided_is_a_question(browser, tmp_path):
     assert faults == []
 
 
-def test_a_fit_is_followed_where_it_was_started_and_its_verdict_is_seen(browser, tmp_path):
-    faults: list[str] = []
-    shutil.copy(SPONGE, tmp_path / "run.csv")
-    with serving([tmp_path / "run.csv"]) as ready:
-        page = opened(browser, ready.address, faults)
-        button = page.get_by_role("button", name="Fit", exact=True)
-        button.wait_for()
-        page.get_by_text("My own choice").click()
-        page.get_by_label("LinearSponge").check()
-        page.locator("[data-model]:checked").wait_for()
-        head = page.locator(".head")
-        button.click()
-        head.get_by_role("progressbar").wait_for()
-        head.get_by_role("button", name="Cancel").click()
-        head.get_by_text("Cancelled.").wait_for()
-        config = tmp_path / "run.toml"
-        good = config.read_text()
-        config.write_text(good.replace("test_cycles = 1", "test_cycles = 9"))
-        page.get_by_label("Number of cycles held out").and_(page.locator("[value='9']")).wait_for()
-        button.click()
-        head.get_by_role("alert").wait_for()
-        assert head.get_by_role("alert").evaluate(SEEN)
-        assert not OPTION.search(words_of(page))
-        config.write_text(good)
-        page.get_by_label("Number of cycles held out").and_(page.locator("[value='1']")).wait_for()
-        assert head.get_by_role("alert").count() == 0
-        button.click()
-        page.get_by_role("button", name="Fit again").wait_for()
-        page.locator("#models-title").wait_for()
-        page.wait_for_timeout(300)
-        assert page.locator("#verdict h2").evaluate(SEEN)
-        assert page.locator("#verdict canvas").evaluate(SEEN)
-        page.get_by_role("button", name="Write the report").click()
-        page.locator("section", has=page.locator("#files-title")).get_by_role(
-            "link", name="Report"
-        ).wait_for()
-        page.context.close()
-    assert [fault for fault in faults if "422" not in fault] == []
-
-
 def test_the_model_is_one_of_three_choices_and_sliders_are_those_of_the_loop(page, there):
     fit = page.locator("section", has=page.locator("#fit-title"))
     fit.get_by_text("My own choice").click()
@@ -215,21 +175,6 @@ def test_units_typed_by_hand_are_on_the_axes(browser, tmp_path):
             page.locator(f'.plot[aria-label*="{label}"]').first.wait_for()
         page.context.close()
     assert faults == []
-
-
-def test_specimens_are_compared_side_by_side(page, there):
-    for suffix in ("", ".toml"):
-        source, copy = there / f"run{suffix}", there / f"again{suffix}"
-        shutil.copytree(source, copy) if source.is_dir() else shutil.copy(source, copy)
-    page.get_by_role("button", name="Compare 2 fits").click()
-    figures = page.locator("figure", has=page.get_by_role("img"))
-    figures.nth(1).wait_for()
-    page.get_by_role("rowheader", name="stiffness").wait_for()
-    one, other = (figures.nth(k).bounding_box() for k in (0, 1))
-    assert one["y"] == other["y"]
-    assert one["x"] + one["width"] <= other["x"]
-    assert page.get_by_role("columnheader", name="again.csv").count() >= 2
-    assert serious(page) == []
 
 
 def test_every_state_is_accessible_in_both_colours_and_widths(page):

@@ -1,6 +1,5 @@
 """Who is answered by the studio, and what: sessions, wrong requests, changes side by side, links."""
 
-import os
 import shutil
 import socket
 import subprocess
@@ -105,27 +104,6 @@ def test_an_address_opens_one_session_and_a_used_one_makes_another(folder):
             assert ask(ready.address, "/api/state", X_Hysid=one).status == 200
 
 
-def test_a_used_address_opens_the_page_in_its_own_browser_and_explains_itself_in_another(
-    browser, folder
-):
-    said: list[str] = []
-    with serving([folder], said.append) as ready:
-        own, other = browser.new_context(), browser.new_context()
-        for _ in range(2):
-            page = own.new_page()
-            page.goto(f"{ready.address}#run.csv")
-            page.get_by_role("heading", name="run.csv").wait_for()
-            assert "token" not in page.url
-        page = other.new_page()
-        page.goto(ready.address)
-        page.get_by_text("Opening one that was used makes it print another").wait_for()
-        page.goto(said[-1])
-        page.get_by_role("button", name="run.csv").wait_for()
-        own.close()
-        other.close()
-    assert len(said) == 2
-
-
 def test_the_token_is_in_no_arguments_and_only_the_user_reads_it(folder, tmp_path, monkeypatch):
     home, seen = tmp_path / "home", tmp_path / "seen"
     home.mkdir()
@@ -186,21 +164,6 @@ def _wait_for(what: Callable[[], bool]) -> None:
             return
         time.sleep(0.1)
     raise AssertionError("It did not come.")
-
-
-def test_the_page_opens_a_report_in_a_tab(browser, fitted):
-    (fitted / "run" / "report.html").write_text("<h1>Report of run</h1>")
-    with serving([fitted / "run.csv"]) as ready:
-        context = browser.new_context()
-        page = context.new_page()
-        page.goto(ready.address)
-        page.get_by_text("A fit of other choices").click()  # it was made without the configuration
-        with context.expect_page() as opened:
-            page.get_by_role("link", name="Report").click()
-        opened.value.get_by_role("heading", name="Report of run").wait_for()
-        opened.value.reload()
-        opened.value.get_by_role("heading", name="Report of run").wait_for()
-        context.close()
 
 
 def test_without_a_session_there_is_the_page_alone(folder):
@@ -343,13 +306,6 @@ def test_uploads_of_one_name_at_the_same_time_are_all_kept(folder):
             names = list(pool.map(upload, range(10)))
         assert len({*names}) == 10
         assert sorted((folder / name).stat().st_size - 100_002 for name in names) == list(range(10))
-
-
-def test_a_name_that_is_not_utf_8_is_listed(folder):
-    (folder / os.fsdecode(b"\xff.csv")).write_text("x")
-    with serving([folder]) as ready:
-        state = ask(ready.address, "/api/state", X_Hysid=entered(ready.address))
-    assert [one["name"] for one in state.document["files"]] == ["run.csv", "\udcff.csv"]
 
 
 @pytest.mark.parametrize("name", ["a" * 300 + ".csv", "\ud800", "loop", "run.csv\0"])

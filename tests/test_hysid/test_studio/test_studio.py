@@ -201,38 +201,6 @@ def test_python_lines_hold_out_what_the_command_holds_out(tmp_path, monkeypatch,
     compile(told["fit"]["python"], "fit", "exec")
 
 
-@pytest.mark.parametrize(
-    "asked",
-    [{"step": 5.0, "input_unit": "N"}, {"input": "force (N)", "hold": True, "each": "sample"}],
-)
-def test_python_lines_of_a_constant_input_make_the_records_of_the_commands(
-    tmp_path, monkeypatch, asked
-):
-    monkeypatch.chdir(tmp_path)
-    rows = [
-        f"{t:.2f},{5 if t else 0},{k * (2 + t / (1 + t)):.5f},{name}\n"
-        for k, name in ((1.0, "soft"), (0.5, "hard")) for t in np.linspace(0, 20, 41).tolist()
-    ]  # fmt: skip
-    kept = rows if "each" in asked else rows[:41]
-    Path("run.csv").write_text("time (s),force (N),x (mm),sample\n" + "".join(kept))
-    selection = Selection(**{"input": None, "output": "x (mm)", "time": "time (s)", **asked})
-    told = equivalents(Path("run.csv"), Path("run"), selection, {"seed": 3, "model": "auto"})
-    space: dict = {}
-    exec(told["data"]["python"], space)
-    commands = selection.records(selection.read(Path("run.csv")))[0]
-    assert list(space["pairs"]) == list(commands) == (["soft", "hard"] if "each" in asked else [""])
-    for value, (train, _) in commands.items():
-        ours = space["pairs"][value][0]
-        np.testing.assert_array_equal(ours.input, train.input)
-        np.testing.assert_array_equal(ours.output, train.output)
-        np.testing.assert_array_equal(ours.time, train.time)
-    if "each" in asked:
-        compile(told["fit"]["python"], "fit", "exec")
-        return
-    exec(told["fit"]["python"], space)
-    assert isinstance(identify.load(tmp_path / "run").detail, identify.DiscreteSpectrum)
-
-
 def test_warnings_name_the_lines_that_they_mean(tmp_path):
     t = np.arange(400) / 10
     force = 10 * np.abs(np.sin(t))
