@@ -176,8 +176,3 @@ def test_a_shell_sees_one_word(tmp_path: Path):
     found = done.stdout.split(b"\0")[:-1]
     assert found == [word.encode("utf-8", "surrogateescape") for word in words]
     assert not list(tmp_path.iterdir())
-
-
-def test_what_cannot_be_seen_is_written_out():
-    assert visible("a\u202eb\0\n", keep="\n") == "a<U+202E>b<U+0000>\n"
-    assert visible("force (N) °C 力") == "force (N) °C 力"

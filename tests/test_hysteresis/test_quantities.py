@@ -6,7 +6,6 @@ import numpy as np
 import pint
 import pytest
 
-import identify
 from compensate import Quantity, export_runtime, invert
 from compensate.microchannel import BackwardsModel, ForceEstimator, export_force
 from compensate.runtime import load_force
@@ -14,7 +13,6 @@ from hysteresis import (
     Burgers,
     InputError,
     LinearSponge,
-    Record,
     Units,
     conversion,
     extended,
@@ -71,17 +69,6 @@ def test_models_carry_units_and_range_through_files(tmp_path):
     assert invert(model, trained=(0.0, 20.0)).units == Units("mm", "N", "min")
     with pytest.raises(InputError, match="zero-range"):
         with_units(model, None, (3.0, 1.0))
-
-
-def test_a_fit_gives_its_model_the_units_of_the_record(tmp_path):
-    u = np.linspace(0, 2, 30)
-    record = Record.from_arrays(u, 3 * u + 1, input_unit="kgf", output_unit="cm")
-    fit = identify.fit(record, "LinearSponge", noise="gaussian")
-    assert fit.model.units == Units("kgf", "cm", "1")
-    assert np.asarray(fit.model.trained).tolist() == [0.0, 2.0]
-    again = identify.load(identify.save(fit, tmp_path / "fit"))
-    assert again.model.units == fit.model.units
-    np.testing.assert_array_equal(again.model.trained, fit.model.trained)
 
 
 def test_forces_are_converted_to_newtons_or_refused(tmp_path):

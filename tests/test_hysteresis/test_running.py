@@ -4,8 +4,6 @@ import os
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import nullcontext
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -26,14 +24,11 @@ from hysteresis import (
     StandardLinearSolid,
     Sum,
 )
-from hysteresis.laws import error
 from hysteresis.laws._tree import node_of
-from hysteresis.running import Numbers, _compiled, each, estimates, numbers_of, outputs
+from hysteresis.running import Numbers, _compiled, estimates, numbers_of, outputs
 from hysteresis.running import _over_time as over_time
-from hysteresis.trees import node, plain
+from hysteresis.trees import plain
 from tests.problems import PROBLEMS, SAMPLES, Problem, clock, random_histories
-from tests.test_compensate.test_inverses.test_conditioned import model as conditioned
-from tests.test_compensate.test_inverses.test_conditioned import walk
 from tests.thorough import rest_thorough
 
 
@@ -177,19 +172,6 @@ def test_sequences_begin_in_the_first_state(
     np.testing.assert_array_equal(again, late)
 
 
-@some_compiled(FORWARDS)
-@pytest.mark.usefixtures("interpreted")
-def test_a_look_is_the_output_from_the_state_before(problem: Problem):
-    own, (u, dt), k = numbers(problem.model()), history(problem), 20
-    levels = np.full((SAMPLES, 3), np.nan)
-    levels[k] = u[[0, 5, k]]
-    found = over_time.looks(own, u, dt, levels)
-    before = own._replace(m=over_time.run(own, u[:k], dt[:k]).m)
-    wanted = over_time.run(before, levels[k], np.full(3, -dt[k])).value
-    np.testing.assert_array_equal(found[k], wanted)
-    assert np.isnan(np.delete(found, k, axis=0)).all()
-
-
 def _freed(tree: dict[str, Any]) -> dict[str, Any]:
     """With all real parameters made by JAX, so that all have derivatives."""
     found = dict(tree)
@@ -312,13 +294,6 @@ def test_another_process_finds_what_was_compiled(tmp_path: Path):
     assert (done.returncode, done.stderr) == (0, "")
 
 
-def test_a_condition_is_taken_before_each_row():
-    model = conditioned()
-    rows = np.column_stack(walk())
-    found = over_time.run(numbers(model), rows, np.zeros(len(rows))).value
-    np.testing.assert_allclose(found, model.simulate(None, rows), rtol=0, atol=1e-12)
-
-
 READING = """
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -340,47 +315,3 @@ with ThreadPoolExecutor(8) as pool:
 def test_several_threads_may_read_laws():
     """Two threads of the search for plays did so first, and failed now and then."""
     subprocess.run([sys.executable, "-c", READING], check=True)
-
-
-@pytest.mark.parametrize("mode", ["plain", "compiled"])
-def test_one_law_over_columns_is_its_own_text(mode: str):
-    """The deviation of an error, with gaps, in two pieces: the file's own function, number by number."""
-    if mode == "compiled":
-        pytest.importorskip("numba")
-    rng = np.random.default_rng(2)
-    u, t = random_histories(rng, 0.0, 1.0, (1, 90))[0], np.cumsum(rng.integers(1, 9, 90) / 8)
-    tables = {
-        "levels": 3,
-        "level": [0.0, 0.4, 1.0],
-        "falling": [0.1, 0.2, 0.3],
-        "rising": [0.3, 0.1, 0.2],
-    }
-    known = error.ANY_MOTION | {
-        "width": 0.05, "low": 0.1, "high": 0.9, "least": 0.3, "most": 0.6, "near": 0.2, "growth": 0.5,
-        "fast": 0.4, "factor": 1.6, "timed": 0.2, "hurry": 0.3,
-    }  # fmt: skip
-    state = {"begun": 0, "follower": 0.0, "up": 1, **error.UNMOVED}
-    law = node("error", tables | known, state)
-    gaps = np.isin(np.arange(90), [0, 1, 40, 44, 45, 89])
-    p, s = error.Parameters(), error.State()
-    vars(p).update(law["parameters"])
-    vars(s).update(law["state"])
-    where, own, before, wanted = np.where(gaps, np.nan, u), partial(error.deviation, p, s), t[2], []
-    for now, value, gap in zip(t, u, gaps, strict=True):
-        if not gap:
-            wanted.append(own(now - before, value))
-            before = now
-        else:
-            wanted.append(wanted[-1] if wanted else np.nan)
-    begin = {"state": None, "t": np.nan, "held": np.nan}
-    found = []
-    with over_time.compiled_at_once() if mode == "compiled" else nullcontext():
-        for rows in (slice(0, 45), slice(45, None)):
-            told = each(
-                numbers_of(law), "deviation", u[rows], times=t[rows], where=where[rows], keeps=("up",),
-                **begin,
-            )  # fmt: skip
-            begin = {"state": told.state, "t": told.t, "held": told.value[-1]}
-            assert np.isin(told.said, (0.0, 1.0)).all()
-            found.append(told.value)
-    np.testing.assert_array_equal(np.concatenate(found), wanted)

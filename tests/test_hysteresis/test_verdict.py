@@ -30,10 +30,6 @@ def test_a_verdict_comes_back_from_its_document(level, said, best):
     assert after.codes == before.codes == tuple(code for code, _ in said)
 
 
-def test_a_document_of_an_earlier_version_holds_sentences():
-    assert Verdict.of({"level": "PASS", "reasons": ["so"]}).codes == ("remark",)
-
-
 SAYING = (
     "identify/fitting", "identify/diagnostics", "compensate/qualification", "hysid/commands",
 )  # fmt: skip

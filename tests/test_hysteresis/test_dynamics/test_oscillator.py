@@ -9,7 +9,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from scipy.signal import firwin, lfilter
 
 import hysteresis
 from hysteresis import (
@@ -93,13 +92,6 @@ def test_energy_balance():
     assert np.abs(left).max() <= 2e-3 * np.abs(work).max()
 
 
-def test_dissipative_plays_take_energy_in_every_cycle():
-    stops = GeneralizedPlays([0.0, 3e-4], [2e-3, 2e-3], [[-60.0, 60.0], [60.0, -60.0]])
-    x = 1e-3 * np.sin(np.linspace(0, 4 * np.pi, 400))
-    z = np.asarray(stops.simulate(None, x))
-    assert np.sum(0.5 * (z[201:] + z[200:-1]) * np.diff(x[200:])) > 0
-
-
 def test_held_forces_stream_as_they_run():
     model = plant(Sum(MIXED, PLAYS), substeps=3, between="held")
     state, head = model.stream(T[:20], FORCE[:20])
@@ -129,14 +121,6 @@ def test_a_model_of_a_version_with_integrators_loads(tmp_path):
         else:
             with pytest.raises(InputError):
                 hysteresis.load_model(file)
-
-
-@pytest.mark.parametrize("factor", [4, 20])
-def test_decimation_is_that_of_scipys_filters(factor: int):
-    x = np.random.default_rng(0).normal(size=2001).cumsum()
-    e = np.r_[2 * x[0] - x[1:31][::-1], x, 2 * x[-1] - x[-31:-1][::-1]]
-    wanted = lfilter(firwin(31, 1 / factor), 1, e)[45 : 45 + len(x)][::factor]
-    np.testing.assert_allclose(hysteresis.decimated(x, (factor,)), wanted, rtol=0, atol=1e-12)
 
 
 def test_interpolation_is_exact_for_what_is_limited_in_band():

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from hysteresis import InputError, Preisach
 from hysteresis.preisach import GridDensity, input_noise
-from tests.problems import CELLS, HIGH, LOW, SAMPLES, histories, weights
+from tests.problems import CELLS, HIGH, LOW, histories, weights
 
 seeds = st.integers(0, 2**32 - 1)
 HALF_WIDTH = 0.3
@@ -48,33 +48,6 @@ def test_relays_see_the_play_and_the_reversible_part_the_input(seed: int, u: np.
     # Additions of numbers of size one.
     np.testing.assert_allclose(output(banded, u), wanted, rtol=0, atol=1e-12)
     np.testing.assert_allclose(banded.stream(None, u)[1], wanted, rtol=0, atol=1e-12)
-
-
-@given(seed=seeds, u=histories(LOW, HIGH))
-def test_without_noise_a_narrow_band_changes_little(seed: int, u: np.ndarray):
-    """The relays' input is off by at most the half width: a relay that it matters to has a threshold
-    that near to one of the turning points, and so has at most that share of the rows and columns."""
-    plain, narrow = model(seed, 0.0), model(seed, 1e-9)
-    w = np.asarray(plain.density.weights)  # pyright: ignore[reportAttributeAccessIssue]
-    steepest = 2 * 2 * max(w.sum(0).max(), w.sum(1).max()) * CELLS / (HIGH - LOW)
-    assert np.abs(output(plain, u) - output(narrow, u)).max() <= 2 * SAMPLES * steepest * 1e-9
-
-
-def test_noise_makes_reversals_and_the_band_takes_them_away():
-    """Ten ramps with noise of 1 % of their height."""
-    rng = np.random.default_rng(0)
-    true = np.interp(np.arange(4000) / 400, np.arange(11), [0, 1] * 5 + [0])
-    noisy = true + rng.normal(0, 0.01, len(true))
-    sigma = input_noise(noisy)
-    density = GridDensity(0.0, 1.0, weights(rng))
-    anchors = [
-        len(Preisach(density, dead_band=r * sigma).prepare(None, noisy).tree.node)
-        for r in (0, 3, 5)
-    ]
-    # Nearly two samples in three of white noise are extrema; beyond 5 deviations none is.
-    assert anchors[0] > 2000
-    assert anchors[1] < anchors[0] / 100
-    assert anchors[2] <= 11
 
 
 @given(seed=seeds, sigma=st.floats(1e-3, 10.0))

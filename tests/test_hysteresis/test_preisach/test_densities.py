@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import integrate
 
-from hysteresis import InputError, Preisach
+from hysteresis import InputError
 from hysteresis.preisach import (
     AbstractDensity,
     GaussianDensity,
@@ -22,8 +22,8 @@ from hysteresis.preisach import (
     LorentzianDensity,
     SumDensity,
 )
-from tests.densities import CELLS, DENSITIES, KINDS, Coercive, plain_everett, warped
-from tests.problems import HIGH, LOW, SAMPLES, histories
+from tests.densities import DENSITIES, KINDS, Coercive, plain_everett
+from tests.problems import HIGH, LOW, histories
 from tests.thorough import rest_thorough
 
 every = pytest.mark.parametrize(
@@ -43,11 +43,6 @@ def everett(density: AbstractDensity, a: jax.Array, b: jax.Array) -> jax.Array:
 @eqx.filter_jit
 def mass(density: AbstractDensity) -> jax.Array:
     return density.mass(density.tabulate())
-
-
-@eqx.filter_jit
-def simulate(model: Preisach, u: jax.Array) -> jax.Array:
-    return model.simulate(None, u)
 
 
 def make(name: str, seed: int) -> AbstractDensity:
@@ -128,15 +123,6 @@ UNIFORM: dict[str, AbstractDensity] = {
 UNIFORM["sum"] = SumDensity(2 * [UNIFORM["warped"]])
 
 
-@pytest.mark.parametrize("name", UNIFORM)
-@settings(max_examples=20)
-@given(u=histories(0.0, 1.0, INPUTS))
-def test_uniform_densities_are_analytic(name: str, u: np.ndarray):
-    """mu = 1, or 2 for the sum of two: E = mu (a - b)^2 / 2."""
-    wanted = (2 if name == "sum" else 1) * (u[:, None] - u) ** 2 / 2
-    np.testing.assert_allclose(all_pairs(UNIFORM[name], u), wanted, rtol=0, atol=1e-12)
-
-
 def product(density: Coercive, h: float, m: float) -> float:
     """The density at a coercivity and a bias, but for a factor."""
     c, width = float(density.coercivity), float(density.coercivity_width)
@@ -172,41 +158,6 @@ def test_integrated_over_the_triangle(kind: type[Coercive], ratio: float):
     wanted = np.array([over(u[i], u[j]) for i, j in pairs])
     got = all_pairs(density, u)[tuple(zip(*pairs, strict=True))]
     np.testing.assert_allclose(got, 2.0 * wanted / wanted[0], rtol=0, atol=2e-10)
-
-
-def test_an_isotropic_normal_density_is_a_product_of_error_functions():
-    """With one width alpha and beta are independent: rectangles off the diagonal have closed forms."""
-    coercivity, bias, width = 0.4, 0.1, 0.2
-    density = GaussianDensity(-3.0, 3.0, 1.0, coercivity, width, bias, width)
-    below = lambda x, mean: math.erf((x - mean) / (2 * width))  # noqa: E731
-    rng = np.random.default_rng(0)
-    corners = np.sort(rng.uniform(-1, 1.5, (INPUTS**2, 4)), axis=1)  # b1 < b2 < a1 < a2
-    b1, b2, a1, a2 = jnp.asarray(corners.T)
-    E = lambda a, b: np.asarray(everett(density, a, b))  # noqa: E731
-    got = E(a2, b1) - E(a1, b1) - E(a2, b2) + E(a1, b2)
-    wanted = [
-        (below(a2, bias + coercivity) - below(a1, bias + coercivity))
-        * (below(b2, bias - coercivity) - below(b1, bias - coercivity))
-        for b1, b2, a1, a2 in corners
-    ]
-    # Nothing but the part h < 0, which the density leaves out, keeps the sum of all from being 4.
-    inside = 4 * 0.5 * math.erfc(-coercivity / (width * math.sqrt(2)))
-    np.testing.assert_allclose(got, np.array(wanted) / inside, rtol=0, atol=1e-12)
-
-
-def test_a_path_over_warped_nodes_is_a_sum_of_relays():
-    """From node to node cells switch as a whole: up at node i + 1 and above, down at j and below."""
-    density = warped(np.random.default_rng(1), LOW, HIGH)
-    nodes = np.random.default_rng(2).integers(0, CELLS + 1, SAMPLES)
-    w = np.tril(np.asarray(density.weights))
-    i, j = np.indices(w.shape)
-    relay, wanted = -np.ones_like(w), []
-    for k in nodes:
-        relay[k >= i + 1] = 1
-        relay[k <= j] = -1
-        wanted.append((w * relay).sum())
-    got = simulate(Preisach(density), jnp.asarray(density.edges[nodes]))
-    np.testing.assert_allclose(got, wanted, rtol=0, atol=1e-13 * w.sum())
 
 
 @every

@@ -3,7 +3,6 @@
 from typing import Any, NamedTuple
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -61,30 +60,6 @@ def path_of(u: Any) -> np.ndarray:
 
 # Sums of at most 41 rises of at most 1: rounding stays below 41 eps = 1e-14.
 ROUNDING = 1e-13
-
-
-@pytest.mark.parametrize(
-    "u",
-    [
-        [],
-        [0.0],
-        [0.7],
-        [0.0, 0.0, 0.0],
-        [0.7, 0.7, 0.7],
-        [0.5, 0.5, 0.2, 0.2, 0.5, 0.5, 0.8],
-        [0.8, 0.2, 0.8, 0.2, 0.8, 0.2],  # each extremum again and again
-        [0.8, 0.2, 0.6, 0.4, 0.5, 0.45, 0.9],  # all loops closed at once
-        [0.8, 0.2, 0.6, 0.4, 0.6, 0.2, 0.8],  # each closed exactly at its extremum
-        [0.8, 0.0, 0.5, 0.0, 0.9],  # back to where all relays are down
-        [1.0, 0.0, 1.0, 0.0],
-    ],
-)
-def test_by_hand(u: list[float]):
-    path = path_of(u)
-    stack = stack_loop(path)
-    np.testing.assert_allclose(
-        from_tree(path, memory_tree(path)), stack.output, rtol=0, atol=ROUNDING
-    )
 
 
 @given(histories_here, st.data())

@@ -87,40 +87,6 @@ def test_equal_to_relays_at_every_third_of_a_cell(data: st.DataObject, seed: int
     np.testing.assert_allclose(output(model, nodes / m), wanted, rtol=0, atol=rounding(model))
 
 
-@pytest.mark.parametrize("cells", rest_thorough([7, 1, 2, 50], 1))
-@settings(max_examples=20)
-@given(u=histories(0.0, 1.0))
-def test_uniform_density_is_analytic(cells: int, u: np.ndarray):
-    """Against E(a, b) = (a - b)^2 / 2 and a stack kept sample by sample; the range is 1."""
-    stack, s, before, wanted = [(0.0, -0.5)], 1, 0.0, []
-    for x in u:
-        if x != before and np.sign(x - before) != s:
-            stack.append((before, wanted[-1]))
-            s = -s
-        while len(stack) >= 3 and s * x >= s * stack[-2][0]:
-            del stack[-2:]
-        (r, level), before = stack[-1], x
-        wanted.append(level + s * (x - r) ** 2)
-    got = output(Preisach(uniform(cells)), u)
-    np.testing.assert_allclose(got, wanted, rtol=0, atol=1e-12)
-
-
-@given(seed=seeds, u=histories(LOW, HIGH), stretch=seeds)
-@settings(max_examples=20)
-def test_rate_independent(seed: int, u: np.ndarray, stretch: int):
-    """Neither times nor how long the input rests at each value matter."""
-    rng = np.random.default_rng(seed)
-    model = Preisach(GridDensity(LOW, HIGH, weights(rng)))
-    repeats = np.random.default_rng(stretch).multinomial(SAMPLES, np.full(SAMPLES, 1 / SAMPLES))
-    slow = np.repeat(u, repeats + 1)
-    last = np.cumsum(repeats + 1) - 1
-    np.testing.assert_allclose(
-        output(model, slow)[last], output(model, u), rtol=0, atol=rounding(model)
-    )
-    t = jnp.cumsum(jnp.asarray(rng.random(SAMPLES)))
-    np.testing.assert_array_equal(simulate(model, jnp.asarray(u), t), output(model, u))
-
-
 def triangle(a: float, b: float, samples: int) -> np.ndarray:
     """From a to b and back to a."""
     return np.concatenate([np.linspace(a, b, samples), np.linspace(b, a, samples)[1:]])
@@ -171,31 +137,6 @@ def test_leading_is_the_reversible_part_minus_the_lagging_relays(seed: int, u: n
     np.testing.assert_allclose(
         output(leading, u), offset + R - relays, rtol=0, atol=2 * rounding(leading)
     )
-
-
-def test_saturation_is_where_a_sequence_starts_and_ends():
-    w = weights(np.random.default_rng(5))
-    density = GridDensity(LOW, HIGH, w)
-    for initial, first in (("negative", -w.sum()), ("positive", w.sum())):
-        y = output(
-            Preisach(density, initial=initial), np.array([LOW if first < 0 else HIGH, 9, -9])
-        )
-        np.testing.assert_allclose(y, [first, w.sum(), -w.sum()], rtol=1e-14)
-
-
-def test_demagnetised_start_is_near_zero_for_a_symmetric_density():
-    """The alternation ends with a strip along the anti-diagonal, one step of it wide, undecided.
-
-    Its steps decay by 1/64 of the range, so no more than 2/64 of a uniform density's mass is in it.
-    """
-    for cells in (1, 6, 7):
-        model = Preisach(uniform(cells), initial="demagnetised")
-        y = float(output(model, np.array([0.5]))[0])
-        assert abs(y) <= 0.5 * 2 / (model.capacity // 2)
-        # And it is no saturated state: small loops around it move the output both ways.
-        up, down = output(model, np.array([0.8]))[0], output(model, np.array([0.2]))[0]
-        assert down < -0.05
-        assert up > 0.05
 
 
 nodes_of_thirds = st.lists(st.integers(0, 12), min_size=SAMPLES, max_size=SAMPLES).map(np.array)

@@ -96,36 +96,6 @@ def test_records_obey_statics(force, surface, u, v, slope, soft):
         assert np.all(made.displacement == 0)
 
 
-def test_displacement_is_the_sponges_the_frames_and_the_scatters():
-    rig = ArmorRig(scatter_mm=0.0)
-    force = force_path((0.0, 20.0, 5.0, 12.0))
-    block = SpongeRig().follow(force, dt=2.0)
-    points = [[0.0, 0.0, 0.55], [0.06, 0.0, 0.55], [0.25, 0.25, 0.55]]
-    d = 1e3 * rig.press(points, [1, 1, 1], force, dt=2.0).displacement
-    sag = 1.5 * force / 15
-    # One sag width from the middle exp(-1/2) of it, 350 mm away nothing (4e-8).
-    for row, near in zip(d, (1, np.exp(-0.5), 0), strict=True):
-        np.testing.assert_allclose(row, 0.94 * block + near * sag, rtol=0, atol=1e-6)
-    many = ArmorRig().press(*ArmorRig().random_points(400)).displacement[:, -1]
-    exact = rig.press(*ArmorRig().random_points(400)).displacement[:, -1]
-    # 400 draws know their standard deviation to 3.5 %, their mean to 0.03 mm: three of each.
-    assert np.std(many - exact) == pytest.approx(0.6e-3, rel=0.11)
-    assert np.mean(many - exact) == pytest.approx(0, abs=0.09e-3)
-
-
-def test_sensor_lags_by_one_per_cent_of_its_scale():
-    """Between branches at the same load; and never more, whatever the history."""
-    sensor = ForceSensor(crosstalk=0, noise_n=0, noise_nm=0)
-    load = np.zeros((1, 81, 6))
-    load[0, :, 2] = np.concatenate([np.arange(41.0), np.arange(39.0, -1, -1)])
-    load[0, :, 4] = load[0, :, 2] / 5
-    read = sensor.read(load, np.eye(6), np.random.default_rng(0))
-    up, down = read[0, 20], read[0, 60]
-    np.testing.assert_allclose(down - up, [0, 0, 0.5, 0, 0.12, 0], atol=1e-12)
-    assert np.all(np.abs(read - load)[..., :3] <= 0.25 + 1e-12)
-    assert np.all(np.abs(read - load)[..., 3:] <= 0.06 + 1e-12)
-
-
 def test_draws_are_the_seeds_and_the_sessions():
     points = ArmorRig().points_of_the_body()
     for field in ("wrench", "displacement"):
@@ -136,44 +106,6 @@ def test_draws_are_the_seeds_and_the_sessions():
         np.testing.assert_array_equal(one, again)
         assert not np.array_equal(one, other)
         assert not np.array_equal(one, later)
-
-
-def test_points_are_the_papers():
-    rig = ArmorRig()
-    points, surface = rig.points_of_surface_1()
-    assert points.shape == (76, 3)
-    assert set(surface) == {1}
-    for number in (10, 29, 48, 67):
-        np.testing.assert_array_equal(points[number - 1], [0, 0, 0.55])
-    steps = np.linalg.norm(np.diff(points[:38], axis=0), axis=1)
-    np.testing.assert_allclose(np.delete(steps, 18), 0.03, rtol=1e-12)
-    for rig in (ArmorRig(), ArmorRig(soft=False)):
-        points, surface = rig.points_of_the_body()
-        np.testing.assert_array_equal(np.bincount(surface), [0, 9, 9, 9, 9, 9])
-        for k in range(1, 6):
-            of = points[surface == k]
-            assert len(np.unique(of.round(9), axis=0)) == 9
-            np.testing.assert_allclose(np.ptp(of, axis=0), 0.4 * (INWARD[k - 1] == 0), atol=1e-12)
-
-
-def test_random_points_keep_their_margin():
-    """The rig itself refuses points that are off their surface."""
-    rig = ArmorRig()
-    points, surface = rig.random_points(300, margin=0.05)
-    assert set(surface) == {1, 2, 3, 4, 5}
-    assert np.all(rig.press(points, surface).displacement[:, -1] > 0.015)
-    assert np.all(np.sum(np.abs(points[:, :2]) > 0.25, axis=1) <= 1)
-    assert np.all((points[surface > 1, 2] >= 0.05) & (points[surface > 1, 2] <= 0.5))
-
-
-def test_calibration_goes_up_and_down():
-    rig = ArmorRig()
-    made = rig.calibrate(*rig.random_points(3))
-    force = made.force[0]
-    np.testing.assert_array_equal(np.diff(made.time), 2.0)
-    assert (force.max(), force[-1]) == (20.0, 0.0)
-    assert np.sum(np.diff(np.sign(np.diff(force))) != 0) == 7
-    np.testing.assert_array_equal(force_path((0.0, 1.0, -0.5), 0.75), [0.5, 1.0, 0.25, -0.5])
 
 
 RIG = ArmorRig()

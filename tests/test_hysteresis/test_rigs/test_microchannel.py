@@ -13,7 +13,6 @@ from hysteresis import InputError
 from hysteresis.rigs import MicrochannelRig, ResistiveReadout
 
 RIG = MicrochannelRig()
-FINGER = np.sin(np.linspace(0, np.pi / 2, 12))
 
 forces = arrays(float, (15, 5), elements=st.floats(0, 30))
 
@@ -173,19 +172,6 @@ def test_several_are_pressed_at_once():
     assert (record.reading - RIG.follow(record.force, 0.05)).std() > 0.05
 
 
-def test_fingers_scatter_where_machines_do_not():
-    """ln V: placement common to the layers 0.10, between them 0.066 (each up, the other down)."""
-    presses = MicrochannelRig(readout=ResistiveReadout(noise=0.0)).finger_presses(4000)
-    where = np.eye(5)[presses.location][:, None]
-    centred = RIG.follow(presses.force[:, None, None] * FINGER[:, None] * where, 0.05)
-    off = np.log(presses.reading / centred[:, -1])
-    assert off.mean(axis=1).std() == pytest.approx(0.10, rel=0.02)  # of 20,000: 0.5 %
-    assert (np.diff(off, axis=1) / 2).std() == pytest.approx(0.066, rel=0.02)
-    together = RIG.press_together(np.full((4000, 5), 4.0))
-    alone = RIG.follow(np.full((12, 5), 4.0) * FINGER[:, None], 0.05)[-1]
-    np.testing.assert_allclose(together.mean(axis=0), alone, rtol=0.01)
-
-
 def test_same_seed_same_readings():
     again = MicrochannelRig()
     for one, other in zip(RIG.finger_presses(20), again.finger_presses(20), strict=True):
@@ -197,35 +183,6 @@ def test_same_seed_same_readings():
     np.testing.assert_array_equal(RIG.gains, other.gains)
     made = [MicrochannelRig(seed=seed, fabrication=0.05).gains for seed in (0, 1)]
     assert not np.array_equal(*made)
-
-
-def test_counts_are_the_nearest_and_end_where_the_range_does():
-    readout = RIG.readout
-    last = 2**readout.bits - 1
-    count = (readout.high - readout.low) / last
-    reading = np.linspace(readout.low, readout.high, 777)
-    counts = readout.counts(reading)
-    assert np.abs(readout.low + count * counts - reading).max() <= count / 2 * (1 + 1e-9)
-    np.testing.assert_array_equal(readout.counts(np.array([-1e9, 1e9])), [0, last])
-    # Every section at 8 N stays within the range.
-    assert readout.counts(RIG.follow(np.full((9, 5), 8.0))).max() < last
-
-
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        {"seed": -1},
-        {"friction": -0.1},
-        {"closing_force_n": np.nan},
-        {"stop_share": (0.5, 0.35, 0.25)},
-        {"creep": (0.6, 0.4)},
-        {"creep_s": (0.4,)},
-        {"sensitivity": ((1.0, 2.0), (1.0,))},
-    ],
-)  # fmt: skip
-def test_parameters_out_of_range_are_refused(wrong):
-    with pytest.raises(InputError, match="bad-option"):
-        MicrochannelRig(**wrong)
 
 
 @pytest.mark.parametrize(

@@ -177,17 +177,3 @@ def test_shipped_minor_loops_hold_what_their_card_says():
         path = np.concatenate([[0.0], force[loop == n]]) if n > 1 else force[loop == 1]
         turning = np.flatnonzero(np.diff(np.sign(np.diff(path)))) + 1
         np.testing.assert_array_equal(path[[0, *turning, -1]], turns)
-
-
-def test_check_names_what_differs(tmp_path, monkeypatch, capsys):
-    stem = "sponge-10mm-cycles"
-    for name in (f"{stem}.csv", f"{stem}.md"):
-        (tmp_path / name).write_bytes((datasets.FOLDER / name).read_bytes())
-    monkeypatch.setattr(datasets, "TABLES", {stem: datasets.TABLES[stem]})
-    monkeypatch.setattr(datasets.made, "__defaults__", (tmp_path,))
-    assert datasets.main(["--check"]) == 0
-    (tmp_path / f"{stem}.csv").write_text("edited")
-    assert datasets.main(["--check"]) == 1
-    assert f"{stem}.csv" in capsys.readouterr().err
-    assert datasets.main([]) == 0
-    assert datasets.main(["--check"]) == 0
