@@ -43,14 +43,6 @@ def test_each_is_exact_on_its_own_data(output: np.ndarray, exact: str):
     assert np.sqrt(baselines(output)[exact].blocks.mean()) < 1e-9
 
 
-def test_ridge_beats_a_line_on_a_play():
-    found = baselines(U + 5 * play(U, 3.0))
-    ridge, line = (
-        found[k].blocks.mean() for k in ("ridge on lags, stops and slow states", "straight line")
-    )
-    assert ridge < 0.05**2 * line
-
-
 @pytest.mark.parametrize("exponent", [-0.3, 0.0, 0.5])
 def test_a_power_law_of_time_is_found(exponent: float):
     t = np.geomspace(0.01, 1000, 80)

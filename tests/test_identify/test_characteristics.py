@@ -67,13 +67,6 @@ def test_stiffness_is_load_over_deformation_whichever_is_the_input():
     assert "stiffness" not in told(plain)
 
 
-def test_the_error_is_what_the_model_misses():
-    x, force, t = rig()
-    found = told(record_of(force, x, t), 0.1 * x)  # the model is stiffer by 0.1 N/mm
-    assert found["stiffness"].error == pytest.approx(0.1, rel=0.01)
-    assert found["loop width"].error == pytest.approx(0, abs=1e-9)
-
-
 def test_what_is_not_told_has_a_reason():
     x, force, t = rig()
     found = told(record_of(force, x, t))

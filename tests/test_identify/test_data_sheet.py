@@ -132,27 +132,3 @@ def test_runs_over_other_ranges_are_no_one_sheet():
     t, force, signal = run()
     with pytest.raises(InputError, match=r"\[not-comparable\]"):
         data_sheet(record_of((t, force, signal), (t, force - 15.0, signal)))
-
-
-def test_a_line_says_what_it_is_told_from():
-    sheet = data_sheet(record_of(run(hold=300), run(loops=1)))
-    # The second run has one loop, which no other repeats.
-    assert sheet["hysteresis"].basis.startswith("6 loops")
-    assert sheet["repeatability"].basis == "5 loops"
-    assert sheet["repeatability error"].basis.startswith("5 loops, of the reading, from 2")
-    assert sheet["creep"].basis.startswith("1 hold,")
-    assert sheet["settling"].basis.startswith("2 holds, within 0.4 mV (1 %)")
-    noisy = data_sheet(record_of(run(hold=300, noise=0.3)))
-    assert "(3 times the noise)" in noisy["settling"].basis
-
-
-def test_errors_of_the_reading_are_judged_from_the_limit_of_the_standard_on():
-    """With two deviations of noise as resolution, 500 of them are 20 mV at half of the range."""
-    half = data_sheet(record_of(run(noise=0.02)))["reversibility error"]
-    assert half.value is not None
-    limit = float(half.basis.split("from ")[1].split(" ")[0])
-    assert limit == pytest.approx(10.0, abs=1.0)
-    none = data_sheet(record_of(run(noise=0.1)))
-    for name in ("reversibility error", "repeatability error"):
-        assert none[name].value is None
-        assert "500 resolutions" in none[name].reason

@@ -75,13 +75,6 @@ def test_several_channels_are_columns_of_an_array():
     refused("length-mismatch", lambda: fit.predict(U))
 
 
-def test_arrays_of_another_shape_are_refused(line):
-    refused("length-mismatch", lambda: line.predict(U[:, None]))
-    refused("length-mismatch", lambda: line.predict(U, TIME[1:]))
-    refused("bad-option", lambda: line.predict(U, condition=3.0), "no condition")
-    refused("nan-input", lambda: line.predict([0.0, np.nan]))
-
-
 def test_a_parameter_is_found_by_its_name(line):
     found = line["k"]
     assert found == line["K"] == line.parameters[0]

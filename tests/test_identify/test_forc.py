@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from scipy.stats import norm
 
 from hysteresis import InputError, Record, read_csv
-from hysteresis.preisach import GridDensity
 from identify import Forc, everett_surface, fit, forc_curves, forc_diagram, load, sample, save
 from tests.problems import HIGH, LOW, histories
 from tests.thorough import rest_thorough
@@ -73,18 +72,6 @@ def test_every_curve_found_is_one(history: np.ndarray):
         np.testing.assert_allclose(y, uniform_forc(b, x), atol=1e-12 * RANGE**2)
 
 
-def test_sequences_that_only_rise_are_curves():
-    b = np.array([0.5, -0.2, 0.1])
-    u = b[:, None] + np.linspace(0, 1, 9)
-    y = np.stack([uniform_forc(start, row) for start, row in zip(b, u, strict=True)])
-    used = np.ones(27, bool)
-    used[4] = False
-    record = Record.from_arrays(u.ravel(), y.ravel(), groups=np.repeat([3, 1, 2], 9), mask=used)
-    curves = forc_curves(record)
-    assert [curve.reversal for curve in curves] == [-0.2, 0.1, 0.5]
-    assert [len(curve.input) for curve in curves] == [9, 9, 8]
-
-
 def test_a_record_of_reversal_curves_is_read_off(tmp_path: Path):
     """Relays spread evenly, 14 curves of which one sequence holds one; held-out ones lie between."""
     down = np.linspace(LOW, HIGH - 0.2 * RANGE, 14)
@@ -100,11 +87,6 @@ def test_a_record_of_reversal_curves_is_read_off(tmp_path: Path):
     np.testing.assert_array_equal(again.predict(record), found.predict(record))
     with pytest.raises(InputError, match="no-posterior"):
         sample(found)
-
-
-def test_what_comes_before_the_top_is_no_curve():
-    u = np.interp(np.arange(60), [0, 10, 30, 59], [0.0, 1.0, -0.5, 1.0])
-    assert [c.reversal for c in forc_curves(Record.from_arrays(u, u))] == [-0.5]
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 4))
@@ -176,31 +158,6 @@ def test_the_model_reproduces_any_curves_at_the_nodes(seed: int):
         at = np.searchsorted(nodes, x)
         E = surface.everett[at, at[0]]
         np.testing.assert_allclose(E, (z - z[0]) / 2, atol=1e-12 * np.abs(y).max())
-
-
-def test_model_of_clean_curves_predicts_others():
-    """Held-out first-order and higher curves of a Gaussian density, which is not signed."""
-    reversals = np.linspace(-2.5, 0.5, 31)
-    curves = tuple(gaussian_curve(float(b), np.arange(b, 4.2, 0.05)) for b in reversals)
-    surface = everett_surface(curves)
-    model = surface.model
-    assert isinstance(model.density, GridDensity)
-    assert not model.density.signed
-    assert np.abs(surface.closure).max() < 1e-14  # ten deviations above the last relay
-    u = np.concatenate([
-        np.linspace(2.5, -0.95, 50), np.linspace(-0.95, 1.1, 50), np.linspace(1.1, -1.2, 50)
-    ])  # fmt: skip
-    y = np.asarray(model.simulate(None, u))
-
-    def everett(a: np.ndarray | float, b: np.ndarray | float) -> np.ndarray:
-        return np.asarray(norm.cdf(a, 1, 0.3) * norm.sf(b, -1, 0.3))
-
-    fall = -2 * everett(5.0, u[:50])
-    rise = -2 * everett(5.0, -0.95) + 2 * everett(u[50:100], -0.95)
-    wiped = u[100:] <= -0.95
-    second = np.where(wiped, -2 * everett(5.0, u[100:]), rise[-1] - 2 * everett(1.1, u[100:]))
-    # Interpolated over steps of 0.1 and 0.05: step^2 / 8 of a curvature of about 2 x 2.7 = 2 E''.
-    np.testing.assert_allclose(y, np.concatenate([fall, rise, second]), atol=0.1**2 / 8 * 5.4)
 
 
 @pytest.mark.thorough

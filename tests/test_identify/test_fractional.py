@@ -30,12 +30,6 @@ def test_a_fractional_zener_element_is_found_within_its_range(alpha, tau):
     assert "% off the spectrum" in str(zener)
 
 
-def test_a_springpot_is_told_by_two_numbers():
-    pot, _ = noisy(3 * (1j * W) ** 0.25, 0.005).fractional()
-    assert pot.value == pytest.approx([3.0, 0.25], rel=0.01)
-    assert pot.misfit < 0.01
-
-
 def test_creep_of_one_time_constant_is_a_zener_element_of_whole_order():
     t = np.geomspace(0.1, 100, 60)
     found = identify.spectrum(identify.Response(t, 3 - 2 * np.exp(-t / 5)))

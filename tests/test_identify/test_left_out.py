@@ -37,23 +37,3 @@ def test_they_miss_the_other_cycles_by_no_more_than_the_whole_fit():
         rest = found.used & ~rows
         missed = np.asarray(model.simulate(None, u)) - y
         assert np.mean(missed[rest] ** 2) <= np.mean(found.residuals[rest] ** 2) * (1 + 1e-6)
-
-
-def test_no_group_is_much_larger_than_the_others():
-    """Two thirds of the rows are one slow cycle: a model without them would be another one."""
-    ends, counts = [0.0, 10.0, 0.0, 7.0, 0.0, 9.0, 0.0, 8.0, 0.0], [120, 120, *[20] * 6]
-    parts = [
-        np.linspace(a, b, n, endpoint=False)
-        for a, b, n in zip(ends, ends[1:], counts, strict=False)
-    ]
-    u = np.append(np.concatenate(parts), 0.0)
-    record = Record.from_arrays(u, 0.5 * u + 1 + 0.1 * RANDOM.normal(size=len(u)))
-    found = fit(record, "LinearSponge", noise="gaussian", conditioning="keep")
-    rows = [int(rows.sum()) for rows, _ in models_without_groups(found)]
-    assert sum(rows) == found.used.sum()
-    assert max(rows) <= 2 * 40 + 1
-
-
-def test_of_one_cycle_nothing_can_be_left_out():
-    half = Record.from_arrays(U[:41], LINE.output[:41])
-    assert models_without_groups(fit(half, "LinearSponge", noise="gaussian")) == []

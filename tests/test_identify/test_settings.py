@@ -117,15 +117,6 @@ def test_a_prior_pulls_as_its_weight_says(tmp_path: Any) -> None:
     assert float(again.noise_model.sigma) == pytest.approx(pulled.noise.sigma)
 
 
-def test_a_parameter_at_its_bound_has_no_error() -> None:
-    told = {"E2": {"bounds": [1.5, 9], "start": 2}}
-    result = fit(record(), BURGERS, parameters=told, starts=4, noise="gaussian")
-    found = {p.name: p for p in result.parameters}["E2"]
-    assert (found.status, found.stderr, found.low) == ("at bound", None, None)
-    assert found.value == pytest.approx(1.5, rel=1e-2)
-    assert "at bound" in " ".join(result.verdict.reasons)
-
-
 @pytest.mark.parametrize(
     ("said", "code"),
     [
@@ -188,8 +179,3 @@ def test_one_entry_of_an_array_is_fixed_and_the_others_move(tmp_path: Any) -> No
         assert abs(told[name].value - value) < 4 * told[name].stderr < 0.1 * value
     save(found, tmp_path / "fit")
     assert load(tmp_path / "fit").model.E.tolist() == [told["E.0"].value, 0.0]
-
-
-def test_a_value_that_the_model_cannot_have_is_refused_at_once() -> None:
-    with pytest.raises(InputError, match="E2"):
-        with_settings(BURGERS, {"E2": {"fixed": 0.0}})

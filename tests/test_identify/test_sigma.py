@@ -11,7 +11,7 @@ from scipy.optimize import curve_fit
 import hysid
 import hysteresis
 import identify
-from hysteresis import Burgers, InputError, Note, Record
+from hysteresis import InputError, Note, Record
 from hysteresis.curves import PolynomialCurve
 
 U = np.tile(np.concatenate([np.linspace(0, 2, 30), np.linspace(2, 0, 30)]), 3)
@@ -45,54 +45,6 @@ def test_a_polynomial_is_that_of_curve_fit():
     assert errors / np.sqrt(np.diagonal(covariance)) == pytest.approx(1.0, abs=0.01)
 
 
-def test_a_burgers_model_is_that_of_curve_fit():
-    t = np.linspace(0, 20, 120)
-    u = np.where(t < 12, 2.0, 0.0)
-    random = np.random.default_rng(1)
-    sigma = random.uniform(0.01, 0.2, t.size)
-
-    def answer(_: np.ndarray, *numbers: float) -> np.ndarray:
-        return np.asarray(Burgers(*np.exp(numbers)).simulate(t, u))
-
-    true = np.log([1.5, 20.0, 3.0, 6.0])
-    y = answer(t, *true) + sigma * random.normal(size=t.size)
-    record = Record.from_arrays(u, y, t, sigma=sigma)
-    known = {"offset": {"fixed": 0}}
-    start = Burgers(1.0, 10.0, 1.0, 3.0)
-    found = identify.fit(record, start, noise="gaussian", starts=4, parameters=known)
-    at, _ = curve_fit(answer, t, y, p0=true, sigma=sigma, xtol=1e-12, ftol=1e-12, gtol=1e-12)
-    names = [found[name].value for name in ("E1", "eta1", "E2", "eta2")]
-    assert names == pytest.approx(np.exp(at), rel=1e-6)
-
-
-def test_a_prony_series_is_that_of_curve_fit():
-    t = np.geomspace(0.05, 100, 80)
-    random = np.random.default_rng(2)
-    sigma = random.uniform(0.002, 0.05, t.size)
-
-    def answer(t: np.ndarray, *x: float) -> np.ndarray:
-        return x[0] + x[1] * np.exp(-t / x[2]) + x[3] * np.exp(-t / x[4])
-
-    true = (1.0, 2.0, 0.5, 1.5, 20.0)
-    y = answer(t, *true) + 0.1 * sigma * random.normal(size=t.size)
-    record = Record.from_arrays(
-        np.full(t.size, 1.0), y, t, sigma=sigma, input_unit="1", output_unit="MPa"
-    )
-    found = identify.fit_step(record, terms=2)
-    at, _ = curve_fit(answer, t, y, p0=true, sigma=sigma, xtol=1e-13, ftol=1e-13, gtol=1e-13)
-    series = [found[name].value for name in ("E_inf", "E1", "tau1", "E2", "tau2")]
-    assert series == pytest.approx(at, rel=1e-6)
-
-
-def test_only_the_ratios_of_sigma_count():
-    record = made()
-    assert record.sigma is not None
-    larger = Record.from_arrays(record.input, record.output, record.time, sigma=1000 * record.sigma)
-    one, other = cubic(record), cubic(larger)
-    assert [p.value for p in other.parameters] == pytest.approx([p.value for p in one.parameters])
-    assert other.parameters[1].stderr == pytest.approx(one.parameters[1].stderr)
-
-
 @settings(max_examples=5, deadline=None)
 @given(
     rows=st.lists(st.integers(1, U.size - 2), min_size=1, max_size=20, unique=True),
@@ -112,23 +64,6 @@ def test_rows_of_a_huge_sigma_have_no_influence(rows, wrong):
         [p.value for p in other.parameters], rel=1e-9
     )
     assert one.metrics["train"] == pytest.approx(other.metrics["train"], nan_ok=True)
-
-
-@pytest.mark.parametrize("model", ["Composition", "Preisach"])
-def test_noisy_rows_spoil_no_model(model):
-    """Every third row scatters by a third of the range: with sigma the fit is as good as without them."""
-    u = np.tile(np.concatenate([np.linspace(0, 2, 60), np.linspace(2, 0, 60)]), 4)
-    true, place = u.copy(), 0.0
-    for k, x in enumerate(u):
-        true[k] += (place := min(max(place, x - 0.3), x + 0.3))
-    sigma = np.where(np.arange(u.size) % 3 == 1, 0.3 * np.ptp(true), 1e-3)
-    y = true + sigma * np.random.default_rng(3).normal(size=u.size)
-    errors = []
-    for known in (None, sigma):
-        record = Record.from_arrays(u, y, 0.1 * np.arange(u.size), sigma=known)
-        found = identify.fit(record, model)
-        errors.append(np.sqrt(np.mean((found.predict(record) - true)[120:] ** 2)))
-    assert errors[1] < 0.05 * errors[0]
 
 
 @pytest.mark.parametrize("value", ["0", "-1", "", "inf"])
@@ -179,18 +114,6 @@ def test_the_verdict_tells_the_reduced_chi_square():
     assert "reduced chi-square" in note.text
 
 
-def test_the_likelihood_is_that_of_noise_with_the_sigma_of_each_row():
-    found = cubic(made())
-    aim = identify.target(found)
-    record, noise = found.train, found.noise_model
-    assert noise is not None
-    assert record.sigma is not None
-    each = float(noise.sigma) * record.sigma / record.typical_sigma
-    residuals = np.asarray(aim.residuals(aim.start))[: len(record)]
-    own = -0.5 * np.sum((residuals / each) ** 2 + np.log(2 * np.pi * each**2))
-    assert float(aim.log_likelihood(aim.start)) == pytest.approx(own)
-
-
 @pytest.mark.parametrize("model", ["Preisach", "Composition"])
 def test_the_posterior_of_weights_has_the_noise_of_weighted_rows(model):
     record = made()
@@ -208,31 +131,6 @@ def test_predicted_bands_are_as_wide_as_each_rows_sigma():
     wide = (bands.high - bands.low)[1]
     assert np.corrcoef(wide, found.train.sigma[bands.rows])[0, 1] > 0.99
     assert 0.8 < bands.coverage[1] < 0.97
-
-
-@pytest.mark.thorough
-def test_noise_of_the_given_sizes_is_taken_for_gaussian():
-    """Without sigma such residuals have tails; with it nothing speaks against plain Gaussian noise."""
-    random = np.random.default_rng(5)
-    sigma = np.exp(random.normal(size=U.size))
-    y = 3 * U + 0.01 * sigma * random.normal(size=U.size)
-    line = PolynomialCurve([0.0, 1.0], 0.0, 2.0)
-    plain = identify.fit(Record.from_arrays(U, y), line, starts=1)
-    weighted = identify.fit(Record.from_arrays(U, y, sigma=sigma), line, starts=1)
-    assert plain.noise_model is None or plain.noise_model.tail is not None
-    assert weighted.noise_model is not None
-    assert weighted.noise_model.is_white
-
-
-def test_baselines_are_weighted_too():
-    """Rows that are off on one side, and said to be, do not move a straight line."""
-    off = np.where(np.arange(U.size) % 2, 1.0, 0.0)
-    record = Record.from_arrays(U, 3 * U + off, sigma=np.where(off > 0, 100.0, 0.1))
-    found = identify.fit(record, PolynomialCurve([0.0, 1.0], 0.0, 2.0), starts=1, noise="gaussian")
-    (line,) = [one for one in found.baselines if one.name == "straight line"]
-    figures = line.metrics["train"]
-    assert figures is not None
-    assert figures.rmse < 2e-3
 
 
 def test_an_oscillator_refuses_sigma():
@@ -266,16 +164,3 @@ def test_moduli_are_weighted_by_their_sigma(tmp_path: Path):
         found = identify.fit_step(read[""][0], terms=1)
         off[name] = abs(found["tau1"].value - 1)
     assert off["s"] < 0.01 * off[""]
-
-
-def test_arrays_and_frames_take_a_sigma():
-    record = made()
-    line = PolynomialCurve([0.0, 1.0], 0.0, 2.0)
-    options = {"starts": 1, "noise": "gaussian"}
-    wanted = hysid.fit(Record.from_arrays(U, record.output, sigma=record.sigma), line, **options)
-    arrays = hysid.fit(U, record.output, line, sigma=record.sigma, **options)
-    table = {"u": U, "y": record.output, "s": record.sigma}
-    frame = hysid.fit(table, line, input="u", output="y", sigma="s", **options)
-    for found in (arrays, frame):
-        assert found.parameters[1].value == pytest.approx(wanted.parameters[1].value, rel=1e-12)
-    assert frame.train.sigma_name == "s"

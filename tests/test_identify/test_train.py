@@ -4,7 +4,6 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optax
 import pytest
 
 from hysteresis import InputError
@@ -45,27 +44,6 @@ def test_a_line_is_learnt_and_the_best_kept():
     assert found.stopped == "epochs"
     assert found.best == int(found.validation.argmin())
     assert len(found.train) == len(found.validation) == 60
-
-
-def test_single_precision_gives_back_the_precision_it_was_given():
-    found = train(line(), squares, DATA, **FAST, float32=True)
-    assert found.module.a.dtype == jnp.float64
-    assert abs(float(found.module.a) - 2) < 0.05
-
-
-def test_dropout_is_for_training_alone():
-    """Noise of deviation 3 is in the loss of batches, not in that of the validation rows."""
-    found = train(line(3.0), squares, DATA, **FAST)
-    assert found.train.min() > 5
-    assert found.validation.min() < 1
-    assert found.module.inference is False
-
-
-def test_it_stops_when_nothing_gets_better():
-    still = {**FAST, "patience": 5, "optimizer": optax.set_to_zero()}
-    found = train(line(), squares, DATA, **still)
-    assert found.stopped == "patience"
-    assert (found.best, len(found.train)) == (0, 6)
 
 
 def test_an_interrupted_run_goes_on_bit_for_bit(tmp_path):

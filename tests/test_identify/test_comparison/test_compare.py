@@ -170,11 +170,3 @@ def test_candidates_and_folders_of_real_fits(tmp_path) -> None:
     assert "figures alone" in kept.notes[0]
     with pytest.raises(InputError, match="one model was tried"):
         compare_candidates(tmp_path / "from 8 N")
-
-
-def test_the_input_of_two_fits_may_differ() -> None:
-    """One output from either of two inputs."""
-    train, test = pressed(1.3, 6.0, seed=0)
-    a, b = (replace(r, input=1.01 * r.input + 0.2, input_name="current") for r in (train, test))
-    found = compare({"force": line(train, test), "current": line(a, b)})
-    assert found.pairs[0].held_out is not None

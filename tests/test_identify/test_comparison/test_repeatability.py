@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import identify
-from hysteresis import InputError, Record
+from hysteresis import Record
 from hysteresis.rigs import SpongeRig, force_path
 from identify import FitResult
 
@@ -67,10 +67,3 @@ def test_parameters_carry_both_errors(fits: list[FitResult], tmp_path: Path):
     assert [p.repeatability for p in found.parameters if p.status == "free"] == told.stderr.tolist()
     assert "from cycle to cycle" in found.summary()
     assert fitted(3, cycles=2).parameters[0].repeatability is None
-
-
-def test_too_few_cycles_tell_nothing(fits: list[FitResult]):
-    assert identify.repeatability(fitted(3, cycles=2)) is None
-    assert identify.repeatability(fits[0]).cycles == 4  # foam softens in the first
-    with pytest.raises(InputError, match="given-twice"):
-        identify.change(fits[0], fits[0])

@@ -66,28 +66,6 @@ def test_a_mode_with_a_stop_is_a_mass_with_plays():
     assert np.abs(found - y).max() < 5e-4 * y.std()
 
 
-def test_from_rest_it_comes_to_the_steady_state():
-    model = replace(mass_and_stop(0.3, 1.5), delay=0.037, levels=np.array([0.05]), memory=30.0)
-    u = multisine(1, 1.0, range(1, 25))
-    y = model.simulate(np.tile(u, (8, 1)), DT)
-    steady = replace(model, memory=np.inf).steady(u, DT, finer=16)
-    late = y[-PERIOD:]
-    assert np.abs(late - y[-2 * PERIOD : -PERIOD]).max() < 1e-6 * y.std()
-    # The mean amplitude is not constant where its memory is finite.
-    assert np.abs(late - steady).max() < 0.015 * y.std()
-
-
-def test_without_channels_it_is_its_frequency_response():
-    model = mass_and_stop(1.0, 0.0)
-    linear = Feedback(model.poles, model.entries[:, :1], model.shapes[:1], [[0.2]], 0.04)
-    u = multisine(2, 1.0)
-    s = 2j * np.pi * np.fft.rfftfreq(PERIOD, DT)
-    G = (1 / (MASS * s**2 + DAMPING * s + STIFFNESS) + 0.2) * np.exp(-0.04 * s)
-    expected = np.fft.irfft(G * np.fft.rfft(u[:, 0]), PERIOD)
-    assert np.allclose(linear.steady(u, DT)[:, 0], expected, atol=1e-12)
-    assert np.allclose(linear.response(s)[:, 0, 0], G)
-
-
 def test_modes_of_a_linear_system_are_found():
     """Two modes, two inputs, three outputs, a delay: nothing is left."""
     rng = np.random.default_rng(4)
@@ -137,16 +115,6 @@ def test_even_odd_and_noise_are_told_apart():
     assert row.noise == pytest.approx(0.01 / 8, rel=0.1)
 
 
-def test_levels_change_the_linear_approximation():
-    tests = oscillator_tests()
-    rows = distortion(tests, bands=1)
-    assert [row.level for row in rows] == pytest.approx([0.5, 1.0, 2.0])
-    assert rows[0].changed == 0
-    assert rows[2].changed > rows[1].changed > 0.05 * rows[1].total
-    # Up to its end all lines of the lower band are excited.
-    assert np.isnan(distortion(tests, bands=2)[0].even)
-
-
 def test_nothing_stays_nothing():
     model = mass_and_stop(0.3, 1.5)
     none = np.zeros((PERIOD, 1))
@@ -154,33 +122,6 @@ def test_nothing_stays_nothing():
     assert not model.simulate(none, DT).any()
     # A step of the input is answered after its row, not on it.
     assert model.simulate(none + 1.0, DT)[0] == 0
-
-
-def test_a_linear_system_does_not_change_with_the_level():
-    """Noise of one period that a linear approximation follows is not taken for a change."""
-    rng, tests = np.random.default_rng(1), []
-    for k, rms in enumerate((1.0, 1.0, 2.0, 2.0)):
-        u = multisine(k, rms)
-        tests.append(PeriodicTest(u, (u + 0.3 * rng.normal(size=u.shape))[None], DT))
-    low, high = distortion(tests, bands=1)
-    assert low.changed == 0
-    assert high.changed < 0.06 * high.total
-    assert high.linear == pytest.approx(2.0, rel=0.02)
-
-
-def test_a_small_level_and_a_level_with_one_test_stay():
-    """Noise is larger beside a small motion; a level with one test has no error of its own."""
-    tests = []
-    for k, rms in enumerate((0.05, 0.05, 0.05, 1.0, 5.0, 5.0)):
-        u, rng = multisine(k, rms), np.random.default_rng(k)
-        y = mass_and_stop(1.0, 0.0).steady(u, DT)
-        tests.append(PeriodicTest(u, y + 1e-3 * rng.normal(size=(2, *y.shape)), DT))
-    fit = fit_feedback(tests, groups=0)
-    assert fit.left_out == ()
-    assert np.allclose(fit.levels, (0.05, 1.0, 5.0))
-    assert np.isnan(fit.errors[1])
-    assert max(fit.errors[0], fit.errors[2]) < 0.1
-    assert len(fit.model.poles) == 1
 
 
 def test_what_cannot_be_used_is_refused():

@@ -9,7 +9,6 @@ import pytest
 
 from compensate import invert
 from hysteresis import (
-    LinearSponge,
     ModulatedStops,
     MonotoneCurve,
     NonlinearMaxwell,
@@ -18,8 +17,7 @@ from hysteresis import (
     Sum,
 )
 from identify import FitResult, fit, load, sample, save
-from identify.linear._composition_fit import Problem, best_prior, unknowns_for
-from identify.linear._composition_parts import CURVE
+from identify.linear._composition_fit import Problem, unknowns_for
 from identify.records._folds import parts
 from tests.thorough import rest_thorough
 
@@ -106,25 +104,6 @@ def test_only_several_amplitudes_tell_what_the_place_changes(
     data = Record.from_arrays(u, np.asarray(sliders.simulate(None, u)), dt=0.02)
     found = fit(data, "Composition", test_cycles=1)
     assert any(part in found.name for part in ("by position", "by span")) == told
-
-
-def test_a_fold_is_judged_behind_a_map_that_has_not_seen_it():
-    data = record(noise=0.003)
-    cut = parts(data).merged
-    whole = unknowns_for(data, cut, "negative")
-    fold = cut.folds[0]
-
-    def maps(output: np.ndarray) -> list[np.ndarray]:
-        problem = Problem(replace(data, output=output), cut, whole)
-        static = best_prior(problem, (CURVE,))
-        static = replace(static, strength=1e-3)
-        seen = (fold.train, cut.all)
-        return [np.array(problem.mapped(static, (CURVE,), which).whole.first) for which in seen]
-
-    hidden = np.isin(cut.label, fold.test)
-    same, other = maps(data.output), maps(np.where(hidden, data.output**2, data.output))
-    np.testing.assert_array_equal(same[0], other[0])
-    assert np.abs(same[1] - other[1]).max() > 1e-3 * same[1].max()
 
 
 def test_relaxing_branches_are_found_and_predict_other_histories():
@@ -218,6 +197,9 @@ def test_an_input_that_a_curve_maps_first_is_seen(tmp_path: Path):
     )
 
 
+SLIDERS = PrandtlIshlinskii(np.array([0.05, 0.1, 0.2, 0.4, 0.8]), np.full(5, 0.05), slope=1.0)
+
+
 def test_slack_is_seen_and_the_model_has_a_floor():
     data = record()
     floor = float(np.quantile(data.output, 0.3))
@@ -227,25 +209,8 @@ def test_slack_is_seen_and_the_model_has_a_floor():
     assert found.predict(cut).min() == pytest.approx(floor)
 
 
-def test_no_time_no_rate_dependent_part():
-    data = replace(record(), time=None)
-    found = fit(data, "Composition", test_tail=0.3)
-    assert "Maxwell" not in found.name
-
-
-SLIDERS = PrandtlIshlinskii(np.array([0.05, 0.1, 0.2, 0.4, 0.8]), np.full(5, 0.05), slope=1.0)
-
-
 def noisy(y: np.ndarray) -> np.ndarray:
     return y + 1e-3 * np.random.default_rng(0).normal(size=len(y))
-
-
-def test_a_loop_of_one_frequency_is_no_lag():
-    """The input is read with noise, which branches behind an input of later times would filter."""
-    t = np.arange(600.0)
-    u = 1 - np.cos(2 * np.pi * t / 60)
-    slid = noisy(np.asarray(SLIDERS.simulate(None, u)))
-    assert fit(Record.from_arrays(slid, u, t), "Composition", test_tail=0.3).clocks.lag == 0
 
 
 @pytest.mark.thorough
@@ -256,28 +221,6 @@ def test_a_lag_is_told_from_sliders():
     found = fit(Record.from_arrays(u, slid, t), "Composition", test_tail=0.3)
     # A fifth of a step, between two of which the input is interpolated.
     assert abs(found.clocks.lag - lag) < 0.02
-
-
-@pytest.mark.parametrize("name", rest_thorough(["Preisach", "Burgers", "Composition"], 1))
-def test_the_fit_of_a_falling_output_is_the_negative_of_that_of_its_negative(name: str):
-    data = record()
-    rising, falling = (
-        fit(replace(data, output=sign * data.output), name, test_tail=0.3, starts=4)
-        for sign in (1, -1)
-    )
-    assert falling.metrics["test"].rmse == pytest.approx(rising.metrics["test"].rmse, rel=1e-6)
-    # The same floating point operations but for the sign: to rounding, which a search may amplify.
-    np.testing.assert_allclose(
-        falling.predict(data), -rising.predict(data), atol=1e-6 * np.ptp(data.output)
-    )
-
-
-def test_a_line_needs_no_parts():
-    t, u = walk()
-    y = np.asarray(LinearSponge(2.0, 1.0).simulate(t, u))
-    y = y + 0.01 * np.random.default_rng(0).normal(size=len(y))
-    found = fit(Record.from_arrays(u, y, t), "Composition", test_tail=0.3)
-    assert found.name == "curve"
 
 
 def test_weights_are_those_of_the_squared_errors(monkeypatch: pytest.MonkeyPatch):

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import scipy.optimize
 
 from hysteresis import InputError, Preisach, Record
 from hysteresis.preisach import GaussianDensity, GridDensity, SumDensity
@@ -145,25 +144,3 @@ def problem_of(record: Record, cells: int, initial: str = "negative") -> Preisac
     low, high = float(record.input.min()), float(record.input.max())
     whole = Parts(np.zeros(len(record), int), (), None, "")
     return PreisachProblem(record, whole, GridUnknowns(cells, low, high, False, initial, scale))
-
-
-def test_the_objective_is_that_of_scipy() -> None:
-    record = record_of(TRUTH, walk(0))
-    problem, strength = problem_of(record, 12), 1e-3
-    H, b = problem.objective((0,), strength)
-    # H = R'R, so |R x - R'^-1 b|^2 differs from the objective by a constant.
-    root = np.linalg.cholesky(H).T
-    right = np.linalg.solve(root.T, b)
-    stacked = np.hstack([root, -root[:, :1]])  # the offset may be negative: two of them
-    split, _ = scipy.optimize.nnls(stacked, right, maxiter=10_000)
-    theirs = split[:-1] - split[-1] * (np.arange(len(b)) == 0)
-    ours = fit_density(record, 12, strength=strength).unknowns
-    np.testing.assert_allclose(
-        ours @ H @ ours / 2 - b @ ours, theirs @ H @ theirs / 2 - b @ theirs, rtol=1e-11
-    )
-
-
-def test_the_prior_means_the_same_on_every_grid() -> None:
-    record = record_of(TRUTH, walk(3), noise=0.01)
-    coarse, fine = (problem_of(record, n).strength_by_evidence() for n in (12, 24))
-    assert abs(np.log10(fine / coarse)) < 0.75  # the search itself stops at a quarter of a decade

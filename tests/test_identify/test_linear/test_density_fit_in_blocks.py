@@ -39,13 +39,6 @@ def test_blocks_give_the_weights_of_the_whole(leading: bool, initial: str) -> No
     assert found.rmse == pytest.approx(np.sqrt(np.mean(whole.residuals**2)), rel=1e-6)
 
 
-def test_the_strength_is_that_of_the_greatest_evidence() -> None:
-    u, y = columns()
-    whole = fit_density(Record.from_arrays(u, y), 6, low=0.0, high=1.0)
-    found = fit_density_in_blocks([(u, y)], 6, low=0.0, high=1.0)
-    assert found.strength == pytest.approx(whole.strength, rel=1e-3)
-
-
 def parquet(path: Path, u: np.ndarray, y: np.ndarray) -> None:
     pyarrow = pytest.importorskip("pyarrow")
     import pyarrow.parquet as pq  # only where it is installed

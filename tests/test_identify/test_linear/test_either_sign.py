@@ -1,12 +1,10 @@
 """The average of a composition and of parts of either sign: where it is taken, and that it is one model."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from hysteresis import Record
-from identify import FitResult, fit, load, predictive, sample, save
+from identify import FitResult, fit, predictive, sample
 
 NOISE = 0.002
 
@@ -42,16 +40,6 @@ def test_an_average_is_taken_where_parts_of_one_sign_miss(average: FitResult):
     assert "either sign" in " ".join(average.notes)
     alone = fit(creeping_and_rubbing(), "Composition", test_tail=0.3)
     assert not any(one.name.startswith("average") for one in alone.candidates)
-
-
-def test_it_is_one_model_which_is_kept(average: FitResult, tmp_path: Path):
-    train, other = average.train, creeping_and_rubbing(7)
-    # Sums of some hundred products of numbers below ten.
-    simulated = np.asarray(average.model.simulate(train.time, train.input))
-    np.testing.assert_allclose(simulated, average.predict(train), atol=1e-9)
-    save(average, tmp_path / "fit")
-    again = load(tmp_path / "fit")
-    np.testing.assert_allclose(again.predict(other), average.predict(other), atol=1e-12)
 
 
 @pytest.mark.thorough

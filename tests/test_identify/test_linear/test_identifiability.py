@@ -5,7 +5,7 @@ import pytest
 
 from hysteresis import InputError, Preisach, Record
 from hysteresis.preisach import GridDensity
-from identify import design, excited_cells, identifiability
+from identify import design, identifiability
 
 CELLS = 8
 
@@ -44,14 +44,6 @@ def test_told_is_the_variance_that_data_take_away() -> None:
     assert model.density.low == found.low
 
 
-def test_a_cell_the_input_never_reaches_is_told_nothing() -> None:
-    found = identifiability(record_of([0.0, 0.5, 0.0, 1.0]), CELLS)
-    # Rows above 0.5 are only swept on the way up, in one go from the bottom: every column alike.
-    assert found.excited.sum() == CELLS * (CELLS + 1) / 2
-    assert found.told[-1, 0] < 0.2
-    assert 0 <= found.told.min() <= found.told.max() <= 1
-
-
 def test_a_design_tells_the_rest() -> None:
     record = record_of([0.0, 1.0, 0.0])
     assert identifiability(record, CELLS).share < 0.3  # the diagonal and a bit
@@ -66,33 +58,7 @@ def test_a_design_tells_the_rest() -> None:
     np.testing.assert_allclose(nodes, np.round(nodes), atol=1e-9)
 
 
-def test_a_rich_record_needs_no_more() -> None:
-    curves = [x for b in np.linspace(1, 0, 2 * CELLS + 1)[1:] for x in (1.0, float(b))]
-    record = record_of([0.0, *curves, 1.0], 4000)
-    assert len(design(record, CELLS, noise=1e-4).turns) == 1
-
-
 @pytest.mark.parametrize("keywords", [{"cells": 0}, {"noise": 0.0}, {"noise": float("inf")}])
 def test_bad_options(keywords: dict) -> None:
     with pytest.raises(InputError, match="bad-option"):
         identifiability(record_of([0.0, 1.0]), **keywords)
-
-
-@pytest.mark.parametrize("noise", [0.0, 0.01])
-def test_the_ends_of_branches_tell_which_cells_switched(noise: float) -> None:
-    """Against the columns of all used rows, which may miss turning points."""
-    random, cells = np.random.default_rng(int(100 * noise)), 9
-    u = np.interp(np.arange(200) / 7, np.arange(30), random.uniform(0.0, 0.8, 30))
-    u = np.clip(u + noise * random.normal(size=200), 0.0, 1.0)
-    data = Record.from_arrays(u, u, groups=np.arange(200) // 90)
-    used = random.uniform(size=200) < 0.5
-    grid = Preisach(GridDensity(0.0, 1.0, np.tri(cells)), np.zeros(cells), initial="demagnetised")
-    columns = []
-    for k in zip(*np.tril_indices(cells), strict=True):
-        one = np.zeros((cells, cells))
-        one[k] = 1.0
-        cell = Preisach(GridDensity(0.0, 1.0, one), initial="demagnetised")
-        columns.append(np.asarray(cell.simulate(None, u, starts=(0, 90, 180)))[used])
-    found = excited_cells(grid, data, used)[np.tril_indices(cells)]
-    np.testing.assert_array_equal(found, np.ptp(columns, axis=1) > 1e-9)
-    assert 0 < found.sum() < len(found)

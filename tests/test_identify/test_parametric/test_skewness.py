@@ -34,26 +34,3 @@ def test_a_logarithm_has_the_quantiles_of_its_posterior() -> None:
         assert abs(SIZE * side - exact) > 0.15 * SIZE
         # The inverse expansion is that of the ends.
         assert bent.deviate(np.array([end / SIZE]))[0] == pytest.approx(side, abs=1e-12)
-
-
-def test_sums_of_parameters_have_sums_of_cumulants() -> None:
-    """x = A y of an independent log and a normal number."""
-    A, sizes, one = np.array([[1.0, 2.0], [-0.5, 1.0]]), np.array([SIZE, 0.05]), of_log()
-    B = np.linalg.inv(A)
-    covariance = A @ np.diag(sizes**2) @ A.T
-    points = points_about(np.zeros(2), covariance) @ B.T
-    scores = np.stack([score(points[:, 0]), -points[:, 1] / sizes[1] ** 2], 1) @ B
-    bent, sd = skewness(scores, covariance), np.sqrt(np.diagonal(covariance))
-    np.testing.assert_allclose(bent.shift, A[:, 0] * SIZE * one.shift / sd, rtol=0.05)
-    np.testing.assert_allclose(bent.skew, (A[:, 0] * SIZE / sd) ** 3 * one.skew, rtol=0.05)
-
-
-def test_what_is_open_or_not_a_number_displaces_nothing() -> None:
-    covariance = np.diag([SIZE**2, np.inf, 9.0])
-    points = points_about(np.zeros(3), covariance)
-    assert np.ptp(points[:, 1:]) == 0
-    bent = skewness(np.concatenate([score(points[:, :1]), points[:, 1:]], 1), covariance)
-    assert bent.skew[0] == pytest.approx(of_log().skew[0])
-    assert not np.any(bent.skew[1:])
-    nothing = skewness(np.full_like(points, np.nan), covariance)
-    np.testing.assert_array_equal(nothing.displaced(NINETY), np.zeros(3))

@@ -135,18 +135,6 @@ def test_of_a_damaged_file_nothing_is_made_up(file, fault: str) -> None:
     assert (error.value.place, bool(error.value.fix)) == (str(file), True)
 
 
-def test_kept_steps_are_not_thrown_away(file) -> None:
-    with pytest.raises(InputError, match="40 steps were kept already, and 30") as error:
-        drawn(file, steps=30, resume=True)
-    assert error.value.code == "more-steps-kept"
-
-
-def test_nothing_kept_yet_is_said(tmp_path, whole) -> None:
-    said: list[str] = []
-    same(drawn(tmp_path / "chains.npz", resume=True, said=said), whole)
-    assert "no chains were kept in chains.npz" in said[0]
-
-
 def test_a_full_disk_costs_nothing_that_was_kept(file, whole) -> None:
     """Files may not grow beyond what 60 steps take, as on a disk that is full."""
     size, limits = file.stat().st_size, resource.getrlimit(resource.RLIMIT_FSIZE)
@@ -160,11 +148,6 @@ def test_a_full_disk_costs_nothing_that_was_kept(file, whole) -> None:
     assert "--resume" in error.value.fix
     assert sorted(os.listdir(file.parent)) == ["chains.npz"]
     same(drawn(file, resume=True), whole)
-
-
-def test_a_folder_that_is_not_there_is_the_users_fault(tmp_path) -> None:
-    with pytest.raises(InputError, match="0 steps are safe, of 120"):
-        drawn(tmp_path / "gone" / "chains.npz")
 
 
 def test_a_kill_between_any_two_lines_leaves_a_whole_file(whole, tmp_path, monkeypatch) -> None:

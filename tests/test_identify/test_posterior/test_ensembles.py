@@ -58,14 +58,6 @@ def test_two_modes_are_seen_whether_walkers_change_between_them_or_not() -> None
     assert has_two_modes(stuck.ravel(), 200.0)
 
 
-@pytest.mark.parametrize("kind", ["normal", "uniform", "exponential", "standard_t"])
-def test_one_mode_is_not_taken_for_two(kind: str) -> None:
-    random = np.random.default_rng(1)
-    degrees = (3,) if kind == "standard_t" else ()
-    many = [getattr(random, kind)(*degrees, size=n) for n in (100, 400, 4000) for _ in range(20)]
-    assert not any(has_two_modes(x, len(x)) for x in many)
-
-
 def test_rhat_tells_ensembles_that_disagree() -> None:
     random = np.random.default_rng(0)
     same = random.normal(size=(4, 2000))

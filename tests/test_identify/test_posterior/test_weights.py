@@ -2,12 +2,11 @@
 
 from pathlib import Path
 
-import jax
 import numpy as np
 import pytest
 import scipy.linalg
 
-from hysteresis import InputError, Preisach, Record, read_csv
+from hysteresis import Preisach, Record, read_csv
 from hysteresis.preisach import GridDensity
 from hysteresis.rigs import SpongeRig
 from identify import FitResult, GridWeights, fit, predictive, sample
@@ -102,28 +101,3 @@ def test_draws_stay_near_the_data_where_signs_and_sums_disagree() -> None:
         np.sqrt(np.mean(found.residuals[found.used] ** 2))
     )
     assert bands.coverage[1] > 0.8
-
-
-def test_resumed_chains_of_weights_are_the_uninterrupted_ones(grid_fit, tmp_path) -> None:
-    whole = sample(grid_fit, steps=40, seed=2, ensembles=2)
-    for steps in (20, 40):
-        kept = sample(
-            grid_fit, steps, seed=2, ensembles=2, checkpoint=tmp_path / "c.npz", resume=True
-        )
-    np.testing.assert_array_equal(kept.draws, whole.draws)
-    for one, other in zip(jax.tree.leaves(kept.model), jax.tree.leaves(whole.model), strict=True):
-        np.testing.assert_array_equal(one, other)
-    with pytest.raises(InputError, match="seed"):
-        sample(grid_fit, 40, seed=5, ensembles=2, checkpoint=tmp_path / "c.npz", resume=True)
-
-
-def test_sums_that_the_data_leave_open_are_named_and_not_shown() -> None:
-    """A single ramp closes no loop."""
-    u = np.linspace(0.0, 1.0, 120)
-    y = u**2 + 0.01 * np.random.default_rng(0).normal(size=120)
-    six = Preisach(GridDensity(0.0, 1.0, np.tri(6)), np.ones(6))
-    ramp = fit(Record.from_arrays(u, y), six)
-    drawn = sample(ramp, steps=40, ensembles=2)
-    assert "loop.width" not in drawn.names
-    assert any("loop.width" in note for note in drawn.notes)
-    assert {"output.middle", "output.rise"} <= set(drawn.names)
