@@ -3,7 +3,6 @@
 import ast
 import json
 import re
-import shlex
 import subprocess
 import sys
 import tomllib
@@ -176,19 +175,6 @@ def commands(group: Any = None, before: str = "") -> Iterator[tuple[str, Any]]:
 
 
 COMMANDS = dict(commands())
-
-
-@pytest.mark.parametrize("words", COMMANDS)
-def test_every_command_shows_an_example(words: str):
-    """It calls this command, with arguments that it takes."""
-    command = COMMANDS[words]
-    example = command.epilog.splitlines()[-1].strip()
-    given = shlex.split(example)
-    assert given[: 1 + len(words.split())] == ["hysid", *words.split()]
-    context = command.make_context(words, given[1 + len(words.split()) :], resilient_parsing=True)
-    needed = [p.name for p in command.params if p.required]
-    assert [name for name in needed if context.params.get(name) in (None, ())] == []
-    assert example in command.get_help(context)
 
 
 def test_help_lists_the_models():

@@ -2,15 +2,12 @@
 
 import inspect
 
-import jax
 import numpy as np
 import pytest
 
 import hysteresis
 from hysteresis import AbstractModel, Sum
 from tests.problems import PROBLEMS, TAGS, Problem, tagged
-
-every = pytest.mark.parametrize("problem", PROBLEMS, ids=lambda p: p.name)
 
 
 def test_names_are_unique_and_tags_used():
@@ -39,12 +36,3 @@ def test_known_values(problem: Problem):
     t, u, y = problem.known(model)
     # A hundred additions of numbers of the output's size, each rounded: 1e-14 of it.
     np.testing.assert_allclose(model.simulate(t, u), y, rtol=0, atol=1e-13 * np.abs(y).max())
-
-
-@every
-def test_parameters_follow_the_seed_and_statics_do_not(problem: Problem):
-    a, b, again = problem.model(1), problem.model(2), problem.model(1)
-    assert jax.tree.structure(a) == jax.tree.structure(b)
-    same = [np.array_equal(x, y) for x, y in zip(*map(jax.tree.leaves, (a, again)), strict=True)]
-    assert all(same)
-    assert not all(np.array_equal(x, y) for x, y in zip(*map(jax.tree.leaves, (a, b)), strict=True))
