@@ -22,8 +22,6 @@ from ._registry import model_names as model_names
 from ._registry import register as register
 from .dynamics._feedback import Feedback as Feedback
 from .dynamics._generalized_plays import GeneralizedPlays as GeneralizedPlays
-from .dynamics._input_force import InputForce as InputForce
-from .dynamics._input_force import input_force as input_force
 from .dynamics._oscillator import Oscillator as Oscillator
 from .dynamics._rate_form import BoucWenForce as BoucWenForce
 from .dynamics._rate_form import DuhemForce as DuhemForce

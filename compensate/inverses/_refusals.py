@@ -151,6 +151,6 @@ def _(model: Oscillator) -> AbstractCompensator:
         "the force of an oscillator cannot be recovered sample by sample.",
         cause="its mass answers with an acceleration, and the second derivative of a noisy displacement is"
         " noise.",
-        fix="hysteresis.input_force(model, t, displacement, band=...) estimates the force in a band of"
-        " frequencies from a whole record; invert(model.hysteresis) is the inverse without the mass.",
+        fix="low-pass the displacement of a whole record to the band that is wanted, and take m y'' + c y'"
+        " + k y + z[y] of it; invert(model.hysteresis) is the inverse without the mass.",
     )

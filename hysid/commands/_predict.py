@@ -143,7 +143,8 @@ def _motion(
         raise InputError(
             "not-invertible",
             "The force of an oscillator is not recovered sample by sample from a noisy displacement.",
-            fix="Use hysteresis.input_force on a displacement that is known far better than its noise.",
+            fix="Low-pass the displacement to the band that is wanted, and take m y'' + c y' + k y + z[y]"
+            " of it.",
         )
     if steady:
         raise InputError(

@@ -120,16 +120,6 @@ def interpolated(
     return fine
 
 
-def continued(y: Float[np.ndarray, " samples"]) -> tuple[Float[np.ndarray, " more"], int]:
-    """A record continued so that its ends meet smoothly, and how many samples were put before it."""
-    count = min(len(y), 512)
-    fade = 0.5 * (1 + np.cos(np.pi * (np.arange(count) + 1) / (count + 1)))
-    head, tail = y[0] - (y[1 : count + 1] - y[0]), y[-1] - (y[-2 : -count - 2 : -1] - y[-1])
-    head = (head * fade[: len(head)])[::-1]
-    tail = tail * fade[: len(tail)]
-    return np.concatenate([head, y, tail]), len(head)
-
-
 def _continued(u: np.ndarray) -> np.ndarray:
     """A record with `REACH` more samples before and after it, by linear prediction from either end."""
     return np.concatenate([_predicted(u[::-1])[::-1], u, _predicted(u)])

@@ -123,7 +123,7 @@ class RecordedMotion:
         that at its end, where the next one begins."""
         count = len(fine)
         fine = np.append(fine, fine[0]) if periodic else fine
-        model = replace(self.model, substeps=1, between="linear")
+        model = replace(self.model, substeps=1)
         after, found = model.stream(h * np.arange(len(fine)), fine, state)
         return np.asarray(found)[:count], after
 

@@ -10,7 +10,6 @@ from hysteresis import (
     BoucWenForce,
     DuhemForce,
     GeneralizedPlays,
-    InputError,
     Oscillator,
     Sum,
 )
@@ -52,10 +51,3 @@ def test_targets_step_as_the_model(name: str, tmp_path):
     assert known.sum() == (len(straight) + 2) // 3
     # Newmark's error with steps three times as long, at 18 to 30 Hz.
     assert np.abs(value - whole)[known].max() < 0.02 * np.abs(whole).max()
-
-
-def test_what_has_no_step_in_c_is_refused(tmp_path):
-    model = Oscillator(1.0, 1.0, 1.0, MIXED, between="held")
-    with pytest.raises(InputError) as caught:
-        compensate.export_c(model, tmp_path / "plant.h", FORCE, times=T)
-    assert caught.value.code == "not-exportable"
