@@ -1,6 +1,7 @@
 """Between the samples of a record and the fine steps of an integration: interpolation and decimation."""
 
 import numpy as np
+import scipy
 from jaxtyping import Float
 
 from .._errors import InputError
@@ -32,13 +33,6 @@ def stages_of(factor: int) -> tuple[int, ...]:
     return tuple(found)
 
 
-def low_pass(factor: int) -> Float[np.ndarray, " taps"]:
-    """A windowed sinc of 31 taps (Hamming) with its cutoff at the Nyquist frequency after decimation."""
-    n = np.arange(TAPS) - TAPS // 2
-    taps = np.sinc(n / factor) * np.hamming(TAPS)
-    return taps / taps.sum()
-
-
 def decimated(
     fine: Float[np.ndarray, " fine"], stages: tuple[int, ...], periodic: bool = False
 ) -> Float[np.ndarray, " samples"]:
@@ -67,7 +61,7 @@ def decimated(
         else:
             wide = np.concatenate([2 * x[0] - x[half:0:-1], x, 2 * x[-1] - x[-2 : -half - 2 : -1]])
         windows = np.lib.stride_tricks.sliding_window_view(wide, TAPS)
-        x = windows[::factor] @ low_pass(factor)  # only the rows that are kept
+        x = windows[::factor] @ scipy.signal.firwin(TAPS, 1 / factor)  # only the rows that are kept
     return x
 
 
@@ -103,10 +97,7 @@ def interpolated(
         )
         return fine[:-1] if periodic else fine
     if periodic:
-        spectrum = np.fft.rfft(u) * factor
-        if n % 2 == 0:
-            spectrum[-1] *= 0.5  # the Nyquist line is one of two in the longer spectrum
-        return np.fft.irfft(spectrum, n * factor)
+        return scipy.signal.resample(u, n * factor)  # exact
     wide = _continued(u)
     reach = np.arange(-REACH + 1, REACH + 1)
     fine = np.empty((n - 1) * factor + 1)

@@ -1,18 +1,19 @@
 """Experiment design for an oscillator: which level and band of a multisine tell its hysteresis."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
-from hysteresis import BoucWenForce, DuhemForce, InputError, Oscillator, interpolated
-from hysteresis.dynamics._layout import clock, layout_of
+from hysteresis import BoucWenForce, DuhemForce, InputError, Oscillator
+from hysteresis.dynamics._layout import layout_of
 
 from ..dynamics._classes import COARSER, periods_to_steady_state
 from ..dynamics._duhem_search import duhem_family
 from ..dynamics._measured_motion import LEAST_ROWS, measured_motion
-from ..dynamics._output_error import FAR, PLANT, STATE, Setting, covariance_of
+from ..dynamics._output_error import FAR, PLANT, STATE, Setting, covariance_of, hats
 from ..results._detail import Motion
 from ..results._fit_result import FitResult
 
@@ -145,7 +146,7 @@ def design_excitation(
     prior = np.diag(family.prior_root(words.get("deviations", ())) ** 2)
     warm = periods_to_steady_state(motion, detail.linear)
     z = Setting.of(motion, detail.recorded.substeps, (), warm).hysteretic_force(family, q)
-    slopes = _slopes_at(np.linspace(z.min(), z.max(), PLACES), knots, limit)
+    slopes = np.kron(np.eye(2), hats(np.linspace(z.min(), z.max(), PLACES), limit, knots))
     slopes = slopes @ family.T[PLANT + STATE :]
     size = float(np.sqrt(np.mean((slopes @ q) ** 2)))
     rows = rows or (motion.period or ROWS)
@@ -157,12 +158,10 @@ def design_excitation(
     for low, high in _bands(detail, motion.dt) if bands is None else bands:
         for level in levels if levels is not None else [part * usual for part in LEVELS]:
             force = multisine(low, high, level, rows=rows, dt=motion.dt, seed=seed)
-            fine = interpolated(force, substeps, "band-limited", True)
             turns = periods_to_steady_state(motion, detail.linear, rows)
-            first = turns * len(fine)
-            fine = np.tile(fine, 1 + turns)
-            dt = clock(len(fine), motion.dt / substeps)
-            y, by = family.moved(q, fine, dt, kept=(first, substeps))
+            setting = Setting.of(replace(motion, force=force, period=rows), substeps, (), turns)
+            first = turns * len(setting.force)
+            y, by = family.moved(q, *setting.rows, kept=(first, substeps))
             reach = float(np.abs(y[first:]).max())
             stable = np.abs(y).max() < FAR * trained * max(1.0, level / usual)
             if not stable or reach > (np.inf if largest is None else largest):
@@ -190,15 +189,3 @@ def _bands(detail: Motion, dt: float) -> list[tuple[float, float]]:
     own = (float(linear.frequencies[0]), min(float(linear.frequencies[-1]), top))
     about = [(a * linear.resonance, min(b * linear.resonance, top)) for a, b in BANDS]
     return [own, *(band for band in about if band[0] < band[1])]
-
-
-def _slopes_at(
-    z: Float[np.ndarray, " places"], knots: int, limit: float
-) -> Float[np.ndarray, "both values"]:
-    """What the values at the knots contribute to f+ and f- at some forces: straight between and beyond."""
-    place = (z + limit) * (knots - 1) / (2 * limit)
-    cell = np.clip(np.floor(place).astype(int), 0, knots - 2)
-    hats = np.zeros((len(z), knots))
-    hats[np.arange(len(z)), cell] = 1 - (place - cell)
-    hats[np.arange(len(z)), cell + 1] += place - cell
-    return np.kron(np.eye(2), hats)

@@ -7,11 +7,11 @@ import numpy as np
 
 from hysteresis import InputError, stages_of
 
-from ._duhem_search import SIZES, random_starts, refined, started
+from ._duhem_search import SIZES, refined, started
 from ._linear_approximation import LinearApproximation
 from ._measured_motion import MeasuredMotion
 from ._output_error import Optimum, Setting, with_evidence
-from ._plays_search import candidates, fitted
+from ._plays_search import candidates
 
 CLASSES = ("BoucWen", "Duhem", "GeneralizedPlays")
 
@@ -97,11 +97,8 @@ def search(
         say(f"{said}, {found.effective:.0f} parameters")
 
     if hysteresis != "GeneralizedPlays":
-        best, chi2 = started(coarse, linear)
-        if hysteresis == "BoucWen" and best.chi > motion.explained:
-            more, others = random_starts(coarse, linear, max(starts - len(chi2), 0), seed)
-            chi2 += others
-            best = min((best, *more), key=lambda one: one.chi)
+        # Other classes are tried where the grid of starts does not do.
+        best, chi2 = started(coarse, linear, starts if hysteresis == "BoucWen" else 0, seed)
         if np.isfinite(best.chi):
             note("BoucWen", best)
         if hysteresis != "BoucWen" and np.isfinite(best.chi):
@@ -109,7 +106,7 @@ def search(
     explained = bool(tried) and min(one.found.chi for one in tried) < motion.explained
     if hysteresis == "GeneralizedPlays" or (hysteresis is None and not explained):
         for start in candidates(motion, linear):
-            found = fitted(coarse, start)
+            found = with_evidence(coarse, start.family, start.q)
             if np.isfinite(found.chi):
                 note("GeneralizedPlays", found)
                 if found.chi < FAR_FROM_ONE:

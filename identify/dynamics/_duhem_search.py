@@ -1,6 +1,7 @@
 """Duhem oscillators: starts from the linear approximation, then as many knots as the evidence has."""
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -17,6 +18,7 @@ from ._output_error import (
     Family,
     Optimum,
     Setting,
+    hats,
     levenberg_marquardt,
     with_evidence,
 )
@@ -60,7 +62,7 @@ def duhem_family(knots: int, limit: float, symmetric: bool, free_state: bool) ->
     layout = Layout(rate=np.zeros((2, knots)), limit=limit)
     groups = ((np.array(of_hinges), 1.0),) if of_hinges else ()
     words = {"knots": knots, "symmetric": symmetric, "first": first}
-    return Family("duhem", layout, np.column_stack(columns), groups, words)
+    return Family(layout, np.column_stack(columns), groups, words)
 
 
 def unknowns_of_bouc_wen(
@@ -95,44 +97,32 @@ def _start(
     return unknowns_of_bouc_wen(family, values, initial)
 
 
-def started(setting: Setting, linear: LinearApproximation) -> tuple[Optimum, list[float]]:
-    """The best fit of three knots, and chi2 of every start that was tried."""
-    motion = setting.motion
-    limit = float(np.std(motion.force))
-    family = duhem_family(3, limit, True, not motion.periodic)
-    best, tried = None, []
-    points = [_start(motion, linear, family, *point) for point in product(SHARES, LOSSES, SKEWS)]
+def started(
+    setting: Setting, linear: LinearApproximation, count: int, seed: int
+) -> tuple[Optimum, list[float]]:
+    """The best fit of three knots, and chi2 of every start that was tried: those of a grid, then
+    others drawn farther away, up to `count` in all, until one explains the record."""
+    motion, random = setting.motion, np.random.default_rng(seed)
+    family = duhem_family(3, float(np.std(motion.force)), True, not motion.periodic)
+
+    def drawn() -> np.ndarray:
+        share, skew = random.uniform(0.05, 1.0), random.uniform(-1.5, 1.5)
+        loss = float(np.exp(random.uniform(np.log(0.03), np.log(3.0))))
+        q = _start(motion, linear, family, share, loss, skew)
+        q[:3] *= np.exp(random.normal(0, 0.2, 3))
+        return q
+
+    grid = [_start(motion, linear, family, *point) for point in product(SHARES, LOSSES, SKEWS)]
+    points = [*grid, *(drawn() for _ in range(count - len(grid)))]
+    one = in_this_precision(lambda q: levenberg_marquardt(setting, family, q))
+    tried: list[Optimum] = []
     # The compiled law lets other threads run: two starts side by side take hardly longer than one.
     with ThreadPoolExecutor(SIDE_BY_SIDE) as pool:
         for k in range(0, len(points), SIDE_BY_SIDE):
-            one = in_this_precision(lambda q: levenberg_marquardt(setting, family, q))
-            fits = pool.map(one, points[k : k + SIDE_BY_SIDE])
-            for found in fits:
-                tried.append(found.chi)
-                if best is None or found.chi < best.chi:
-                    best = found
-            if best is not None and best.chi < motion.explained:
+            tried += pool.map(one, points[k : k + SIDE_BY_SIDE])
+            if min(found.chi for found in tried) < motion.explained:
                 break
-    assert best is not None
-    return best, tried
-
-
-def random_starts(
-    setting: Setting, linear: LinearApproximation, count: int, seed: int
-) -> tuple[list[Optimum], list[float]]:
-    """Fits of three knots from starts farther away, until one explains the record; chi2 of each."""
-    random = np.random.default_rng(seed)
-    family = duhem_family(3, float(np.std(setting.motion.force)), True, not setting.motion.periodic)
-    found = []
-    for _ in range(count):
-        share, skew = random.uniform(0.05, 1.0), random.uniform(-1.5, 1.5)
-        loss = float(np.exp(random.uniform(np.log(0.03), np.log(3.0))))
-        q = _start(setting.motion, linear, family, share, loss, skew)
-        q[:3] *= np.exp(random.normal(0, 0.2, 3))
-        found.append(levenberg_marquardt(setting, family, q))
-        if found[-1].chi < setting.motion.explained:
-            break
-    return found, [one.chi for one in found]
+    return min(tried, key=lambda found: found.chi), [found.chi for found in tried]
 
 
 def refined(setting: Setting, found: Optimum, knots: int, symmetric: bool) -> Optimum:
@@ -144,17 +134,9 @@ def refined(setting: Setting, found: Optimum, knots: int, symmetric: bool) -> Op
     theta = family.T @ found.q
     old = len(theta) - PLANT - STATE
     sides = theta[PLANT + STATE :].reshape(2, old // 2)
-    at = np.linspace(-limit, limit, knots)
-    own = np.linspace(-family.layout.limit, family.layout.limit, old // 2)
-    values = np.concatenate([_beyond(at, own, side) for side in sides])
+    at = hats(np.linspace(-limit, limit, knots), family.layout.limit, old // 2)
+    values = np.concatenate([at @ side for side in sides])
     q = new.unknowns_of(np.concatenate([theta[: PLANT + STATE], values]))
     scale = float(np.abs(values).max()) / limit
-    new = Family(new.kind, new.layout, new.T, tuple((g, scale) for g, _ in new.groups), new.words)
+    new = replace(new, groups=tuple((g, scale) for g, _ in new.groups))
     return with_evidence(setting, new, q)
-
-
-def _beyond(x: np.ndarray, nodes: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Straight between nodes, and on beyond the outer ones."""
-    cell = np.clip(np.searchsorted(nodes, x) - 1, 0, len(nodes) - 2)
-    share = (x - nodes[cell]) / (nodes[cell + 1] - nodes[cell])
-    return values[cell] + (values[cell + 1] - values[cell]) * share

@@ -102,12 +102,11 @@ class Setting:
 class Family:
     """A class of oscillators: knots and plays, and the unknowns q with theta = T q.
 
-    - `kind`: "duhem" or "plays". `layout`: with any heights.
+    - `layout`: with any heights.
     - `groups`: unknowns that one prior each draws to zero, with its standard deviation at first.
-    - `plain`: how many unknowns have no prior.
+    - `words`: what sets it apart from others of its class.
     """
 
-    kind: str
     layout: Layout
     T: Float[np.ndarray, "theta unknowns"]
     groups: tuple[tuple[np.ndarray, float], ...] = ()
@@ -160,6 +159,17 @@ class Family:
         """The nearest unknowns to these parameters, each row in its own size."""
         size = np.maximum(np.abs(theta), np.abs(theta).max() * 1e-9)
         return np.linalg.lstsq(self.T / size[:, None], theta / size, rcond=None)[0]
+
+
+def hats(
+    x: Float[np.ndarray, " places"], reach: float, knots: int
+) -> Float[np.ndarray, "places knots"]:
+    """What values at even knots from -reach to reach count for at x: straight between, and on beyond."""
+    place = (x + reach) * (knots - 1) / (2 * reach)
+    cell = np.clip(np.floor(place).astype(int), 0, knots - 2)
+    found, rows = np.zeros((len(x), knots)), np.arange(len(x))
+    found[rows, cell], found[rows, cell + 1] = 1 - (place - cell), place - cell
+    return found
 
 
 class Place(NamedTuple):

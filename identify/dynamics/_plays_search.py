@@ -14,7 +14,7 @@ from hysteresis.trees import node
 
 from ._linear_approximation import LinearApproximation
 from ._measured_motion import MeasuredMotion
-from ._output_error import PLANT, STATE, Family, Optimum, Setting, with_evidence
+from ._output_error import PLANT, STATE, Family, hats
 
 PLAYS, LARGEST, POWER = 20, 0.95, 1.3
 """How many plays; the largest radius, of the range; radii are closer for small ones by this power."""
@@ -36,11 +36,9 @@ SIDE_BY_SIDE = 2
 
 
 class Equation(NamedTuple):
-    """What a family leaves of the equation of motion: `bic`, and the residual as a displacement, rms."""
+    """How well a family follows the equation of motion, by `bic`."""
 
     bic: float
-    rms: float
-    reach: float
     family: Family
     q: Float[np.ndarray, " unknowns"]
 
@@ -82,7 +80,7 @@ def plays_family(
         if group
     )
     words = {"reach": reach, "knots": knots}
-    return Family("plays", layout, np.column_stack(columns), groups, words)
+    return Family(layout, np.column_stack(columns), groups, words)
 
 
 def equation_error(motion: MeasuredMotion, linear: LinearApproximation, family: Family) -> Equation:
@@ -104,15 +102,9 @@ def equation_error(motion: MeasuredMotion, linear: LinearApproximation, family: 
     columns = [-(w**2) * Y, 1j * w * Y, Y]
     columns += [np.zeros(len(w))] * STATE
     for j, (first, end) in enumerate(zip(own.first[:-1], own.first[1:], strict=True)):
-        count = end - first
-        place = (plays[:, j] + own.reach[j]) * (count - 1) / (2 * own.reach[j])
-        cell = np.clip(np.floor(place).astype(int), 0, count - 2)
-        hats = np.zeros((n, count))
-        hats[np.arange(n), cell] = 1 - (place - cell)
-        hats[np.arange(n), cell + 1] += place - cell
-        columns += list(np.fft.rfft(hats, axis=0).T)
+        columns += list(np.fft.rfft(hats(plays[:, j], own.reach[j], end - first), axis=0).T)
     A = np.column_stack(columns)[use] @ family.T
-    free = family.words.get("ends", 0) if motion.periodic else 2
+    free = 0 if motion.periodic else 2
     if not motion.periodic:
         A = np.column_stack([A, np.ones(len(A)), 1j * w[use]])
     stiffness = -linear.mass * w[use] ** 2 + 1j * linear.damping * w[use] + linear.stiffness
@@ -134,7 +126,6 @@ def equation_error(motion: MeasuredMotion, linear: LinearApproximation, family: 
         q = vectors[:, keep] @ (part / values[keep]) / size
         rest = square - 2 * q @ projected + q @ normal @ q
         variance = max(rest / use.sum(), least)
-    rms = float(np.sqrt(variance / n))
     rows = 2 * int(use.sum())
     inverse = (vectors[:, keep] / values[keep]) @ vectors[:, keep].T / np.outer(size, size)
     effective = len(root) - float(np.sum(np.diag(inverse) * root**2))
@@ -143,7 +134,7 @@ def equation_error(motion: MeasuredMotion, linear: LinearApproximation, family: 
     if not motion.periodic:
         q = q.copy()
         q[4] = motion.displacement[0]
-    return Equation(bic, rms, family.words["reach"], family, q)
+    return Equation(bic, family, q)
 
 
 def plays_along(
@@ -188,8 +179,3 @@ def candidates(motion: MeasuredMotion, linear: LinearApproximation) -> list[Equa
     # FFTs and products of matrices let other threads run.
     with ThreadPoolExecutor(SIDE_BY_SIDE) as pool:
         return sorted(pool.map(in_this_precision(best_of), KNOTS), key=lambda one: one.bic)
-
-
-def fitted(setting: Setting, start: Equation) -> Optimum:
-    """Output error with evidence from a start by equation error."""
-    return with_evidence(setting, start.family, start.q, rounds=3)
