@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from hysteresis import Table, read_csv, read_table
+from hysteresis import read_csv, read_table
+from hysteresis.records._table import Table
 
 
 def foam_stress(folder: Path, out: Path) -> Path:

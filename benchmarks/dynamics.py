@@ -22,6 +22,7 @@ from scipy.signal import lfilter
 
 import identify
 from hysteresis import Record
+from identify.results._motion_detail import Motion
 
 from ._dynamics.plants import (
     NOISE,
@@ -61,7 +62,7 @@ def sweep(kind: str, seed: int) -> tuple[Any, Any]:
 
 def errors(fit: identify.FitResult, kind: str, seed: int) -> dict[str, float]:
     """Rms errors on the multisine and on the sweep, in m and in per cent of the rms of the motion."""
-    assert isinstance(fit.detail, identify.Motion)
+    assert isinstance(fit.detail, Motion)
     motion, found = fit.detail.recorded, {}
     for name, (u, y), in_steady_state in (
         ("multisine", unseen_multisine(seed, kind), True),
@@ -156,7 +157,7 @@ def coloured(quick: bool) -> list[Row]:
         u, y = steady(Plant(), multisine(random, PERIOD // 4), 5)
         noise = np.asarray(lfilter([1.0], [1.0, -0.9], random.normal(size=len(y) + 500)))[500:]
         fit, _ = fitted(as_record(u, y + NOISE / np.std(noise) * noise), KNOWN)
-        assert isinstance(fit.detail, identify.Motion)
+        assert isinstance(fit.detail, Motion)
         inside.append(held(fit))
         chi2.append(fit.detail.chi2)
     share = 100 * float(np.mean(inside))

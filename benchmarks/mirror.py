@@ -24,7 +24,8 @@ import jax
 import numpy as np
 
 import identify
-from identify import FeedbackFit, PeriodicTest
+from identify.dynamics._feedback_fit import FeedbackFit
+from identify.internal import PeriodicTest
 
 from ._measure import Row, judged, noted, options, report
 

@@ -25,7 +25,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hysteresis import LoopTable, Record, read_csv
+from hysteresis import Record, read_csv
+from hysteresis.records._loop_table import LoopTable
 
 from . import _spectra
 from ._measure import Row, judged, noted, run_parts

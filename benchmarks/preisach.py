@@ -16,8 +16,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from hysteresis import Preisach
-from hysteresis.preisach import PreisachInput
 from hysteresis.preisach._everett import materialise
+from hysteresis.preisach._preisach import PreisachInput
 
 from ._measure import Row, judged, least_seconds, noted, options, report
 from ._preisach import density_fits, exactness, growth

@@ -10,7 +10,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 from numpy.typing import ArrayLike
 
-from hysteresis import Record, Units, html_of, plot_of
+from hysteresis import Record, Units
+from hysteresis._drawing import html_of, plot_of
 from hysteresis._precision import keep_precision
 from hysteresis._quantities import as_units
 from hysteresis._show import one_line, table

@@ -8,7 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hysteresis import InputError, Record, with_condition
+from hysteresis import InputError, Record
+from hysteresis.models._conditioned import with_condition
 
 from ._readings import conditioned_in, readings_of
 

@@ -8,7 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from hysteresis import Conditioned, Record, condition_of, with_condition
+from hysteresis import Conditioned, Record
+from hysteresis.models._conditioned import condition_of, with_condition
 
 
 def reading_of(y: Float[Array, "..."], dimensions: int) -> Float[Array, "..."]:

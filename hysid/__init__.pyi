@@ -1,6 +1,5 @@
 """The public names of hysid: type checkers read them here, and `__init__.py` loads each from here."""
 
-from hysid._explore import Explorer as Explorer
 from hysid._explore import explore as explore
 from hysid._fit import fit as fit
 from hysid._invert import invert as invert
@@ -10,12 +9,10 @@ from hysid.armor._calibration import calibrate_armor as calibrate_armor
 from hysid.armor._calibration import choose_presses as choose_presses
 from hysid.reporting._data_sheet_page import write_data_sheet as write_data_sheet
 from hysid.reporting._report import report as report
-from hysid.soft_sensor._contacts import ContactTraining as ContactTraining
 from hysid.soft_sensor._contacts import train_contacts as train_contacts
 from hysid.soft_sensor._force_records import ForceRecord as ForceRecord
 from hysid.soft_sensor._force_training import train_force as train_force
 from hysid.soft_sensor._learn import fit_positions as fit_positions
-from hysid.soft_sensor._sensor import load_sensor as load_sensor
 from hysteresis import AbstractModel as AbstractModel
 from hysteresis import BoucWen as BoucWen
 from hysteresis import BoucWenForce as BoucWenForce

@@ -11,6 +11,8 @@ from compensate.uncertainty._calibrated import LEAST_COVERAGE
 from hysteresis import InputError, Note, Record
 from hysteresis._format import quantity
 from hysteresis._verdict import Level
+from identify.results._detail import Composition, DiscreteSpectrum
+from identify.results._motion_detail import Motion
 
 from ._invert import error_of, exported, past_of
 from ._run_in import run_in_of
@@ -60,7 +62,7 @@ def judged_compensator(fit: identify.FitResult) -> Judged:
         if fit.channels is not None:
             said = f"{len(fit.channels.names)} inputs cannot be recovered from one output."
             raise InputError("not-invertible", said)
-        if isinstance(fit.detail, identify.Motion | identify.DiscreteSpectrum):
+        if isinstance(fit.detail, Motion | DiscreteSpectrum):
             raise InputError("not-invertible", "a motion or a hold is not recovered.")
         found = estimate(invert(fit.model, trained=fit.trained, past=past_of(fit)), record)
     except InputError as error:
@@ -152,7 +154,7 @@ def judged_to_compensate(fit: identify.FitResult) -> identify.FitResult:
 
 def may_be_inverted(fit: identify.FitResult) -> bool:
     """Whether nothing but a trial speaks against an inverse: weights of either sign do."""
-    return not isinstance(fit.detail, identify.Composition) or fit.detail.rises
+    return not isinstance(fit.detail, Composition) or fit.detail.rises
 
 
 def band_reason(coverage: float) -> Note | None:

@@ -19,11 +19,15 @@ from matplotlib.path import Path
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 from matplotlib.tri import Triangulation
 
-from hysteresis.preisach import MemoryTree, memory_tree
-from identify import FitResult, ForcDiagram, Identifiability
+from hysteresis.preisach import memory_tree
+from hysteresis.preisach._memory import MemoryTree
+from identify import FitResult
+from identify.forc._diagram import ForcDiagram
+from identify.internal import Identifiability
 
-from .figures._base import BLUE, EDGE, GREY, INK, SQUARE, VERMILLION, styled
+from .figures._base import BLUE, EDGE, GREY, INK, SQUARE, VERMILLION
 from .figures._base import single as _single
+from .figures._base import styled as _styled
 from .figures._diagnostics import bands as bands
 from .figures._diagnostics import profiles as profiles
 from .figures._diagnostics import residual_correlation as residual_correlation
@@ -38,7 +42,7 @@ SIGNED = LinearSegmentedColormap.from_list(
 TENTHS = np.arange(1, 10) / 10
 
 
-@styled
+@_styled
 def staircase(
     input: Float[np.ndarray, " samples"],
     low: float | None = None,
@@ -101,7 +105,7 @@ def staircase(
     return figure
 
 
-@styled
+@_styled
 def memory(
     input: Float[np.ndarray, " samples"], low: float | None = None, *, unit: str = "1"
 ) -> Figure:
@@ -150,7 +154,7 @@ def memory(
     return figure
 
 
-@styled
+@_styled
 def forc(diagram: ForcDiagram, *, input_unit: str = "1", output_unit: str = "1") -> Figure:
     """A FORC diagram: density over coercivity and bias, white at 0, contours at tenths of its peak.
 
@@ -181,7 +185,7 @@ def forc(diagram: ForcDiagram, *, input_unit: str = "1", output_unit: str = "1")
     return figure
 
 
-@styled
+@_styled
 def everett(
     nodes: Float[np.ndarray, " nodes"],
     surface: Float[np.ndarray, "nodes nodes"],
@@ -210,7 +214,7 @@ def everett(
     return figure
 
 
-@styled
+@_styled
 def identifiability(found: Identifiability, *, unit: str = "1") -> Figure:
     """How much data tell about each cell of a grid, 0 to 1; the cells the input swept are outlined.
 
@@ -237,7 +241,7 @@ def identifiability(found: Identifiability, *, unit: str = "1") -> Figure:
     return figure
 
 
-@styled
+@_styled
 def candidates(fit: FitResult) -> Figure:
     """The error of every model a fit tried, best first: held out in training, and on the test rows.
 

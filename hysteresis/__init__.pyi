@@ -1,19 +1,14 @@
 """The public names of hysteresis: type checkers read them here, and `__init__.py` loads each from here."""
 
 from . import preisach as preisach
-from ._drawing import html_of as html_of
-from ._drawing import plot_of as plot_of
 from ._errors import InputError as InputError
 from ._model import AbstractModel as AbstractModel
 from ._model import AbstractSteppedModel as AbstractSteppedModel
 from ._model_file import load_model as load_model
 from ._model_file import save_model as save_model
 from ._note import Note as Note
-from ._parameter import ParameterInfo as ParameterInfo
 from ._parameter import Scalar as Scalar
-from ._parameter import is_concrete as is_concrete
 from ._parameter import parameter as parameter
-from ._parameter import parameter_at as parameter_at
 from ._parameter import parameters as parameters
 from ._quantities import Units as Units
 from ._quantities import conversion as conversion
@@ -27,7 +22,6 @@ from .dynamics._rate_form import BoucWenForce as BoucWenForce
 from .dynamics._rate_form import DuhemForce as DuhemForce
 from .dynamics._recorder import decimated as decimated
 from .dynamics._recorder import interpolated as interpolated
-from .dynamics._recorder import stages_of as stages_of
 from .dynamics._stops_and_powers import StopsAndPowers as StopsAndPowers
 from .models._bouc_wen import BoucWen as BoucWen
 from .models._burgers import Burgers as Burgers
@@ -37,8 +31,6 @@ from .models._compose import Scaled as Scaled
 from .models._compose import Series as Series
 from .models._compose import Sum as Sum
 from .models._conditioned import Conditioned as Conditioned
-from .models._conditioned import condition_of as condition_of
-from .models._conditioned import with_condition as with_condition
 from .models._curves import MonotoneCurve as MonotoneCurve
 from .models._degrading_bouc_wen import DegradingBoucWen as DegradingBoucWen
 from .models._degrading_bouc_wen import Pinching as Pinching
@@ -56,19 +48,10 @@ from .models._prony import GeneralizedKelvinVoigt as GeneralizedKelvinVoigt
 from .models._prony import GeneralizedMaxwell as GeneralizedMaxwell
 from .models._softening import Softening as Softening
 from .models._velocity_friction import VelocityFriction as VelocityFriction
-from .models._viscoelastic import AbstractViscoelastic as AbstractViscoelastic
-from .models._viscoelastic import ViscoelasticState as ViscoelasticState
-from .numerics._recurrence import linear_recurrence as linear_recurrence
-from .numerics._squared_exponential import Kernel as Kernel
 from .preisach import Preisach as Preisach
-from .records._csv import parse_condition as parse_condition
 from .records._csv import read_csv as read_csv
 from .records._excitation import check_identifiable as check_identifiable
 from .records._excitation import loop_direction as loop_direction
-from .records._loop_table import LoopFigure as LoopFigure
-from .records._loop_table import LoopSummary as LoopSummary
-from .records._loop_table import LoopTable as LoopTable
 from .records._read_table import read_table as read_table
 from .records._record import Record as Record
 from .records._row_blocks import row_blocks as row_blocks
-from .records._table import Table as Table

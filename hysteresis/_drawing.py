@@ -16,11 +16,6 @@ def html_of(thing: Any) -> str | None:
     - `thing`: a record, a fit, a posterior or a compensator.
 
     **Raises:** `InputError` `no-picture` for anything else.
-
-    **Example:**
-
-        >>> hysteresis.html_of(record)[:19]
-        '<div class="hysid">'
     """
     drawing = _drawing("_notebook")
     return None if drawing is None else drawing.html(thing)
@@ -36,11 +31,6 @@ def plot_of(thing: Any, **options: Any) -> Any:
     - `options`: those of its `plot`.
 
     **Raises:** `InputError` `missing-extra` without hysid or matplotlib, `no-picture` for anything else.
-
-    **Example:**
-
-        >>> hysteresis.plot_of(record).axes[0].get_xlabel()
-        'force (N)'
     """
     drawing = _drawing("_plot")
     if drawing is None:

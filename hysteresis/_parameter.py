@@ -23,12 +23,6 @@ class ParameterInfo:
     - `bounds`: the open interval the value must lie in.
     - `fixed`: a fit does not change it.
     - `meaning`: in the terms of the field.
-
-    **Example:**
-
-        >>> info = hysteresis.ParameterInfo(unit="output / input", bounds=(0.0, np.inf))
-        >>> info.in_units({"output": "N", "input": "mm"})
-        'N / mm'
     """
 
     unit: str = "1"
@@ -84,15 +78,7 @@ def as_float(value: Any) -> Any:
 
 
 def is_concrete(value: Any) -> bool:
-    """Whether `value` can be looked at now: not traced by `jit`, `vmap` or `grad`.
-
-    **Example:**
-
-        >>> hysteresis.is_concrete(np.ones(3))
-        True
-        >>> bool(jax.jit(lambda x: hysteresis.is_concrete(x))(1.0))
-        False
-    """
+    """Whether `value` can be looked at now: not traced by `jit`, `vmap` or `grad`."""
     return eqx.is_array_like(value) and not isinstance(value, Tracer)
 
 
@@ -129,13 +115,7 @@ def parameters(model: eqx.Module) -> Iterator[tuple[str, ParameterInfo, Any]]:
 
 
 def parameter_at(model: eqx.Module, name: str) -> Any:
-    """The parameter of a dotted name, as `parameters` gives them.
-
-    **Example:**
-
-        >>> float(hysteresis.parameter_at(hysteresis.LinearSponge(K=1.3, b=6.0), "K"))
-        1.3
-    """
+    """The parameter of a dotted name, as `parameters` gives them."""
     place: Any = model
     for step in name.split("."):
         place = place[int(step)] if step.isdigit() else getattr(place, step)

@@ -1,4 +1,3 @@
 """Networks as models: differentiable, with a state, but without the laws that an inverse needs."""
 
 from .models._staircase_network import StaircaseNetwork as StaircaseNetwork
-from .models._staircase_network import StaircaseState as StaircaseState

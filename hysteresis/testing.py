@@ -13,7 +13,8 @@ from . import _serialisation as files
 from ._errors import InputError
 from ._model import AbstractModel
 from ._parameter import parameters
-from .models._conditioned import Conditioned, condition_of
+from .models._conditioned import Conditioned
+from .models._conditioned import condition_of as _condition_of
 
 SAMPLES, HISTORIES = 40, 4
 
@@ -66,7 +67,7 @@ def check_model(model: AbstractModel, low: float, high: float) -> None:
 
 def _walks(model: AbstractModel, low: float, high: float) -> Iterator[_Walk]:
     random = np.random.default_rng(0)
-    conditioned = condition_of(model)
+    conditioned = _condition_of(model)
     needs_times = _needs_times(model, _with_condition(conditioned, np.linspace(low, high, SAMPLES)))
     for turns in np.linspace(3, SAMPLES, HISTORIES).astype(int):
         corners = random.uniform(low, high, turns)

@@ -7,6 +7,13 @@ they may change with any release.
 from hysteresis._format import plain as plain
 
 from .baselines._backwards import backwards as backwards
+from .calibration._calibrate import calibrate as calibrate
+from .calibration._optimal_design import choose as choose
+from .comparison._compare import Compared as Compared
+from .comparison._compare import Comparison as Comparison
+from .comparison._compare import compare_candidates as compare_candidates
+from .diagnostics._profile_likelihood import profiles as profiles
+from .dynamics._periodic_tests import PeriodicTest as PeriodicTest
 from .files._fit_folder import read_document as read_document
 from .files._fit_folder import read_fit as read_fit
 from .files._fit_folder import residuals_of_all as residuals_of_all
@@ -18,12 +25,21 @@ from .fitting._creep import stepped as stepped
 from .fitting._creep import way_of as way_of
 from .fitting._creep_kind import kind_of as kind_of
 from .fitting._creep_kind import told_by_the_change as told_by_the_change
+from .forc._curves import Forc as Forc
+from .linear._preisach_excitation import Identifiability as Identifiability
+from .linear._preisach_excitation import excited_cells as excited_cells
+from .noise._residual_statistics import estimate_noise as estimate_noise
+from .posterior._log_posterior import target as target
 from .records._folds import block_errors as block_errors
 from .records._folds import root_difference as root_difference
+from .records._run_model import predict as predict
 from .results._detail import answers_over as answers_over
 from .results._fit_result import check_unit as check_unit
 from .results._known_rows import told as told
 from .results._left_out import models_without_groups as models_without_groups
+from .results._metrics import metrics as metrics
+from .results._parameters import Parameter as Parameter
+from .results._repeatability import repeatability as repeatability
 from .spectra._of_record import MODULI as MODULI
 from .spectra._of_record import PARTS as PARTS
 from .spectra._of_record import RUNS as RUNS
@@ -39,3 +55,4 @@ from .storage._json import check_free as check_free
 from .storage._json import read_json as read_json
 from .storage._json import write_json as write_json
 from .storage._provenance import versions as versions
+from .training._train import train as train

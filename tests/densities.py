@@ -2,12 +2,12 @@
 
 from collections.abc import Callable
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from scipy import integrate, stats
 
 from hysteresis.preisach import (
-    AbstractDensity,
     GaussianDensity,
     GridDensity,
     LogNormalDensity,
@@ -17,7 +17,7 @@ from hysteresis.preisach import (
 
 CELLS = 5
 Coercive = GaussianDensity | LorentzianDensity | LogNormalDensity
-Make = Callable[[np.random.Generator, float, float], AbstractDensity]
+Make = Callable[[np.random.Generator, float, float], Any]
 
 
 def warped(rng: np.random.Generator, low: float, high: float) -> GridDensity:
@@ -63,7 +63,7 @@ DENSITIES: dict[str, Make] = {
 }
 
 
-def plain_everett(density: AbstractDensity, a: float, b: float) -> float:
+def plain_everett(density: Any, a: float, b: float) -> float:
     """E(a, b), the mass of {b <= beta <= alpha <= a}."""
     a, b = max(a, b), min(a, b)
     if isinstance(density, SumDensity):

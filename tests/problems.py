@@ -12,7 +12,6 @@ from scipy.integrate import quad
 
 from hysteresis import (
     AbstractModel,
-    AbstractViscoelastic,
     BoucWen,
     BoucWenForce,
     Burgers,
@@ -151,7 +150,7 @@ def _solid(rng: np.random.Generator) -> StandardLinearSolid:
 
 def _viscoelastic_known(model: AbstractModel) -> Known:
     """A unit step of what drives the chain: creep, or relaxation."""
-    assert isinstance(model, AbstractViscoelastic)
+    assert hasattr(model, "creeps")
     t = np.concatenate([[0.0], np.cumsum(np.geomspace(1e-3, 2.0, 60))])
     answer = np.asarray(model.creep_compliance(t) if model.creeps else model.relaxation_modulus(t))
     u, y = (answer, np.ones_like(t)) if model.against_chain else (np.ones_like(t), answer)

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from compensate import Origin, Quantity, calibrated, invert
-from compensate.export._export import Program
+from compensate import Quantity, calibrated, invert
+from compensate.export._export import Origin, Program
 from compensate.export.targets._export_to import write_to
 from hysteresis import (
     AbstractModel,

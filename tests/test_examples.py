@@ -49,7 +49,9 @@ import hysteresis.networks
 import hysteresis.preisach
 import hysteresis.rigs
 import identify
+from compensate.armor._calibration import planned_presses
 from hysid.soft_sensor._sensor import Quantity, SoftSensor, save_sensor
+from identify.internal import Forc
 from tests.test_docs import tool
 
 DATASETS = Path(__file__).parents[1] / "datasets"
@@ -127,7 +129,7 @@ def specimens() -> list[identify.FitResult]:
 
 
 @prepared
-def curves() -> tuple[identify.Forc, ...]:
+def curves() -> tuple[Forc, ...]:
     """First-order reversal curves of `loops`, those from 0, 4, 8, 12 and 16 N."""
     return identify.forc_curves(loops())[2:]
 
@@ -183,7 +185,7 @@ def armor() -> compensate.armor.Armor:
 
 
 @prepared
-def presses() -> hysteresis.rigs.ChannelPresses:
+def presses() -> Any:
     """Twenty presses of a finger at each of the five places of a virtual microchannel sensor."""
     return hysteresis.rigs.MicrochannelRig(seed=11).finger_presses(20)
 
@@ -193,9 +195,7 @@ def planned() -> compensate.armor.Presses:
     """Presses of 5, 10 and 15 N at the middle of each of the five sides of `box`, as `armor` reads them."""
     inward = np.array([[0, 0, -1], [0, -1, 0], [0, 1, 0], [-1, 0, 0], [1, 0, 0]], float)
     force = np.tile([5.0, 10.0, 15.0], (5, 1))
-    return compensate.armor.planned_presses(
-        armor(), np.arange(3.0), force, inward, box().centres(), np.arange(1, 6)
-    )
+    return planned_presses(armor(), np.arange(3.0), force, inward, box().centres(), np.arange(1, 6))
 
 
 @prepared
@@ -234,7 +234,7 @@ def presses_of_d() -> list[hysid.ForceRecord]:
 
 
 @prepared
-def learnt() -> hysid.ContactTraining:
+def learnt() -> Any:
     """The two places of the shipped skin, after a training of a moment."""
     return hysid.train_contacts({"B": presses_of_b(), "D": presses_of_d()}, updates=20)
 

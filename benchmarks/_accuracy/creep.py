@@ -9,7 +9,8 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from identify import Response, Spectrum, spectrum
+from identify import Response, spectrum
+from identify.spectra._spectrum import Spectrum
 
 from .._measure import Row, judged, noted
 

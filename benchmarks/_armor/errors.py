@@ -14,9 +14,10 @@ import numpy as np
 import scipy.stats
 from jaxtyping import Bool, Float
 
-from compensate.armor import UncertainContact
+from compensate.armor._armor import UncertainContact
 from hysid.reproduction._armor import calibrated, covariances, followed
-from hysteresis.rigs import INWARD, ArmorPresses, ArmorRig
+from hysteresis.rigs import INWARD, ArmorRig
+from hysteresis.rigs._armor import ArmorPresses
 
 from .._measure import Row, judged, noted
 

@@ -16,7 +16,8 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
-from compensate import estimate, invert, loop_widths
+from compensate import estimate, invert
+from compensate.qualification._loop_widths import loop_widths
 from hysid.intake._selection import Selection
 from hysteresis import InputError, Record
 from identify import FitResult, fit

@@ -14,7 +14,8 @@ import numpy as np
 import scipy
 
 from compensate import calibrated, export_runtime, invert
-from compensate.runtime import Compensator, load
+from compensate.runtime import load
+from compensate.runtime._compensator import Compensator
 from hysteresis import Record
 from identify import FitResult
 

@@ -14,7 +14,8 @@ from itertools import pairwise
 import jax
 import numpy as np
 
-from compensate import AdaptiveCompensator, adaptive
+from compensate import adaptive
+from compensate.recalibration._adaptive import AdaptiveCompensator
 from hysteresis import Record
 from hysteresis.rigs import SpongeRig
 from identify import fit

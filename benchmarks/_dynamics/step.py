@@ -9,6 +9,7 @@ import numpy as np
 
 import compensate
 import identify
+from identify.results._motion_detail import Motion
 
 SOURCE = """
 #include <stdio.h>
@@ -46,7 +47,7 @@ def microseconds(fit: identify.FitResult, steps: int) -> float | None:
     compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
     if compiler is None:
         return None
-    assert isinstance(fit.detail, identify.Motion)
+    assert isinstance(fit.detail, Motion)
     motion = fit.detail.recorded
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)

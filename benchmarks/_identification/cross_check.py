@@ -8,7 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from hysteresis import AbstractModel, BoucWen, Burgers, Record
-from identify import FitResult, fit, profiles, target
+from identify import FitResult, fit
+from identify.internal import profiles, target
 
 from .._measure import Row, judged
 

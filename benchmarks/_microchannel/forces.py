@@ -21,7 +21,8 @@ from hysid.reproduction._skin import (
 )
 from hysid.reproduction._skin_pair import SkinPair, error, found_peaks
 from hysteresis.rigs import MicrochannelRig, ResistiveReadout
-from identify import Trained, train
+from identify.internal import train
+from identify.training._train import Trained
 
 from .._measure import Row, judged, means, noted
 from .floor import floor, placement_floor

@@ -10,7 +10,7 @@ from hysid.reproduction._skin import READING
 from hysid.soft_sensor._force_networks import BATCH, staircase_squares
 from hysteresis.networks import StaircaseNetwork
 from hysteresis.rigs import MicrochannelRig
-from identify import train
+from identify.internal import train
 
 from .._measure import Row, judged, noted
 

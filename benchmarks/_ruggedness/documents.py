@@ -21,6 +21,7 @@ from compensate.runtime._file import checksum
 from hysid.soft_sensor._sensor import ARRAYS, WORDS, Quantity, SoftSensor, load_sensor, save_sensor
 from hysteresis import InputError
 from hysteresis._limits import parse_toml
+from identify import load_posterior, save_posterior
 from identify.internal import sealed, to_json
 from tests.test_compensate.test_runtime import EXPORTED
 from tests.test_hysid.command import COLUMNS, put, run, sponge, text
@@ -287,7 +288,7 @@ def posteriors() -> Callable[[Edits], str]:
     """posterior.json, with damaged posterior.nc and posterior_models.npz beside it."""
     folder = small_fit()
     fit = identify.load(folder)
-    identify.save_posterior(identify.sample(fit, steps=40, ensembles=2), folder)
+    save_posterior(identify.sample(fit, steps=40, ensembles=2), folder)
     names = ("posterior.nc", "posterior_models.npz")
     whole = {name: (folder / name).read_bytes() for name in names}
     document = json.loads((folder / "posterior.json").read_text())
@@ -298,7 +299,7 @@ def posteriors() -> Callable[[Edits], str]:
         made = sealed(made) if isinstance(made, dict) else made
         (folder / "posterior.json").write_text(json.dumps(made))
         try:
-            identify.load_posterior(folder)
+            load_posterior(folder)
         except InputError as error:
             return error.code
         return "read"

@@ -16,6 +16,7 @@ from typing import Any
 
 import identify
 from compensate.runtime import load
+from identify import load_posterior
 from tests.test_hysid.command import COLUMNS, ENVIRONMENT, put, run, sponge, text
 from tests.test_hysid.test_studio.served import ask, entered
 
@@ -136,7 +137,7 @@ def _whole() -> Iterator[str]:
         yield f"fit --each: {error}"
     try:
         identify.load("out")
-        identify.load_posterior("out")
+        load_posterior("out")
     except Exception as error:
         yield f"fit: {error}"
     report = Path("out/report.html")

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 
 import identify
-from compensate.runtime import Compensator, load
+from compensate.runtime import load
+from compensate.runtime._compensator import Compensator
 from hysid.commands._asked import Demo, Export
 
 from .._measure import Row, judged

@@ -1,31 +1,22 @@
 """Where a robot under a soft cover is touched, from the wrench at its base."""
 
-from ..runtime._contact import Touch as Touch
 from ..runtime._contact_status import ContactStatus as ContactStatus
-from ._armor import Alternative as Alternative
 from ._armor import Armor as Armor
 from ._armor import UncertainArmor as UncertainArmor
-from ._armor import UncertainContact as UncertainContact
 from ._calibration import Presses as Presses
-from ._calibration import PressResiduals as PressResiduals
 from ._calibration import planned_presses as planned_presses
 from ._calibration import with_slip as with_slip
-from ._cover import AbstractField as AbstractField
 from ._cover import Bumps as Bumps
 from ._cover import Cover as Cover
 from ._cover import Grid as Grid
-from ._cover import Uniform as Uniform
 from ._export import export_armor as export_armor
 from ._mesh import Mesh as Mesh
 from ._mesh import forearm as forearm
 from ._mesh import head as head
-from ._shapes import AbstractShape as AbstractShape
 from ._shapes import Box as Box
 from ._shapes import Convex as Convex
-from ._solver import Contact as Contact
 from ._solver import ContactSolver as ContactSolver
 from ._solver import ContactStream as ContactStream
 from ._wrench import Motion as Motion
 from ._wrench import Slip as Slip
-from ._wrench import Wrench as Wrench
 from ._wrench import WristSensor as WristSensor

@@ -98,7 +98,7 @@ def planned_presses(
 ) -> Presses:
     """Presses that were not made: what the given armor would read, and how deep its cover would be pressed.
 
-    `hysid.choose_presses` chooses among them, and so does `identify.choose`.
+    `hysid.choose_presses` chooses among them, and so does `identify.internal.choose`.
 
     **Arguments:** `armor`, and those of `Presses`.
 
@@ -143,18 +143,12 @@ class PressResiduals(eqx.Module):
     (e - m)/reading + m/sqrt(S scatter^2 + reading^2), which are independent. Samples below the contact
     threshold are excluded from the residuals of d.
 
-    A residual function for `identify.calibrate`.
+    A residual function for `identify.internal.calibrate`.
 
     **Arguments:**
 
     - `noise` (6,), N and N m: of one sample of a wrench; `with_noise_left` estimates it from the residuals.
     - `place`, `scatter`, `reading`, m.
-
-    **Example:**
-
-        >>> residuals = compensate.armor.PressResiduals(planned, jnp.full(6, 0.03))(armor)
-        >>> residuals.shape, bool(abs(residuals).max() < 1e-6)
-        ((5, 22), True)
     """
 
     presses: Presses

@@ -17,9 +17,9 @@ from hysteresis import (
     Scalar,
     Units,
     conversion,
-    is_concrete,
     parameter,
 )
+from hysteresis._parameter import is_concrete
 from hysteresis._quantities import FORCE, LENGTH, TIME
 from hysteresis._type_variables import PyTree
 
@@ -41,13 +41,7 @@ class AbstractField(eqx.Module):
 
 
 class Uniform(AbstractField):
-    """The same all over: one number, or one for every surface.
-
-    **Example:**
-
-        >>> float(compensate.armor.Uniform(1.2).greatest())
-        1.2
-    """
+    """The same all over: one number, or one for every surface."""
 
     value: Any = parameter(meaning="value of all surfaces, or of each")
 

@@ -11,7 +11,8 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from numpy.typing import ArrayLike
 
-from hysteresis import InputError, is_concrete
+from hysteresis import InputError
+from hysteresis._parameter import is_concrete
 
 from ._shapes import METRES, AbstractShape, Faces, check_size, polygon_faces
 

@@ -10,7 +10,8 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from numpy.typing import ArrayLike
 
-from hysteresis import InputError, Scalar, is_concrete, parameter
+from hysteresis import InputError, Scalar, parameter
+from hysteresis._parameter import is_concrete
 
 METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254}
 

@@ -9,8 +9,8 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from numpy.typing import ArrayLike
 
-from hysteresis import InputError, Scalar, is_concrete, parameter
-from hysteresis._parameter import as_float
+from hysteresis import InputError, Scalar, parameter
+from hysteresis._parameter import as_float, is_concrete
 
 from .. import _traced as traced
 from ..runtime._contact import Limits, Solver, Touch, solved, touched

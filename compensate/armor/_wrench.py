@@ -11,9 +11,9 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 from numpy.typing import ArrayLike
 
-from hysteresis import AbstractModel, InputError, Scalar, is_concrete, parameter
+from hysteresis import AbstractModel, InputError, Scalar, parameter
 from hysteresis._once import once
-from hysteresis._parameter import as_float
+from hysteresis._parameter import as_float, is_concrete
 
 from .._contract import AbstractCompensator, scan_steps
 from .._invert import invert

@@ -59,13 +59,7 @@ class Prony(NamedTuple):
 
 
 class Card(NamedTuple):
-    """The text of a card, and what it does not hold.
-
-    **Example:**
-
-        >>> compensate.Card("*MATERIAL", ()).notes
-        ()
-    """
+    """The text of a card, and what it does not hold."""
 
     text: str
     notes: tuple[str, ...]

@@ -11,9 +11,10 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hysteresis import AbstractModel, InputError, Oscillator, condition_of, conversion
+from hysteresis import AbstractModel, InputError, Oscillator, conversion
 from hysteresis._atomic_file import write_whole
 from hysteresis.laws import announced
+from hysteresis.models._conditioned import condition_of
 from hysteresis.records._branch_rows import STILL
 from hysteresis.running._law import law
 from hysteresis.trees import Tree, plain

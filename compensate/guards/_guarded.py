@@ -8,8 +8,9 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
-from hysteresis import InputError, is_concrete, register
+from hysteresis import InputError, register
 from hysteresis._once import once
+from hysteresis._parameter import is_concrete
 from hysteresis.numerics._normal import NORMAL_95
 from hysteresis.running import Numbers, each, numbers_of
 from hysteresis.trees import Tree, node
@@ -111,12 +112,6 @@ class GuardedCompensator(AbstractStreamed[GuardedState, Found]):
 
     **Raises:** `InputError` `zero-range` for limits that are not low < high, `bad-option` for another
     `beyond`, and for a `longest` that is not positive.
-
-    **Example:**
-
-        >>> guarded = compensate.GuardedCompensator(compensator, 0.0, 4.0)
-        >>> float(guarded.simulate(t, model.simulate(t, u)).value.max())
-        4.0
     """
 
     inner: AbstractCompensator[Any, Found]

@@ -18,8 +18,9 @@ import numpy as np
 from jaxtyping import Array
 from numpy.typing import ArrayLike
 
-from hysteresis import AbstractModel, condition_of, parameters
+from hysteresis import AbstractModel, parameters
 from hysteresis._type_variables import PyTree
+from hysteresis.models._conditioned import condition_of
 
 from .._contract import AbstractCompensator, scan_steps
 

@@ -9,8 +9,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
-from hysteresis import AbstractModel, condition_of, register
+from hysteresis import AbstractModel, register
 from hysteresis._type_variables import PyTree
+from hysteresis.models._conditioned import condition_of
 from hysteresis.trees import FLAT_WIDTH, ROUNDING, size_of
 
 from .._contract import AbstractCompensator, Estimate, Status, scan_steps

@@ -5,16 +5,8 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
-from hysteresis import (
-    AbstractModel,
-    InputError,
-    Mixture,
-    Scaled,
-    Series,
-    Sum,
-    is_concrete,
-    register,
-)
+from hysteresis import AbstractModel, InputError, Mixture, Scaled, Series, Sum, register
+from hysteresis._parameter import is_concrete
 from hysteresis._type_variables import PyTree
 from hysteresis.trees import input_range, search_range
 

@@ -1,6 +1,7 @@
 """Inverse of a model that depends on a condition, given the output and the condition."""
 
-from hysteresis import AbstractModel, Conditioned, InputError, is_concrete
+from hysteresis import AbstractModel, Conditioned, InputError
+from hysteresis._parameter import is_concrete
 from hysteresis.models._conditioned import last_factor
 from hysteresis.trees import search_range
 

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from hysteresis import AbstractModel, InputError, is_concrete, parameters
+from hysteresis import AbstractModel, InputError, parameters
+from hysteresis._parameter import is_concrete
 from hysteresis._registry import OURS
 from hysteresis.trees import ROUNDING, search_range
 

@@ -15,15 +15,11 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
-from hysteresis import (
-    AbstractModel,
-    AbstractViscoelastic,
-    InputError,
-    condition_of,
-    is_concrete,
-    register,
-)
+from hysteresis import AbstractModel, InputError, register
 from hysteresis._law_model import OWN
+from hysteresis._parameter import is_concrete
+from hysteresis.models._conditioned import condition_of
+from hysteresis.models._viscoelastic import AbstractViscoelastic
 from hysteresis.records._branch_rows import STILL
 from hysteresis.running import Known, Numbers, estimates, held_at_first, numbers_of
 from hysteresis.trees import Tree

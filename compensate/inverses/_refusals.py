@@ -18,8 +18,8 @@ from hysteresis import (
     Preisach,
     StopsAndPowers,
     TimeDrift,
-    is_concrete,
 )
+from hysteresis._parameter import is_concrete
 from hysteresis.curves import MonotoneSpline, PolynomialCurve
 from hysteresis.preisach import GridDensity
 

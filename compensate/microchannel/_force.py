@@ -9,7 +9,8 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
-from hysteresis import AbstractModel, InputError, Units, conversion, is_concrete, register
+from hysteresis import AbstractModel, InputError, Units, conversion, register
+from hysteresis._parameter import is_concrete
 from hysteresis._type_variables import PyTree
 
 from .._contract import AbstractCompensator, AbstractStreamed, Status, scan_steps

@@ -9,7 +9,8 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from numpy.typing import ArrayLike
 
-from hysteresis import InputError, Kernel, register
+from hysteresis import InputError, register
+from hysteresis.numerics._squared_exponential import Kernel
 
 from ._localizer import PlaceStatus
 
@@ -48,7 +49,7 @@ class PositionEstimator(eqx.Module):
     **Arguments:**
 
     - `readings` (rows, channels), `places` (rows, coordinates): presses to learn from.
-    - `kernel`: k and noise, of channels + 1 features, as `identify.fit_kernel` finds for
+    - `kernel`: k and noise, of channels + 1 features, as `hysid.fit_positions` finds for
       `standardised(readings)`.
     - `least`: |w| below which nothing is pressed. `surest`: the status is UNKNOWN where the deviation is
       more than this part of `size`.
@@ -117,12 +118,6 @@ def standardised(
     """Standardised patterns of readings (rows, channels): less their mean, divided by their deviation.
 
     **Returns:** the standardised patterns, the mean and the deviation.
-
-    **Example:**
-
-        >>> x, mean, scale = compensate.microchannel.standardised(presses.reading)
-        >>> x.shape, mean.shape, scale.shape
-        ((100, 3), (3,), (3,))
     """
     x = pattern(jnp.asarray(readings, float))
     centre, scale = x.mean(0), x.std(0)

@@ -10,8 +10,8 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from numpy.typing import ArrayLike
 
-from hysteresis import InputError, Scalar, is_concrete, parameter, register
-from hysteresis._parameter import as_float
+from hysteresis import InputError, Scalar, parameter, register
+from hysteresis._parameter import as_float, is_concrete
 
 from .._contract import scan_steps
 

@@ -39,12 +39,6 @@ def loop_widths(record: Record, estimate: Float[np.ndarray, " samples"]) -> Loop
     the mean over the part of its rows joined by straight lines. Where y turns with u both widths are the
     loop's area over a range, so a straight line through the ends of a closed loop leaves all: a ratio of
     1. Noise of the output widens what is left. Only counted rows of complete cycles are taken.
-
-    **Example:**
-
-        >>> found = compensate.estimate(compensate.invert(fit.model), record)
-        >>> compensate.loop_widths(record, np.asarray(found.value)).cycles
-        5
     """
     u, y, error = record.input, record.output, record.input - estimate
     before, after = [], []

@@ -8,9 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
-from hysteresis import AbstractModel, InputError, Note, Record, with_condition
+from hysteresis import AbstractModel, InputError, Note, Record
 from hysteresis._format import plain, quantity
 from hysteresis._verdict import Level, Verdict
+from hysteresis.models._conditioned import with_condition
 from hysteresis.numerics._normal import NORMAL_95
 
 from .._contract import AbstractCompensator, Status

@@ -71,14 +71,6 @@ class AdaptiveCompensator(AbstractCompensator[LawState, Recalibrated]):
     what a few references happen to say, and a change is used from the second run of references on.
 
     `adaptive` makes one from a model and a record.
-
-    **Example:**
-
-        >>> own = compensate.adaptive(fit.model, record)
-        >>> known = np.where(record.cycle == 1, record.input, np.nan)
-        >>> found = own.simulate(record.time, record.output, references=known)
-        >>> compensate.Advice(int(found.advice[-1])).name
-        'NONE'
     """
 
     fitted: AbstractModel

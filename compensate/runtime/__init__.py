@@ -4,18 +4,10 @@ compensator = load("compensator.json")
 value, status, deviation = compensator.step(dt, reading)
 """
 
-from ._armor import Armor as Armor
-from ._armor import ArmorContact as ArmorContact
-from ._armor import Motion as Motion
 from ._armor import load_armor as load_armor
-from ._compensator import Compensator as Compensator
-from ._compensator import Estimate as Estimate
-from ._contact_forces import ContactForces as ContactForces
-from ._contact_forces import MultiContactEstimator as MultiContactEstimator
 from ._contact_forces import load_contacts as load_contacts
 from ._contact_status import ContactStatus as ContactStatus
 from ._file import FileError as FileError
 from ._load import load as load
-from ._network import ForceEstimator as ForceEstimator
 from ._network import load_force as load_force
 from ._status import Status as Status

@@ -54,13 +54,6 @@ class Armor:
 
     `step` gives the results of `WristSensor.step` and `ContactSolver.step` in JAX, whose times are sums of
     `dt`, to 1e-9 m.
-
-    **Example:**
-
-        >>> file = compensate.armor.export_armor(solver, folder / "armor.json")
-        >>> runtime = compensate.runtime.load_armor(file)
-        >>> runtime.step(0.01, (0.0, 0.0, -10.0, 0.0, 0.0, 0.0)).status.name
-        'OK'
     """
 
     def __init__(self, document: dict[str, Any]):

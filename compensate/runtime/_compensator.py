@@ -52,12 +52,6 @@ class Compensator:
       of the data, ISO 8601; None where they are not known.
 
     The JAX compensator that was exported gives the same to 1e-9 of the range.
-
-    **Example:**
-
-        >>> file = compensate.export_runtime(model, folder / "sensor.json", model.simulate(t, u)).path
-        >>> compensate.runtime.load(file).step(0.01, 0.0).status.name
-        'OK'
     """
 
     def __init__(self, document: dict[str, Any]):

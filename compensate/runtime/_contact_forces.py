@@ -34,12 +34,6 @@ class MultiContactEstimator:
 
     Its forces are those at once; those some readings late are JAX's alone. A step of two contacts takes
     some milliseconds.
-
-    **Example:**
-
-        >>> runtime = compensate.runtime.load_contacts(contacts_file)
-        >>> runtime.step(0.05, (0.0, 0.0)).value
-        (0.0, 0.0)
     """
 
     def __init__(self, document: dict[str, Any]):

@@ -34,13 +34,6 @@ class ForceEstimator:
       of it. A longer one is taken for that, EXTRAPOLATED.
 
     The JAX estimator that was exported gives the same to 1e-9 of the largest force.
-
-    **Example:**
-
-        >>> y = model.simulate(t, u)
-        >>> file = compensate.microchannel.export_force(estimator, folder / "force.json", y)
-        >>> compensate.runtime.load_force(file).step(0.01, 100.0).status.name
-        'SATURATED'
     """
 
     def __init__(self, document: dict[str, Any]):

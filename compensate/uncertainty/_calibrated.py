@@ -54,14 +54,7 @@ PRIOR_VISITS = 2.0
 
 
 class LeftOut(NamedTuple):
-    """Rows (samples,), and a compensator that knows nothing of them: its model was fitted without them.
-
-    **Example:**
-
-        >>> rows = record.cycle == 1
-        >>> bool(compensate.LeftOut(rows, compensate.invert(fit.model)).rows.any())
-        True
-    """
+    """Rows (samples,), and a compensator that knows nothing of them: its model was fitted without them."""
 
     rows: Bool[np.ndarray, " samples"]
     compensator: AbstractCompensator

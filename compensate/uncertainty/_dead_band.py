@@ -6,8 +6,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
-from hysteresis import InputError, Scalar, is_concrete
+from hysteresis import InputError, Scalar
 from hysteresis._once import once
+from hysteresis._parameter import is_concrete
 from hysteresis.running import Numbers, each, numbers_of
 from hysteresis.trees import Tree, node
 

@@ -10,7 +10,8 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from numpy.typing import ArrayLike
 
-from hysteresis import AbstractModel, InputError, is_concrete, register
+from hysteresis import AbstractModel, InputError, register
+from hysteresis._parameter import is_concrete
 
 from .._contract import AbstractCompensator, AbstractStreamed, Status, scan_steps
 from .._readings import reading_of, with_reading
@@ -18,14 +19,7 @@ from ..inverses import inverse_of
 
 
 class UncertainEstimate(NamedTuple):
-    """An `Estimate` with its error: the standard `deviation`, and where there are any, `draws`.
-
-    **Example:**
-
-        >>> found = compensate.UncertainEstimate(jnp.array([2.0]), jnp.array([0]), jnp.array([0.1]))
-        >>> found.quantile([0.5]).tolist()
-        [[2.0]]
-    """
+    """An `Estimate` with its error: the standard `deviation`, and where there are any, `draws`."""
 
     value: Float[Array, "*samples"]
     status: Int[Array, "*samples"]

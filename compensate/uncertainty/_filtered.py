@@ -10,7 +10,8 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
-from hysteresis import AbstractModel, InputError, is_concrete
+from hysteresis import AbstractModel, InputError
+from hysteresis._parameter import is_concrete
 from hysteresis._type_variables import PyTree
 from hysteresis.laws import filtered as law
 from hysteresis.running import Known, Numbers, numbers_of, place_of, told

@@ -26,11 +26,6 @@ class BandedEstimate(NamedTuple):
     """An estimate with its band.
 
     - `deviation`: of the inner compensator, NaN where it has none. `low`, `high`: the ends of the band.
-
-    **Example:**
-
-        >>> compensate.BandedEstimate(2.0, 0, float("nan"), 1.5, 2.5).high
-        2.5
     """
 
     value: Float[Array, "*samples"]
@@ -44,11 +39,6 @@ def runs_needed(guarantee: float) -> int:
     """The least number of runs that can guarantee a probability p: n with n / (n + 1) >= p.
 
     Raises `InputError` `bad-option` for a probability that is not between 0 and 1.
-
-    **Example:**
-
-        >>> compensate.runs_needed(0.9), compensate.runs_needed(0.95)
-        (9, 19)
     """
     if not 0 < guarantee < 1:
         raise InputError(
@@ -72,13 +62,6 @@ class GuaranteedCompensator(AbstractStreamed[State, BandedEstimate]):
 
     `guaranteed` makes one from a record; `factor` is its half width in shapes, `gain` a fifth of that for
     `follow`, `runs` how many it saw.
-
-    **Example:**
-
-        >>> band = compensate.guaranteed(compensate.invert(fit.model), record, 0.75)
-        >>> found = compensate.estimate(band, record)
-        >>> bool((found.low <= found.value).all())
-        True
     """
 
     inner: AbstractCompensator

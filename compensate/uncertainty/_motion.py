@@ -7,7 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from hysteresis import Record, is_concrete
+from hysteresis import Record
+from hysteresis._parameter import is_concrete
 from hysteresis.laws.error import ANY_MOTION, UNMOVED
 from hysteresis.running import each, numbers_of
 from hysteresis.trees import Tree, node

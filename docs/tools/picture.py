@@ -14,7 +14,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import hysid
-from compensate import Qualification, qualify
+from compensate import qualify
+from compensate.qualification._qualify import Qualification
 from hysid.figures._base import styled
 
 ROOT = Path(__file__).resolve().parents[2]

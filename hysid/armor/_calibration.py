@@ -12,11 +12,12 @@ import scipy
 from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
-import identify
-from compensate.armor import Armor, Bumps, Presses, PressResiduals, UncertainArmor, with_slip
-from compensate.armor._calibration import Missed, missed_of, without_each
+from compensate.armor import Armor, Bumps, Presses, UncertainArmor
+from compensate.armor._calibration import Missed, PressResiduals, missed_of, with_slip, without_each
 from hysteresis.numerics._normal import NORMAL_95
 from identify.calibration._calibrate import Calibration, Prior
+from identify.calibration._optimal_design import Choice
+from identify.internal import calibrate, choose
 
 QUIET = 1e-3
 """Of the greatest reading of a channel: the noise from which a calibration starts."""
@@ -39,7 +40,7 @@ class CalibratedArmor(NamedTuple):
 
     armor: Armor
     uncertain: UncertainArmor
-    calibration: identify.Calibration[Armor]
+    calibration: Calibration[Armor]
     noise: np.ndarray
     scatter: float
     reading: float
@@ -51,7 +52,7 @@ def doubts(armor: Armor) -> dict[str, Any]:
     These are the wrench matrix; the plays of `sensor.hysteresis`, uncertain by half of their values; the
     factor of the cover, and the bumps of the frame's compliance. A full matrix includes the effect of the
     pose and the offset of the sensor. To estimate these instead, leave out the matrix and give
-    "sensor.turn" and "sensor.offset". See `identify.calibrate`.
+    "sensor.turn" and "sensor.offset". See `identify.internal.calibrate`.
     """
     # Crosstalk between forces and moments is compared at the lever of half the shell.
     arm = float(armor.solver.shape.longest()) / 2
@@ -97,7 +98,7 @@ def calibrate_armor(
 
     **Returns:** a `CalibratedArmor`.
 
-    **Raises:** `InputError` as `identify.calibrate` does.
+    **Raises:** `InputError` as `identify.internal.calibrate` does.
 
     **Example:**
 
@@ -113,10 +114,10 @@ def calibrate_armor(
     free = doubts(armor) if deviations is None else deviations
     noise = quiet(presses) if noise is None else jnp.asarray(noise, float)
     residuals = PressResiduals(presses, noise, scatter=scatter, reading=reading)
-    found = identify.calibrate(armor, residuals, free)
+    found = calibrate(armor, residuals, free)
     for _ in range(rounds - 1):
         residuals = residuals.with_noise_left(found.system)
-        found = identify.calibrate(armor, residuals, free, begin=found.point)
+        found = calibrate(armor, residuals, free, begin=found.point)
     told = residuals.with_noise_left(found.system)
     unseen = spread_of_unseen(found, residuals, starts)
     depth = jnp.hypot(told.scatter, told.reading) if unseen.depth is None else unseen.depth
@@ -132,7 +133,7 @@ def choose_presses(
     goals: Presses,
     count: int = 20,
     deviations: Mapping[str, Any] | None = None,
-) -> identify.Choice:
+) -> Choice:
     """Choose the presses that most reduce the variance of the contacts that you care about.
 
     **Arguments:**
@@ -143,9 +144,9 @@ def choose_presses(
     - `count`: how many presses to choose.
     - `deviations`: which values of the armor are free, see `calibrate_armor`.
 
-    **Returns:** an `identify.Choice`: the chosen presses, and the variance that each leaves.
+    **Returns:** a `Choice`: the chosen presses, and the variance that each leaves.
 
-    **Raises:** `InputError` as `identify.choose` does.
+    **Raises:** `InputError` as `identify.internal.choose` does.
 
     **Example:**
 
@@ -160,7 +161,7 @@ def choose_presses(
         return jax.vmap(armor.simulate)(goals.time, goals.readings).point[:, -1]
 
     free = doubts(armor) if deviations is None else deviations
-    return identify.choose(armor, residuals, ends, free, count)
+    return choose(armor, residuals, ends, free, count)
 
 
 def quiet(presses: Presses) -> jax.Array:

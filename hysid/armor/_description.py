@@ -22,16 +22,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from compensate import invert
-from compensate.armor import (
-    AbstractShape,
-    Armor,
-    Box,
-    Bumps,
-    ContactSolver,
-    Cover,
-    Mesh,
-    WristSensor,
-)
+from compensate.armor import Armor, Box, Bumps, ContactSolver, Cover, Mesh, WristSensor
+from compensate.armor._shapes import AbstractShape
 from hysteresis import AbstractModel, InputError, PrandtlIshlinskii, conversion
 
 NUMBERS = {

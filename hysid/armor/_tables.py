@@ -17,8 +17,10 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from compensate.armor import AbstractShape, Motion, Presses
-from hysteresis import InputError, Table, conversion, read_table
+from compensate.armor import Motion, Presses
+from compensate.armor._shapes import AbstractShape
+from hysteresis import InputError, conversion, read_table
+from hysteresis.records._table import Table
 from hysteresis.records._units import named_unit
 
 AXES = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")

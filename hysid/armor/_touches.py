@@ -22,7 +22,9 @@ import numpy as np
 from jaxtyping import Float, Int
 
 import identify
-from compensate.armor import AbstractShape, Contact, ContactStatus
+from compensate.armor import ContactStatus
+from compensate.armor._shapes import AbstractShape
+from compensate.armor._solver import Contact
 from hysteresis import InputError
 from hysteresis._atomic_file import write_whole
 from hysteresis._limits import damage_told, parse_json

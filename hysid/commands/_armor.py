@@ -11,7 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 
 import identify
-from compensate.armor import Armor, ContactStatus, UncertainArmor, UncertainContact, export_armor
+from compensate.armor import Armor, ContactStatus, UncertainArmor, export_armor
+from compensate.armor._armor import UncertainContact
 from hysteresis import AbstractModel, InputError, conversion
 from hysteresis._atomic_file import write_table
 from hysteresis._limits import damage_told, load_arrays

@@ -7,6 +7,9 @@ from typing import Any
 import identify
 from hysteresis import InputError
 from hysteresis._show import aligned
+from identify import compare_loops
+from identify.comparison._compare import Pair
+from identify.internal import Compared, compare_candidates
 
 from ..figures._format import number, pretty
 from ..intake._folders import folders_of
@@ -32,7 +35,7 @@ def _compare(folders: Sequence[Path]) -> dict[str, Any]:
     """Models of the same data, ranked by held-out error; of one folder, the candidates that were tried."""
     places = _places(folders)
     if len(places) == 1:
-        found = identify.compare_candidates(next(iter(places.values())))
+        found = compare_candidates(next(iter(places.values())))
     else:
         found = identify.compare(places)
     return {
@@ -72,7 +75,7 @@ def _groups(folders: Sequence[Path]) -> dict[str, Any]:
     fix = "Name two folders of hysid fit --each."
     _check_two(folders, "Loops are compared between two groups of specimens.", fix)
     groups = [[identify.load(place).loops() for place in _places([f]).values()] for f in folders]
-    found = identify.compare_loops(*groups)
+    found = compare_loops(*groups)
     rows = [row._asdict() | {"clear": row.clear} for row in found]
     return {"groups": [str(f) for f in folders], "specimens": [*map(len, groups)], "figures": rows}
 
@@ -154,13 +157,13 @@ def _places(folders: Sequence[Path]) -> dict[str, Path]:
     return dict(zip(names, folders, strict=True))
 
 
-def _figures(model: identify.Compared) -> dict[str, Any]:
+def _figures(model: Compared) -> dict[str, Any]:
     said = {"held_out": "held_out_percent", "test": "test_percent"}
     kept = {k: v for k, v in model._asdict().items() if not k.endswith("blocks")}
     return {said.get(name, name): value for name, value in kept.items()}
 
 
-def _pair(pair: identify.Pair) -> dict[str, Any]:
+def _pair(pair: Pair) -> dict[str, Any]:
     found: dict[str, Any] = {"one": pair.one, "other": pair.other}
     for rows, difference in (("held_out", pair.held_out), ("test", pair.test)):
         found[rows] = None

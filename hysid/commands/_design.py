@@ -8,6 +8,8 @@ import identify
 from hysteresis import InputError
 from hysteresis._atomic_file import write_table
 from hysteresis._show import aligned
+from identify.calibration._excitation_design import Excitation
+from identify.results._motion_detail import Motion
 
 from ._asked import Design
 from ._console import Done, warnings
@@ -33,7 +35,7 @@ def run(asked: Design) -> Done:
         seed=asked.seed,
     )
     best = next((one for one in found if not one.beyond), found[0])
-    assert isinstance(fit.detail, identify.Motion)
+    assert isinstance(fit.detail, Motion)
     record, dt, file = fit.train, fit.detail.recorded.dt, asked.folder / EXCITATION
     lines = [(k * dt, float(force)) for k, force in enumerate(best.force)]
     write_table(file, (record.time_name, record.input_name), lines)
@@ -70,7 +72,7 @@ def _lines(found: dict[str, Any]) -> list[str]:
     return [*lines, found["file"]]
 
 
-def _entry(one: identify.Excitation) -> dict[str, Any]:
+def _entry(one: Excitation) -> dict[str, Any]:
     return {
         name: value if isinstance(value, bool) else float(value)
         for name, value in one._asdict().items()

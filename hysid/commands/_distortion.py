@@ -5,12 +5,14 @@ from typing import Any
 
 import numpy as np
 
-from hysteresis import InputError, Table, conversion, read_table
+from hysteresis import InputError, conversion, read_table
 from hysteresis._show import aligned
-from hysteresis.records._table import column_of
+from hysteresis.records._table import Table, column_of
 from hysteresis.records._units import named_unit
-from identify import Distortion, PeriodicTest, distortion, periodic_test
+from identify import distortion, periodic_test
 from identify.dynamics._measured_motion import even_clock
+from identify.dynamics._periodic_tests import Distortion
+from identify.internal import PeriodicTest
 
 from ..intake._selection_options import OF_READING
 from ._asked_more import Distortion as Asked

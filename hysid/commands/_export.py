@@ -8,23 +8,18 @@ import jax.numpy as jnp
 import numpy as np
 
 import identify
-from compensate import (
-    CalibratedCompensator,
-    GuaranteedCompensator,
-    Origin,
-    Quantity,
-    estimate,
-    invert,
-    material_card,
-)
+from compensate import CalibratedCompensator, Quantity, estimate, invert, material_card
 from compensate.export._cards import CARDS, OPENSEES
-from compensate.export._export import Program, wider
+from compensate.export._export import Origin, Program, wider
 from compensate.export.targets._export_to import check, write_to
-from compensate.uncertainty._guaranteed import GAIN
-from hysteresis import InputError, conversion, with_condition
+from compensate.uncertainty._guaranteed import GAIN, GuaranteedCompensator
+from hysteresis import InputError, conversion
 from hysteresis._atomic_file import write_whole
+from hysteresis.models._conditioned import with_condition
 from hysteresis.models._viscoelastic import AbstractViscoelastic
 from hysteresis.records._loads import kind_of_units
+from identify.results._detail import DiscreteSpectrum
+from identify.results._motion_detail import Motion
 
 from .._compensator import judged_compensator
 from .._invert import error_of, guard_of, longest_sequence
@@ -51,10 +46,10 @@ def run(asked: Export) -> Done:
     fitted = identify.load(folder)
     data = identify.internal.read_document(folder)["data"]
     date, checksum = asked.date or data.get("date") or "", data.get("sha256") or ""
-    if isinstance(fitted.detail, identify.Motion):
+    if isinstance(fitted.detail, Motion):
         return _oscillator(fitted, targets, real, (date, checksum))
     verdict = fitted.verdict
-    if fitted.channels is not None or isinstance(fitted.detail, identify.DiscreteSpectrum):
+    if fitted.channels is not None or isinstance(fitted.detail, DiscreteSpectrum):
         said = "A fit of several inputs, or of creep, has no inverse."
         fix = "Export a fit of one input that changes over time."
         raise InputError("not-invertible", said, place=str(folder), fix=fix)
@@ -129,7 +124,7 @@ def _card(asked: Export, program: str, path: Path) -> Done:
             place=str(asked.folder),
             fix="Fit stress and strain (--input-unit mm/mm), not force and displacement.",
         )
-    shifts = fitted.detail.shifts if isinstance(fitted.detail, identify.DiscreteSpectrum) else None
+    shifts = fitted.detail.shifts if isinstance(fitted.detail, DiscreteSpectrum) else None
     wlf = None
     if shifts is not None and shifts.law == "WLF":
         wlf = shifts.reference, shifts.constants[0], shifts.constants[1]
@@ -197,7 +192,7 @@ def _oscillator(
     fitted: identify.FitResult, targets: dict[str, Path], real: str | None, data: tuple[str, str]
 ) -> Done:
     """The step of an oscillator, force to displacement: it has no compensator."""
-    assert isinstance(fitted.detail, identify.Motion)
+    assert isinstance(fitted.detail, Motion)
     record, motion = fitted.train, fitted.detail.recorded
     program = Program(
         motion.model,

@@ -6,10 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from hysteresis import LoopTable
 from hysteresis._atomic_file import telling, write_table
 from hysteresis._show import aligned
-from hysteresis.records._loop_table import MAIN
+from hysteresis.records._loop_table import MAIN, LoopTable
 
 from ..intake._selection import Selection, all_of
 from ..reporting._specimens import FAR, FEW, deviations

@@ -11,10 +11,12 @@ import jax.numpy as jnp
 import numpy as np
 
 import identify
-from compensate import AdaptiveCompensator, Advice, Recalibrated, Status, adaptive
-from hysteresis import InputError, Record, Table
+from compensate import Advice, Status, adaptive
+from compensate.recalibration._adaptive import AdaptiveCompensator, Recalibrated
+from hysteresis import InputError, Record
 from hysteresis._atomic_file import write_table
 from hysteresis._format import quantity
+from hysteresis.records._table import Table
 
 from ..intake._columns import for_new_file, selection_of_fit
 from ._asked import Monitor

@@ -14,13 +14,14 @@ import compensate
 import identify
 from compensate import Status
 from compensate.microchannel import MultiContactEstimator, export_contacts
-from hysteresis import InputError, Record, Table, conversion
+from hysteresis import InputError, Record, conversion
 from hysteresis._atomic_file import write_table
 from hysteresis._limits import damage_told, load_arrays
 from hysteresis._serialisation import described, rebuilt
 from hysteresis.numerics._normal import NORMAL_95
+from hysteresis.records._table import Table
 from hysteresis.records._units import named_unit
-from identify.internal import versions
+from identify.internal import metrics, versions
 
 from ..figures._format import plain_name
 from ..intake._folders import check_writable
@@ -188,7 +189,7 @@ def judged(
     held = np.abs(value - force) < NORMAL_95 * deviation
     return {
         name: {
-            **identify.metrics(force[:, k], value[:, k])._asdict(),
+            **metrics(force[:, k], value[:, k])._asdict(),
             "coverage_of_90_percent_bands": float(held[:, k].mean()),
         }
         for k, name in enumerate(names)

@@ -11,6 +11,9 @@ from compensate.uncertainty._calibrated import band_holds
 from hysteresis import InputError, Record
 from hysteresis._atomic_file import write_table
 from hysteresis._format import quantity
+from identify.dynamics._recorded_motion import RecordedMotion
+from identify.internal import metrics
+from identify.results._motion_detail import Motion
 
 from .._invert import exported
 from .._run_in import run_in_of
@@ -91,7 +94,7 @@ def run(asked: Predict) -> Done:
         table += [row for row in rows if row[1]]  # a step's own row has no line in the file
         measured_all.append(wanted[record.mask])
         found_all.append(np.asarray(values)[record.mask])
-    figures = identify.metrics(np.concatenate(measured_all), np.concatenate(found_all))._asdict()
+    figures = metrics(np.concatenate(measured_all), np.concatenate(found_all))._asdict()
     if not compared:
         figures = dict.fromkeys(figures)
     target = folder / f"{'inverse' if inverse else 'predicted'}-{file.stem}.csv"
@@ -133,11 +136,9 @@ def _band_line(name: str, band: dict[str, float | None]) -> str:
     return f"{text} It was widened, because as learnt from the training rows it held {100 * before:.3g} %."
 
 
-def _motion(
-    fitted: identify.FitResult, inverse: bool, steady: bool
-) -> identify.RecordedMotion | None:
+def _motion(fitted: identify.FitResult, inverse: bool, steady: bool) -> RecordedMotion | None:
     """What moves the mass of an oscillator; None for other models, which have no steady state."""
-    if isinstance(fitted.detail, identify.Motion):
+    if isinstance(fitted.detail, Motion):
         if not inverse:
             return fitted.detail.recorded
         raise InputError(
@@ -157,7 +158,7 @@ def _motion(
 
 def _of_motion(fitted: identify.FitResult, steady: bool) -> list[str]:
     """How the motion was run and recorded."""
-    assert isinstance(fitted.detail, identify.Motion)
+    assert isinstance(fitted.detail, Motion)
     recorded = fitted.detail.recorded
     begin = f"The motion is predicted {'in steady state' if steady else 'from rest'}"
     if not recorded.stages:

@@ -9,22 +9,16 @@ import jax
 import numpy as np
 
 import identify
-from compensate import (
-    EnsembleCompensator,
-    GuardedCompensator,
-    Qualification,
-    estimate,
-    guaranteed,
-    invert,
-    runs_needed,
-)
+from compensate import EnsembleCompensator, estimate, guaranteed, invert
 from compensate import qualify as qualified
-from compensate.qualification._qualify import Step, Tell
+from compensate.guards._guarded import GuardedCompensator
+from compensate.qualification._qualify import Qualification, Step, Tell
 from compensate.uncertainty._calibrated import band_holds
-from compensate.uncertainty._guaranteed import run_scores
+from compensate.uncertainty._guaranteed import run_scores, runs_needed
 from hysteresis import InputError, Note, Record
 from hysteresis._format import quantity
 from hysteresis._verdict import Verdict, worst_of
+from identify import load_posterior
 
 from .._invert import error_of, exported
 from ..intake._columns import for_new_file, known_records, selection_of_fit
@@ -113,7 +107,7 @@ def _of_one(
         when = f"{abs(lag):.3g} {record.time_unit} {'earlier' if lag > 0 else 'later'}"
         said = f"Estimates are of the input {when}, because the fit removed that lag."
         facts.append(Note("lag", said))
-    if (posterior := identify.load_posterior(place)) is not None:
+    if (posterior := load_posterior(place)) is not None:
         try:
             ensemble = EnsembleCompensator(_some_of(posterior, len(record)))
         except InputError as error:

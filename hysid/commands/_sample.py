@@ -4,6 +4,7 @@ from typing import Any
 
 import identify
 from hysteresis._escape import shell_word
+from identify import save_posterior
 
 from ..intake._folders import folders_of
 from ._asked import Sample
@@ -48,7 +49,7 @@ def _sampled(asked: Sample, chosen: dict[str, Any], progress: Progress) -> dict[
             identify.load(place), checkpoint=place / "chains.npz", progress=named,
             resume=asked.resume, **chosen,
         )  # fmt: skip
-        identify.save_posterior(posterior, place)
+        save_posterior(posterior, place)
         documents[value] = identify.internal.posterior_json(posterior)
     if "" in documents:
         return documents[""]

@@ -53,14 +53,7 @@ Made = TypeVar("Made", bound=Callable[..., Any])
 
 
 def styled(function: Made) -> Made:
-    """`function` under this module's style alone, whatever the user's own is.
-
-    **Example:**
-
-        >>> draw = hysid.plots.styled(lambda: hysid.plots.Figure().subplots())
-        >>> draw().spines["top"].get_visible()
-        False
-    """
+    """`function` under this module's style alone, whatever the user's own is."""
 
     @wraps(function)
     def inside(*arguments: Any, **named: Any) -> Any:

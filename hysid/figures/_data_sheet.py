@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from identify import DataSheet
+from identify.results._data_sheet import DataSheet
 
 from . import _base as f
 from ._format import axes_of, label, measured, name_of, number, pretty

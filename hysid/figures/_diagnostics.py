@@ -9,7 +9,11 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
-from identify import Bands, Profile, Sloppiness, Starts, Whiteness
+from identify.diagnostics._profile_likelihood import Profile
+from identify.diagnostics._sloppiness import Sloppiness
+from identify.diagnostics._whiteness import Whiteness
+from identify.posterior._predictive import Bands
+from identify.results._fit_result import Starts
 
 from . import _base as f
 from ._base import BLUE, DIM, EDGE, GREEN, GREY, INK, SIZE, SKY, VERMILLION, WIDE, log_ticks, styled

@@ -3,7 +3,8 @@
 import math
 
 from hysteresis import Record
-from identify import Characteristic, SheetRow
+from identify.results._characteristics import Characteristic
+from identify.results._data_sheet import SheetRow
 
 
 def number(x: float, error: float | None = None) -> str:

@@ -12,7 +12,8 @@ from matplotlib.figure import Figure
 from compensate import AbstractCompensator, Status
 from hysteresis import InputError, Record, check_identifiable, parameters
 from hysteresis._escape import markup
-from identify import DataSheet, FitResult, Posterior
+from identify import FitResult, Posterior
+from identify.results._data_sheet import DataSheet
 
 from . import _base as f
 from ._data_sheet import draw_sheet, title

@@ -6,11 +6,14 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from compensate import AbstractCompensator, GuardedCompensator, Status
+from compensate import AbstractCompensator, Status
 from compensate._readings import conditioned_in
+from compensate.guards._guarded import GuardedCompensator
 from hysteresis import AbstractModel, InputError, Record
-from identify import DataSheet, DiscreteSpectrum, FitResult, Posterior
+from identify import FitResult, Posterior
 from identify.internal import is_survey
+from identify.results._data_sheet import DataSheet
+from identify.results._detail import DiscreteSpectrum
 
 from . import _base as f
 from ._data_sheet import draw_sheet

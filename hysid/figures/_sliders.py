@@ -7,7 +7,8 @@ from typing import NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 
-from hysteresis import AbstractModel, ParameterInfo, parameter_at, parameters
+from hysteresis import AbstractModel, parameters
+from hysteresis._parameter import ParameterInfo, parameter_at
 
 MOST = 12
 """Sliders, at most."""

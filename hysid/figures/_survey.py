@@ -10,7 +10,8 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 import identify
-from identify import DiscreteSpectrum, FitResult
+from identify import FitResult
+from identify.results._detail import DiscreteSpectrum
 
 from ._base import GREY, INK, SKY, VERMILLION, logarithmic, single, styled
 from ._format import label, label_of, name_of

@@ -4,7 +4,8 @@ from collections.abc import Collection
 from dataclasses import replace
 from typing import Any
 
-from hysteresis import InputError, Table
+from hysteresis import InputError
+from hysteresis.records._table import Table
 
 from ._constant_input import CONSTANT
 from ._selection import Pair, Selection, all_of

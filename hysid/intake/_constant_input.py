@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from hysteresis import InputError, Note, Table, conversion, parse_condition
-from hysteresis.records._table import rows_of, with_column
+from hysteresis import InputError, Note, conversion
+from hysteresis.records._csv import parse_condition
+from hysteresis.records._table import Table, rows_of, with_column
 from hysteresis.records._units import named_unit
 from identify.internal import MODULI, PARTS, RUNS
 

@@ -6,6 +6,8 @@ import numpy as np
 
 import identify
 from hysteresis import InputError, Record
+from identify.results._detail import DiscreteSpectrum
+from identify.spectra._spectrum import Spectrum
 
 from ._fit_options import FIT_FIELDS, OF_SPECTRA
 
@@ -123,6 +125,6 @@ def open_range(fitted: identify.FitResult, record: Record) -> np.ndarray:
     return np.column_stack([record.time, ends])
 
 
-def _spectrum(fitted: identify.FitResult) -> identify.Spectrum:
-    assert isinstance(fitted.detail, identify.DiscreteSpectrum)
+def _spectrum(fitted: identify.FitResult) -> Spectrum:
+    assert isinstance(fitted.detail, DiscreteSpectrum)
     return fitted.detail.spectrum

@@ -10,8 +10,9 @@ from typing import Any, get_args, get_origin, get_type_hints
 
 import numpy as np
 
-from hysteresis import InputError, Record, Table, parse_condition, read_csv, read_table
-from hysteresis.records._csv import with_known
+from hysteresis import InputError, Record, read_csv, read_table
+from hysteresis.records._csv import parse_condition, with_known
+from hysteresis.records._table import Table
 
 from ._constant_input import CONSTANT, RUN, at_hold, with_constant, with_moduli, with_runs
 from ._selection_options import FIELDS, HELD_OUT, OF_READING, SelectionOptions

@@ -10,6 +10,7 @@ import numpy as np
 
 import identify
 from hysteresis import InputError, Record
+from identify.internal import predict
 
 from .._invert import exported
 from ..figures._base import png
@@ -154,7 +155,7 @@ class Case:
         """The model's output on a record as the model saw it, compiled for no length if it can be."""
         if (found := self.fit.detail.outputs(record)) is not None:
             return found
-        return identify.predict(self.fit.model, record)
+        return predict(self.fit.model, record)
 
     @cached_property
     def round_trip(self) -> RoundTrip | InputError:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from hysteresis._atomic_file import telling, write_figure
 from hysteresis._precision import in_own_precision
-from identify import DataSheet
+from identify.results._data_sheet import DataSheet
 
 from ..figures import _base as f
 from ..figures._data_sheet import PANELS, draw_panel, draw_sheet, subtitle, title

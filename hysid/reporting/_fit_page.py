@@ -12,6 +12,9 @@ from hysteresis import Burgers, InputError, LinearSponge, Preisach
 from hysteresis._atomic_file import telling, write_whole
 from hysteresis._escape import shell_word, visible
 from hysteresis._limits import damage_told
+from identify import load_posterior
+from identify.results._detail import Composition, DiscreteSpectrum, GridWeights, ReversalCurves
+from identify.results._motion_detail import Motion
 
 from .._plots_script import script, script_rule, styles
 from ..catalogue._synthetic import is_synthetic
@@ -53,15 +56,15 @@ def write_report(
     with damage_told("The fit", folder, "Fit again."):
         fitted, document = identify.internal.read_fit(folder)
         named = Path("DIR") if file else folder
-        case = Case(named, document, fitted, identify.load_posterior(folder))
+        case = Case(named, document, fitted, load_posterior(folder))
         for key in ("candidates", "skipped", "data", "seed", "seconds", "versions"):
             document[key]
-    of_step = isinstance(case.fit.detail, identify.DiscreteSpectrum)
-    of_motion = isinstance(case.fit.detail, identify.Motion)
+    of_step = isinstance(case.fit.detail, DiscreteSpectrum)
+    of_motion = isinstance(case.fit.detail, Motion)
     makers = [
         make
         for make in (STEP_SECTIONS if of_step else MOTION_SECTIONS if of_motion else SECTIONS)
-        if (make is not density or isinstance(case.fit.detail, identify.GridWeights))
+        if (make is not density or isinstance(case.fit.detail, GridWeights))
         and (make is not channels or case.fit.channels is not None)
         and (make is not loop_figures or case.fit.channels is None)
         and make is not (parameters if case.fit.detail.is_linear else made_of)
@@ -116,9 +119,9 @@ def facts(case: Case) -> list[tuple[str, str]]:
         rms = np.sqrt(np.mean(case.fit.residuals[fitted] ** 2))
         share = 100 * float(rms / np.ptp(case.fit.train.output[fitted]))
         facts.append(("fitted rows, of the range", quantity(share, "%")))
-    if isinstance(case.fit.detail, identify.DiscreteSpectrum):
+    if isinstance(case.fit.detail, DiscreteSpectrum):
         return facts + _report_step.facts(case)
-    if isinstance(case.fit.detail, identify.Motion):
+    if isinstance(case.fit.detail, Motion):
         return [*facts, ("chi2 per row", quantity(case.fit.detail.chi2, "1"))]
     if not isinstance(trip := case.round_trip, InputError):
         some = "" if len(trip.record) == len(case.judged[1]) else f" {int(trip.counted.sum()):,}"
@@ -130,7 +133,7 @@ def made_of(case: Case) -> Section:
     """The technical sum of parts, with the parameters that the data determine."""
     section = parameters(case)
     said = f"{case.fit.name}. {in_words(case)}"
-    if not isinstance(case.fit.detail, identify.ReversalCurves):
+    if not isinstance(case.fit.detail, ReversalCurves):
         said += " Its weights come from non-negative least squares."
     section.text.insert(0, said)
     section.title, section.folded = "What the model is made of", True
@@ -155,7 +158,7 @@ PARTS_IN_WORDS = {
 
 def in_words(case: Case) -> str:
     model, (input_unit, output_unit) = case.fit.model, case.units
-    if isinstance(case.fit.detail, identify.DiscreteSpectrum):
+    if isinstance(case.fit.detail, DiscreteSpectrum):
         return _report_step.in_words(case)
     if isinstance(model, LinearSponge):
         slope = quantity(float(model.K), pretty(f"{output_unit} / {input_unit}"))
@@ -168,7 +171,7 @@ def in_words(case: Case) -> str:
             "A Burgers element: a spring and a dashpot in series with a spring and dashpot in parallel."
             f" Its {case.output} creeps and depends on the rate."
         )
-    if isinstance(case.fit.detail, identify.Composition):
+    if isinstance(case.fit.detail, Composition):
         composed = case.fit.detail.linear
         said = [PARTS_IN_WORDS[part] for part in composed.meaning.parts]
         text = f"A sum of {', '.join(said)}"
@@ -219,17 +222,17 @@ def next_command(case: Case) -> tuple[str, str]:
     if fit.test is None:
         count = 0 if chosen.get("step") else int(fit.train.cycle_counts.min())
         held = "--test-cycles 1" if count > 1 else f"--test-tail {TAIL}"
-        if isinstance(fit.detail, identify.Motion):
+        if isinstance(fit.detail, Motion):
             held = f"--model {shell_word(fit.name)} --test-tail {TAIL}"
         elsewhere = shell_word(f"{case.folder}-held-out")
         return (
             "Hold out some rows and fit again",
             f"hysid fit {source} {looked_at} {held} --out {elsewhere}",
         )
-    if isinstance(fit.detail, identify.DiscreteSpectrum):
+    if isinstance(fit.detail, DiscreteSpectrum):
         what = "Predict the times of this file, or of another, with their range"
         return what, f"hysid predict {folder} {source}"
-    if isinstance(fit.detail, identify.Motion):
+    if isinstance(fit.detail, Motion):
         steady = " --steady" if fit.detail.recorded.period else ""
         return "Predict the motion under another force", f"hysid predict {folder} {source}{steady}"
     if case.posterior is None:

@@ -5,6 +5,7 @@ from tempfile import TemporaryDirectory
 
 import identify
 from hysteresis._precision import in_own_precision
+from identify import save_posterior
 
 from ._case import TARGET
 from ._fit_page import write_report
@@ -34,5 +35,5 @@ def report(
     with TemporaryDirectory() as folder:
         identify.save(fit, folder, overwrite=True)
         if posterior is not None:
-            identify.save_posterior(posterior, folder)
+            save_posterior(posterior, folder)
         return write_report(folder, Path(path))

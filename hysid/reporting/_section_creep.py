@@ -6,7 +6,8 @@ import numpy as np
 
 import identify
 from hysteresis import GeneralizedKelvinVoigt
-from identify import DiscreteSpectrum, Spectrum
+from identify.results._detail import DiscreteSpectrum
+from identify.spectra._spectrum import Spectrum
 
 from ..figures import _base as f
 from ..figures._format import label, number, pretty, quantity

@@ -10,6 +10,8 @@ import numpy as np
 
 import identify
 from hysteresis import InputError, parameters
+from identify.internal import profiles, target
+from identify.posterior._log_posterior import Target
 
 from ..figures import _diagnostics as f
 from ..figures._format import label, number, pretty, quantity
@@ -40,7 +42,7 @@ def _parts(case: Case) -> Iterator[Section | None]:
     yield _breakdown(case)
     yield _starts(case)
     try:
-        aim = identify.target(case.fit)
+        aim = target(case.fit)
     except InputError:
         aim = None
     long = len(case.fit.train) > MOST_ROWS
@@ -57,7 +59,7 @@ def _parts(case: Case) -> Iterator[Section | None]:
         yield Section("Skipped diagnostics", [
             f"For more than {MOST_ROWS:,} rows the report skips what would be fitted or sampled anew:"
             " profiles, combinations of parameters and fits without single cycles of a model of few"
-            " parameters, and predictive bands where no posterior was drawn. identify.profiles,"
+            " parameters, and predictive bands where no posterior was drawn. identify.profile,"
             " identify.sloppiness, identify.sensitivity and identify.predictive compute them."
         ])  # fmt: skip
 
@@ -165,7 +167,7 @@ def _starts(case: Case) -> Section:
 
 
 def _profiles(case: Case) -> Section:
-    found = identify.profiles(case.fit)
+    found = profiles(case.fit)
     open_ = [p.said for p in found if p.low is None or p.high is None or p.others]
     text = " ".join(open_) or "The data bound every parameter from both sides."
     section = Section("How precisely is each parameter known?", [text])
@@ -211,7 +213,7 @@ def _sloppiness(case: Case) -> Section:
     return section
 
 
-def _beliefs(case: Case, aim: identify.Target) -> Section:
+def _beliefs(case: Case, aim: Target) -> Section:
     posterior, drawn = case.posterior, {}
     if posterior is not None:
         flat = posterior.draws.reshape(-1, len(posterior.names))

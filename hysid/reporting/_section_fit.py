@@ -5,7 +5,8 @@ from typing import Any
 
 import numpy as np
 
-import identify
+from identify.internal import Parameter
+from identify.results._detail import GridWeights
 
 from ..figures import _base as f
 from ..figures._format import label, number, pretty, quantity
@@ -162,7 +163,7 @@ def parameters(case: Case) -> Section:
     further, listed = max(len(listed) - LISTED, 0), listed[:LISTED]
     repeats = any(p.repeatability is not None for p in fit.parameters)
     # The noise, which the posterior has too.
-    listed.append(identify.Parameter("sigma", fit.noise.sigma, case.units[1], None, "free"))
+    listed.append(Parameter("sigma", fit.noise.sigma, case.units[1], None, "free"))
     for p in listed:
         unit, interval = pretty(p.unit), "not sampled"
         known = p.value is not None and math.isfinite(p.value)
@@ -209,7 +210,7 @@ def parameters(case: Case) -> Section:
             " error takes what the model misses for noise. It misses the fitted rows by"
             f" {rms} rms, and nine of ten by less than {most}."
         )
-    if isinstance(fit.detail, identify.GridWeights):
+    if isinstance(fit.detail, GridWeights):
         meaning = fit.detail.linear.meaning
         section.text.append(
             f"The grid has {len(meaning.block)} weights in {meaning.block.max() + 1} blocks of even"

@@ -10,7 +10,7 @@ from hysteresis import InputError, Preisach
 from hysteresis._escape import shell_word
 from hysteresis.preisach import GridDensity
 from hysteresis.trees import plain
-from identify import excited_cells
+from identify.internal import excited_cells
 
 from .._compensator import with_compensator
 from .._invert import error_of

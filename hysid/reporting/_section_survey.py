@@ -3,7 +3,8 @@
 import numpy as np
 
 import identify
-from identify import DiscreteSpectrum
+from identify.results._detail import DiscreteSpectrum
+from identify.spectra._superposition import Shifts
 
 from ..figures import _base as f
 from ..figures._format import number, quantity
@@ -26,7 +27,7 @@ def curve(case: Case) -> Section:
     return section
 
 
-def _shifts(section: Section, shifts: identify.Shifts) -> None:
+def _shifts(section: Section, shifts: Shifts) -> None:
     T = np.linspace(shifts.temperature.min(), shifts.temperature.max(), 200)
     law = np.array([shifts.by_law(float(one)) for one in T])
     figure = shift_factors(shifts.temperature, shifts.log_a, shifts.error, T, law, shifts.law)

@@ -14,6 +14,7 @@ import identify
 from hysteresis import InputError
 from hysteresis._limits import damage_told
 from hysteresis.numerics._normal import NORMAL_95
+from identify import load_posterior
 
 from ..figures._format import quantity
 from ..intake._folders import folders_of
@@ -155,7 +156,7 @@ def opened(found: dict[str, Path]) -> tuple[list[Specimen], dict[str, str]]:
         try:
             with damage_told("The fit", place, "Fit again."):
                 fitted, document = identify.internal.read_fit(place)
-                one = Specimen(name, place, document, fitted, identify.load_posterior(place))
+                one = Specimen(name, place, document, fitted, load_posterior(place))
                 _ = one.judged[1]["nrmse_percent"], one.document["verdict"]["level"]
             specimens.append(one)
         except InputError as error:

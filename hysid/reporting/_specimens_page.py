@@ -12,6 +12,7 @@ from hysteresis import InputError
 from hysteresis._atomic_file import telling
 from hysteresis._note import ProgressNote
 from hysteresis._verdict import LEVELS, worst_of
+from identify.comparison._pooling import PooledParameter
 
 from ..figures._format import name_of, quantity
 from ._case import TARGET, Section
@@ -200,6 +201,6 @@ def _entry(one: Specimen) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _population_entry(model: str, p: identify.PooledParameter) -> dict[str, Any]:
+def _population_entry(model: str, p: PooledParameter) -> dict[str, Any]:
     found = {k: getattr(p, k)._asdict() for k in ("mean", "spread", "new")}
     return {"model": model, "name": p.name, "unit": p.unit, **found}

@@ -9,6 +9,8 @@ import numpy as np
 
 import identify
 from hysteresis import InputError
+from identify.comparison._pooling import Interval, Pooled, PooledParameter
+from identify.results._detail import DiscreteSpectrum
 
 from ..figures import _base as f
 from ..figures._format import label_of, number, pretty, quantity
@@ -87,7 +89,7 @@ def loops(group: Sequence[Specimen], name: str, home: Path) -> Section:
 
 
 def parameters(
-    group: Sequence[Specimen], name: str, population: identify.Pooled | None, said: list[str]
+    group: Sequence[Specimen], name: str, population: Pooled | None, said: list[str]
 ) -> Section:
     names = list(dict.fromkeys(n for one in group for n in one.figures))
     units = {p.name: p.unit for one in group for p in one.fit.parameters}
@@ -128,12 +130,12 @@ def parameters(
     return section
 
 
-def _population_row(p: identify.PooledParameter) -> tuple[str | Link, ...]:
+def _population_row(p: PooledParameter) -> tuple[str | Link, ...]:
     new = f"{number(p.new.low)} to {number(p.new.high)}"
     return p.name, pretty(p.unit) or "1", _interval(p.mean), _interval(p.spread), new
 
 
-def pooled(group: Sequence[Specimen]) -> tuple[identify.Pooled | None, list[str]]:
+def pooled(group: Sequence[Specimen]) -> tuple[Pooled | None, list[str]]:
     """What the specimens have in common, and what is to be said about what they have not."""
     if len(group) < 2:
         return None, ["The scatter between specimens needs at least two specimens."]
@@ -164,7 +166,7 @@ def _cell(one: Specimen, name: str) -> str:
     return text + " *" * (name in one.why)
 
 
-def _interval(found: identify.Interval) -> str:
+def _interval(found: Interval) -> str:
     error = (found.high - found.low) / 4
     return f"{number(found.value, error)} ({_ends(found.low, found.high)})"
 
@@ -176,7 +178,7 @@ def _ends(low: float, high: float) -> str:
 
 def _over_time(one: Specimen) -> bool:
     """A step's input is constant."""
-    return isinstance(one.fit.detail, identify.DiscreteSpectrum)
+    return isinstance(one.fit.detail, DiscreteSpectrum)
 
 
 def _href(one: Specimen, home: Path) -> str | None:

@@ -17,26 +17,19 @@ from compensate.armor import (
     Armor,
     Box,
     Bumps,
-    Contact,
     ContactSolver,
     Cover,
     Presses,
     UncertainArmor,
-    UncertainContact,
     WristSensor,
-    planned_presses,
 )
+from compensate.armor._armor import UncertainContact
+from compensate.armor._calibration import planned_presses
+from compensate.armor._solver import Contact
 from hysteresis import AbstractModel, LinearSponge, Record
-from hysteresis.rigs import (
-    INWARD,
-    ArmorPresses,
-    ArmorRig,
-    FoamBlock,
-    ForceSensor,
-    SpongeCycles,
-    SpongeRig,
-    force_path,
-)
+from hysteresis.rigs import INWARD, ArmorRig, FoamBlock, ForceSensor, SpongeRig, force_path
+from hysteresis.rigs._armor import ArmorPresses
+from hysteresis.rigs._sponge import SpongeCycles
 from identify import fit
 
 from ..armor._calibration import CalibratedArmor, calibrate_armor, choose_presses

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.figure import Figure
 
-from hysteresis.rigs import SpongeCycles
+from hysteresis.rigs._sponge import SpongeCycles
 
 from ..figures._base import BLUE, DIM, GREEN, GREY, INK, SIZE, VERMILLION, single, styled
 from ._armor import METHODS, Rig, body_errors, linear_range

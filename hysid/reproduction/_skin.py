@@ -13,7 +13,6 @@ from jaxtyping import Float
 
 from compensate.microchannel import (
     ChannelSensor,
-    Confusion,
     ForceEstimator,
     Localizer,
     LogicTable,
@@ -21,15 +20,12 @@ from compensate.microchannel import (
     MultiContactEstimator,
     Readout,
 )
+from compensate.microchannel._localizer import Confusion
 from hysteresis.networks import StaircaseNetwork
-from hysteresis.rigs import (
-    AbstractSkinRig,
-    ChannelGeometryRig,
-    ChannelRecord,
-    MicrochannelRig,
-    ResistiveReadout,
-)
-from identify import Trained, train
+from hysteresis.rigs import ChannelGeometryRig, MicrochannelRig, ResistiveReadout
+from hysteresis.rigs._skin_presses import AbstractSkinRig, ChannelRecord
+from identify.internal import train
+from identify.training._train import Trained
 
 from ..soft_sensor._force_networks import BATCH, decaying, staircase_squares
 from ..soft_sensor._sensor import lengthened

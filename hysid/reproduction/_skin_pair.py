@@ -18,10 +18,11 @@ from compensate.microchannel import (
     MotionFilter,
     MultiContactEstimator,
     SearchEstimator,
-    windows,
 )
-from hysteresis.rigs import AbstractSkinRig, ChannelRecord
-from identify import Trained, train
+from compensate.microchannel._multi_network import windows
+from hysteresis.rigs._skin_presses import AbstractSkinRig, ChannelRecord
+from identify.internal import train
+from identify.training._train import Trained
 
 from ..soft_sensor._contacts import train_contacts
 from ..soft_sensor._force_networks import BATCH, updates_of

@@ -5,9 +5,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from compensate.microchannel import Confusion
+from compensate.microchannel._localizer import Confusion
 from hysteresis._show import aligned
-from identify import Trained
+from identify.training._train import Trained
 
 from . import _skin_figures as figures
 from ._frame import Asked, Measure, Paper, compared

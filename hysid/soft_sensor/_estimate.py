@@ -10,12 +10,14 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float
 
-import identify
 from compensate.microchannel import ChannelStatus
-from hysteresis import InputError, Table, parse_condition
+from hysteresis import InputError
 from hysteresis._atomic_file import write_table
 from hysteresis._show import aligned
-from identify.internal import read_checked
+from hysteresis.records._csv import parse_condition
+from hysteresis.records._table import Table
+from identify.internal import metrics, read_checked
+from identify.results._metrics import Metrics
 
 from ..intake._selection import Selection
 from ._sensor import MAKE, Estimates, SoftSensor, load_sensor
@@ -56,7 +58,7 @@ def judged(
     figures: dict[str, Any] = {}
     known = counts & np.isfinite(force) & np.isfinite(found.force)
     if sensor.force is not None and known.any():
-        figures["force"] = identify.metrics(force[known], found.force[known])._asdict()
+        figures["force"] = metrics(force[known], found.force[known])._asdict()
     known = counts & (place != "")
     if sensor.localizer is not None and known.any():
         figures["place"] = _places(sensor, found, place, known, counts & (place == ""))
@@ -131,7 +133,7 @@ def estimate(
     notes += _swapped(sensor, found, readings, place)
     target = target or folder / f"estimated-{Path(file).stem}.csv"
     _write(target, sensor, found, table.line[rows], time)
-    none = dict.fromkeys(identify.Metrics._fields)
+    none = dict.fromkeys(Metrics._fields)
     columns = {k: x.tolist() for k, x in found._asdict().items() if k.endswith("status")}
     statuses = {k: dict(sorted(Counter(x).items())) for k, x in columns.items() if any(x)}
     return {

@@ -10,8 +10,11 @@ import numpy as np
 import identify
 from compensate import CalibratedCompensator, Quantity, Status, estimate, invert
 from compensate.microchannel import BackwardsModel, ForceEstimator, export_force
-from hysteresis import InputError, Record, conversion, with_condition
+from hysteresis import InputError, Record, conversion
 from hysteresis._atomic_file import write_table
+from hysteresis.models._conditioned import with_condition
+from identify.internal import metrics
+from identify.results._metrics import Metrics
 
 from .._invert import error_of, longest_sequence
 from .._invert import invert as invert_fit
@@ -61,10 +64,10 @@ def estimate_by_fit(
         held = f"{100 * coverage:.3g} % of the rows that the fit held out"
         said.append(f"The 90 % band holds {held if np.isfinite(coverage) else 'an unknown share'}.")
     wanted = record.input if inverse else record.output
-    figures: dict[str, Any] = dict.fromkeys(identify.Metrics._fields)
+    figures: dict[str, Any] = dict.fromkeys(Metrics._fields)
     known = record.mask & np.isfinite(wanted) & np.isfinite(value)
     if compared and known.any():
-        figures = identify.metrics(newtons * wanted[known], newtons * value[known])._asdict()
+        figures = metrics(newtons * wanted[known], newtons * value[known])._asdict()
     target = target or folder / f"estimated-{file.stem}.csv"
     words = [Status(int(s)).name for s in status]
     time = [""] * len(record) if record.time is None else record.time.tolist()

@@ -17,7 +17,8 @@ from compensate.microchannel import BackwardsModel, EverettNetwork
 from hysteresis import AbstractModel, InputError, Record, Series
 from hysteresis.curves import PolynomialCurve
 from hysteresis.networks import StaircaseNetwork
-from identify import Trained, train
+from identify.internal import train
+from identify.training._train import Trained
 
 from ._force_records import ForceData
 

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from compensate.microchannel import ForceEstimator
 from hysteresis import InputError
 from hysteresis.numerics._normal import NORMAL_95
-from identify import Trained
+from identify.training._train import Trained
 
 from ._force_networks import (
     DECAYS,
@@ -99,7 +99,7 @@ def train_force(
     **Returns:** a `ForceTraining`: the estimator, and its errors on held-out rows in N.
 
     **Raises:** `InputError` for records that cannot be learnt from, see `gather`; for an unknown kind or
-    fewer than two members; and as `identify.train` and `identify.fit` do.
+    fewer than two members; and as `identify.internal.train` and `identify.fit` do.
 
     **Source:** Kim and Park (2018), section III A, for the network only.
 

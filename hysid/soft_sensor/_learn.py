@@ -6,9 +6,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-import identify
-from compensate.microchannel import Localizer, PositionEstimator, Readout, standardised
+from compensate.microchannel import Localizer, Readout
+from compensate.microchannel._position import PositionEstimator, standardised
 from hysteresis import InputError
+from identify.training._gaussian_process import fit_kernel
 
 from ._sensor import Quantity
 from ._sessions import Streams, Targets
@@ -26,9 +27,9 @@ def fit_positions(
     - `least`: the sensor is not touched while every |reading| is below this, in the unit of the readings.
     - `seed`: of the search for the length scales.
 
-    **Returns:** a `compensate.microchannel.PositionEstimator`.
+    **Returns:** a `PositionEstimator`.
 
-    **Raises:** `InputError` as `identify.fit_kernel` and `PositionEstimator` do.
+    **Raises:** `InputError` as `PositionEstimator` does.
 
     **Example:**
 
@@ -41,7 +42,7 @@ def fit_positions(
     """
     places = np.asarray(places, float)
     x = np.asarray(standardised(readings)[0])
-    kernel = identify.fit_kernel(x, places - places.mean(0), seed)
+    kernel = fit_kernel(x, places - places.mean(0), seed)
     return PositionEstimator(readings, places, kernel, least=least)
 
 

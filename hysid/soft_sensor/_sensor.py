@@ -11,14 +11,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from compensate import Status
-from compensate.microchannel import (
-    ChannelStatus,
-    ForceEstimator,
-    Localizer,
-    PlaceStatus,
-    PositionEstimator,
-    Readout,
-)
+from compensate.microchannel import ChannelStatus, ForceEstimator, Localizer, PlaceStatus, Readout
+from compensate.microchannel._position import PositionEstimator
 from hysteresis import InputError
 from hysteresis._limits import damage_told, load_arrays
 from hysteresis._serialisation import Arrays, described, rebuilt
@@ -222,12 +216,6 @@ def load_sensor(folder: str | Path) -> SoftSensor:
 
     **Raises:** `InputError` where the folder has no sensor, a file is damaged or was changed, or a newer
     version of hysid wrote it.
-
-    **Example:**
-
-        >>> sensor = hysid.load_sensor(sensor_folder)
-        >>> [channel.name for channel in sensor.channels]
-        ['layer 1', 'layer 2']
     """
     folder = Path(folder)
     document = read_checked(folder, WORDS, SCHEMA, make=MAKE, again=AGAIN)

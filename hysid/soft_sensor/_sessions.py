@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
-from hysteresis import InputError, Record, Table, read_csv
+from hysteresis import InputError, Record, read_csv
+from hysteresis.records._table import Table
 
 from ..intake._selection import Selection
 from ._sensor import Quantity

@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from hysteresis import InputError, Record, Table, check_identifiable, read_table
+from hysteresis import InputError, Record, check_identifiable, read_table
 from hysteresis.records._excitation import clipped
+from hysteresis.records._table import Table
 from hysteresis.records._units import written_unit
 
 from ..figures._format import plain_name, pretty

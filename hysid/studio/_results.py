@@ -14,6 +14,7 @@ import numpy as np
 import identify
 from compensate.export.targets._export_to import TARGETS
 from hysteresis import InputError, Record
+from identify import load_posterior
 
 from ..figures._format import axes_of
 from ..figures._sliders import Slider, moved, sliders_of
@@ -152,7 +153,7 @@ class Fits:
     def posterior_marginals(self, folder: Path) -> list[dict[str, Any]]:
         """A histogram of each parameter's draws, 99 % of them."""
         with self._lock:
-            posterior = identify.load_posterior(folder)
+            posterior = load_posterior(folder)
         if posterior is None:
             return []
         draws = posterior.draws.reshape(-1, len(posterior.names))

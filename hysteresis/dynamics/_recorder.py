@@ -17,13 +17,7 @@ LAGS, LEARNT = 48, 2000
 
 
 def stages_of(factor: int) -> tuple[int, ...]:
-    """A decimation factor in stages of prime factors, the smallest first: 20 is (2, 2, 5).
-
-    **Example:**
-
-        >>> hysteresis.stages_of(20)
-        (2, 2, 5)
-    """
+    """A decimation factor in stages of prime factors, the smallest first: 20 is (2, 2, 5)."""
     found, rest, prime = [], factor, 2
     while rest > 1:
         while rest % prime == 0:

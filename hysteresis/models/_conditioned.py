@@ -205,15 +205,7 @@ def _on_axis(c: Array, axis: str) -> Array:
 
 
 def condition_of(model: Any) -> Conditioned | None:
-    """The part of a model that takes a condition beside the input; None where there is none.
-
-    **Example:**
-
-        >>> line = hysteresis.LinearSponge(K=1.0, b=0.0)
-        >>> whole = hysteresis.Scaled(hysteresis.Conditioned([line], [20.0], "temperature"), -1.0)
-        >>> hysteresis.condition_of(whole).condition, hysteresis.condition_of(line)
-        ('temperature', None)
-    """
+    """The part of a model that takes a condition beside the input; None where there is none."""
     if isinstance(model, Conditioned):
         return model
     if isinstance(model, Scaled):
@@ -244,11 +236,6 @@ def with_condition(model: Any, record: Record, x: Any) -> Any:
     **Returns:** `x` itself; for a model that depends on a condition an array (samples, 2), x and c.
 
     **Raises:** `InputError` `no-condition` where the record lacks the condition.
-
-    **Example:**
-
-        >>> hysteresis.with_condition(hysteresis.LinearSponge(K=2.0), record, record.input).shape
-        (101,)
     """
     found = condition_of(model)
     if found is None:

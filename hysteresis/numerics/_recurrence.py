@@ -27,12 +27,6 @@ def linear_recurrence(a: Rows, b: Rows) -> Rows:
 
     On a CPU a plain scan is the fastest way; an accelerator needs the associative form, whose depth is
     log(samples).
-
-    **Example:**
-
-        >>> a, b = jnp.full(4, 0.5), jnp.ones(4)
-        >>> hysteresis.linear_recurrence((a,), (b,))[0].tolist()
-        [1.0, 1.5, 1.75, 1.875]
     """
     return _solve(a, b)
 

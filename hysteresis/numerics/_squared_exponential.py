@@ -12,14 +12,7 @@ from .._registry import register
 class Kernel(NamedTuple):
     """Squared-exponential covariance of a function's values, plus noise^2 on each value:
 
-        k(x, x') = size^2 exp(-sum_j (x_j - x'_j)^2 / (2 length_j^2))
-
-    **Example:**
-
-        >>> kernel = hysteresis.Kernel(jnp.array(2.0), jnp.array([1.0]), jnp.array(0.1))
-        >>> x = jnp.array([[0.0], [1.0]])
-        >>> np.asarray(kernel.between(x, x)).round(2).tolist()
-        [[4.0, 2.43], [2.43, 4.0]]
+    k(x, x') = size^2 exp(-sum_j (x_j - x'_j)^2 / (2 length_j^2))
     """
 
     size: Float[Array, ""]

@@ -88,13 +88,7 @@ def bilinear(table: Float[Array, "nodes nodes"], pairs: GridPairs) -> Float[Arra
 
 
 def read(array: Array, index: Any) -> Array:
-    """array[index] without a bounds check, which would double the time; no index may be negative.
-
-    **Example:**
-
-        >>> int(hysteresis.preisach.read(jnp.array([10, 20, 30]), 2))
-        30
-    """
+    """array[index] without a bounds check, which would double the time; no index may be negative."""
     return array.at[index].get(mode="promise_in_bounds", wrap_negative_indices=False)
 
 

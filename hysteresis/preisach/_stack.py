@@ -20,13 +20,6 @@ class OpenLoops(NamedTuple):
     - `extremum`, `level` (capacity,): input and output at each; entry 0 is the negative saturation.
     - `depth`: the number of entries in use.
     - `dropped`: the number of loops that were forgotten because the stack was full.
-
-    **Example:**
-
-        >>> none = hysteresis.preisach.OpenLoops.none(8, jnp.array(0.0), jnp.array(-1.0))
-        >>> loops = none.push(jnp.array(True), jnp.array(6.0), jnp.array(2.0))
-        >>> int(loops.depth), [float(x) for x in loops.anchor]
-        (2, [6.0, 2.0])
     """
 
     extremum: Array

@@ -345,13 +345,6 @@ def parse_condition(text: str) -> Callable[[Table | Record], np.ndarray]:
 
     Numbers compare as numbers: `run=4` holds for "4" and 4.0. The function raises `no-column`,
     and `no-match` where a value occurs nowhere. Raises `bad-condition`.
-
-    **Example:**
-
-        >>> table = hysteresis.read_table(datasets / "sponge-50mm-cycles.csv")
-        >>> rows = hysteresis.parse_condition("cycle=2,3")(table)
-        >>> int(rows.sum())
-        40
     """
     name, equals, right = text.partition("=")
     name, values = name.strip(), [v.strip() for v in right.split(",")]

@@ -75,14 +75,6 @@ class LoopTable:
     - `run`, `cycle`: (k,) sequence and number in it. `first`, `last`: (k,) lines. `full`: (k,) whether its
       range of inputs is 95 % of the widest.
     - `figures`: a `LoopFigure` each. `model`: the same loops as a fitted model has them, or None.
-
-    **Example:**
-
-        >>> table = record.loops()
-        >>> f"{table['damping ratio'].value[-1]:.3f} +- {table['damping ratio'].error[-1]:.3f}"
-        '0.079 +- 0.004'
-        >>> table["initial stiffness, loading"].reason[0]
-        'too few rows there'
     """
 
     kind: str

@@ -34,12 +34,6 @@ class Table:
     - `path`, `sha256`: the file; `notes`: a sentence for each thing that was not plain.
     - `decimal`, `na_values`: what the numbers were read with.
     - `share`: of the file's bytes, those that were read: 1, or less of an excerpt.
-
-    **Example:**
-
-        >>> table = hysteresis.read_table(datasets / "sponge-50mm-cycles.csv")
-        >>> table.number("force (N)")[:3].tolist()
-        [0.0, 2.0, 4.0]
     """
 
     columns: Mapping[str, np.ndarray]

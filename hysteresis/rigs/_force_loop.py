@@ -179,15 +179,7 @@ class ForceLoopRig:
 
 
 class ForceLoop:
-    """A run of a `ForceLoopRig`: command by command.
-
-    **Example:**
-
-        >>> sensor = hysteresis.rigs.MicrochannelRig(seed=11)
-        >>> loop = hysteresis.rigs.ForceLoopRig(sensor=sensor).start()
-        >>> [round(loop.step(1.0).force, 3) for _ in range(3)]
-        [0.028, 0.101, 0.206]
-    """
+    """A run of a `ForceLoopRig`: command by command."""
 
     def __init__(self, rig: ForceLoopRig, session: int):
         self._rig = rig

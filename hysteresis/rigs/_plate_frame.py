@@ -27,13 +27,6 @@ class PlateFrame:
     **Raises:** `InputError` if a parameter is outside its range.
 
     Source: Timoshenko and Woinowsky-Krieger, Theory of Plates and Shells (1959), section 34.
-
-    **Example:**
-
-        >>> frame = hysteresis.rigs.PlateFrame(thickness_mm=5.0)
-        >>> half, top = np.array([[0.25, 0.25]]), np.array([False])
-        >>> (15 * frame.compliance(np.zeros((1, 2)), half, top)).round(2).tolist()  # mm
-        [1.19]
     """
 
     thickness_mm: float = 5.0

@@ -62,14 +62,7 @@ class SpongeStatistics(NamedTuple):
 
 
 class SpongeCycles(NamedTuple):
-    """A cyclic force test as recorded. The 0 N sample between two cycles ends the earlier one.
-
-    **Example:**
-
-        >>> cycles = hysteresis.rigs.SpongeRig().five_cycles()
-        >>> round(cycles.statistics().mean_gap, 2)
-        3.93
-    """
+    """A cyclic force test as recorded. The 0 N sample between two cycles ends the earlier one."""
 
     time: Float[np.ndarray, " n"]
     """s"""

@@ -56,12 +56,6 @@ class Batch:
 
     - `failed`: why the others were not fitted, by name.
     - `skipped`: names of those that an earlier call had fitted already.
-
-    **Example:**
-
-        >>> batch = identify.fit_many([record], "LinearSponge", starts=2)
-        >>> len(batch), batch.fits["0"].name, batch.failed
-        (1, 'LinearSponge', {})
     """
 
     kept: dict[str, Kept] = field(default_factory=dict, repr=False)

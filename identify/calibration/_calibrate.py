@@ -11,7 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from hysteresis import InputError, parameter_at, parameters
+from hysteresis import InputError, parameters
+from hysteresis._parameter import parameter_at
 
 from ..parameters._precision import require_double
 from ..parametric._levenberg_marquardt import least_squares
@@ -95,13 +96,6 @@ class Calibration(Generic[System]):
     - `prior`, `residuals`: what it was calibrated with. `jacobian`: of the residuals, by z, at the mode.
 
     In the example: one parameter, measured as 2.1 with a standard deviation of 0.1; expected was 2 ± 0.5.
-
-    **Example:**
-
-        >>> sponge = hysteresis.LinearSponge(K=2.0, b=6.0, threshold=1.5)
-        >>> found = identify.calibrate(sponge, lambda s: (s.K[None] - 2.1) / 0.1, {"K": 0.5})
-        >>> found.draws(100).K.shape, round(found.rms, 2)
-        ((100,), 0.04)
     """
 
     system: System
@@ -189,16 +183,6 @@ def calibrate(
     Source: Gelman and others, Bayesian Data Analysis (2013), section 4.1, for the normal approximation.
 
     In the example: three readings of a line, with a noise of 0.1 mm.
-
-    **Example:**
-
-        >>> sponge = hysteresis.LinearSponge(K=1.2, b=6.0, threshold=1.5)
-        >>> force, reading = jnp.array([5.0, 10.0, 20.0]), jnp.array([12.6, 19.1, 32.1])
-        >>> def residuals(system):
-        ...     return (system.K * force + system.b - reading) / 0.1
-        >>> found = identify.calibrate(sponge, residuals, {"K": 0.2, "b": 1.0})
-        >>> [(p.name, round(p.value, 2), round(p.deviation, 3)) for p in found.parameters]
-        [('K', 1.3, 0.009), ('b', 6.1, 0.121)]
     """
     require_double(allow_float32)
     prior = prior_of(system, deviations)

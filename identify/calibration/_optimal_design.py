@@ -58,14 +58,6 @@ def choose(
     Source: Atkinson, Donev, Tobias, Optimum Experimental Designs, with SAS (2007), chapter 10.
 
     In the example: which force tells most about the stiffness of a line?
-
-    **Example:**
-
-        >>> sponge = hysteresis.LinearSponge(K=1.2, b=6.0, threshold=1.5)
-        >>> def residuals(system):
-        ...     return (system.K * jnp.array([5.0, 10.0, 20.0]) + system.b) / 0.1
-        >>> identify.choose(sponge, residuals, lambda s: s.K, {"K": 0.2, "b": 1.0}, 2).chosen.tolist()
-        [2, 0]
     """
     if count < 1:
         raise InputError(

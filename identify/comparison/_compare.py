@@ -85,12 +85,6 @@ class Comparison:
 
     - `ranked_on`: "held-out" blocks of the training part, or the "test" record.
     - `notes`: warnings, in sentences.
-
-    **Example:**
-
-        >>> comparison = identify.compare([fit, grid_fit])
-        >>> [model.name for model in comparison.models]
-        ['Preisach', 'LinearSponge']
     """
 
     models: tuple[Compared, ...]
@@ -183,13 +177,6 @@ def compare_candidates(folder: str | Path) -> Comparison:
     out, as in creep.
 
     In the example: a fit that tried two models.
-
-    **Example:**
-
-        >>> from dataclasses import replace
-        >>> place = identify.save(replace(fit, candidates=(fit, burgers)), folder / "both")
-        >>> [model.name for model in identify.compare_candidates(place).models]
-        ['Burgers', 'LinearSponge']
     """
     document = read_document(folder)
     tried = {candidate["model"]: candidate for candidate in document["candidates"]}

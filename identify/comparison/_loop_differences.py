@@ -6,7 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import ndtri, stdtr
 
-from hysteresis import InputError, LoopTable
+from hysteresis import InputError
+from hysteresis.records._loop_table import LoopTable
 
 from ._change import CLEAR, holm
 

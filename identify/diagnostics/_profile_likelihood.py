@@ -93,13 +93,7 @@ def profile(fit: FitResult, name: str, *, level: float = 0.9) -> Profile:
 def profiles(
     fit: FitResult, names: Iterable[str] | None = None, *, level: float = 0.9
 ) -> tuple[Profile, ...]:
-    """The profiles of several parameters, all those of the model unless named; see `profile`.
-
-    **Example:**
-
-        >>> [found.name for found in identify.profiles(fit)]
-        ['K', 'b']
-    """
+    """The profiles of several parameters, all those of the model unless named; see `profile`."""
     aim = target(fit)
     units = {p.name: p.unit for p in fit.parameters}
     asked = [n for n in aim.names if n in units] if names is None else list(names)

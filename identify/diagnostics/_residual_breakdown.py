@@ -40,14 +40,7 @@ class Part(NamedTuple):
 
 
 class Breakdown(NamedTuple):
-    """Residuals of a record in parts; `said`: where it is worst, in words.
-
-    **Example:**
-
-        >>> parts = identify.breakdown(fit)
-        >>> round(sum(part.share for part in parts.of("branch")), 6)
-        1.0
-    """
+    """Residuals of a record in parts; `said`: where it is worst, in words."""
 
     parts: tuple[Part, ...]
     said: str

@@ -8,8 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from hysteresis import AbstractModel, Note, ParameterInfo, parameters
+from hysteresis import AbstractModel, Note, parameters
 from hysteresis._note import warning
+from hysteresis._parameter import ParameterInfo
 
 from ..parameters._transform import transform_for
 from ..posterior._log_posterior import Target, target

@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from hysteresis import AbstractModel, AbstractViscoelastic, Note, Record
+from hysteresis import AbstractModel, Note, Record
 from hysteresis._note import warning
+from hysteresis.models._viscoelastic import AbstractViscoelastic
 
 
 def unseen_time_constants(model: AbstractModel, record: Record) -> list[Note]:

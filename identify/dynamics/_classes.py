@@ -5,7 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hysteresis import InputError, stages_of
+from hysteresis import InputError
+from hysteresis.dynamics._recorder import stages_of
 
 from ._duhem_search import SIZES, refined, started
 from ._linear_approximation import LinearApproximation

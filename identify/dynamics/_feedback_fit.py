@@ -119,7 +119,7 @@ def fit_feedback(
         ...     lines = np.arange(1, 60)
         ...     phases = 2 * np.pi * rng.random((len(lines), 1))
         ...     u = np.cos(2 * np.pi * np.outer(np.arange(256) / 256, lines) + phases.T).sum(1)[:, None]
-        ...     tests.append(identify.PeriodicTest(u, truth.steady(u, 0.2)[None], dt=0.2))
+        ...     tests.append(identify.periodic_test(u, truth.steady(u, 0.2), 0.2, 256))
         >>> fit = identify.fit_feedback(tests, groups=0)
         >>> fit.model.poles.round(3).tolist()
         [(-0.05+1.5j)]

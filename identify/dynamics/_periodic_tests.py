@@ -242,8 +242,7 @@ def distortion(tests: Sequence[PeriodicTest], bands: int = 4) -> list[Distortion
         >>> t = np.arange(256) / 256
         >>> rng = np.random.default_rng(0)
         >>> u = sum(np.cos(2 * np.pi * (k * t + rng.random())) for k in range(1, 40, 2))
-        >>> y = (u + 0.1 * u**2)[None, :, None]
-        >>> test = identify.PeriodicTest(u[:, None], np.tile(y, (2, 1, 1)), 0.01)
+        >>> test = identify.periodic_test(np.tile(u, 2), np.tile(u + 0.1 * u**2, 2), 0.01)
         >>> row = identify.distortion([test], bands=1)[0]
         >>> row.even > 10 * row.odd
         True

@@ -26,16 +26,6 @@ class RecordedMotion:
     - `period`: rows of the fitted record's period; 0 where it had none.
     - `initial`: displacement, velocity and hysteretic force before the fitted record, of one without a
       period. `force`: of the fitted rows.
-
-    **Example:**
-
-        >>> t = np.arange(400) / 750
-        >>> pulse = hysteresis.Record.from_arrays(np.sin(60 * t) * np.exp(-9 * t), 0 * t, t)
-        >>> spring = hysteresis.BoucWenForce(alpha=5e4, beta_gamma=800.0)
-        >>> plant = hysteresis.Oscillator(2.0, 10.0, 5e4, spring)
-        >>> motion = identify.RecordedMotion(plant, 1 / 750, 20, (), 0, (0.0, 0.0, 0.0), pulse.input)
-        >>> float(motion.from_rest(pulse).max().round(7))
-        1.13e-05
     """
 
     model: Oscillator

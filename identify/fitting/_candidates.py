@@ -3,8 +3,8 @@
 from dataclasses import replace
 from typing import Any
 
-from hysteresis import AbstractModel, InputError, Preisach, model_names
-from hysteresis._registry import OURS, find_model, registered, similar
+from hysteresis import AbstractModel, InputError, Preisach
+from hysteresis._registry import OURS, find_model, model_names, registered, similar
 from hysteresis.preisach import GridDensity
 
 from ._butterfly import ButterflyCandidate

@@ -7,13 +7,13 @@ from jaxtyping import Bool, Float
 
 from hysteresis import Preisach
 from hysteresis.preisach import (
-    AbstractDensity,
     GaussianDensity,
     GridDensity,
     LogNormalDensity,
     LorentzianDensity,
     SumDensity,
 )
+from hysteresis.preisach._density import AbstractDensity
 
 from ..linear._preisach_fit import fit_preisach
 from ..linear._preisach_problem import COARSE

@@ -11,7 +11,8 @@ import numpy as np
 from jaxtyping import Float
 
 from hysteresis import InputError, Preisach, Record
-from hysteresis.preisach import Initial, PreisachInput
+from hysteresis.preisach import Initial
+from hysteresis.preisach._preisach import PreisachInput
 
 from ..records._folds import Parts
 from ..records._run_model import predict, prepare

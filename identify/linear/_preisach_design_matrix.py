@@ -13,7 +13,9 @@ import numpy as np
 import scipy.sparse as sparse
 from jaxtyping import Float, Int
 
-from hysteresis.preisach import GridDensity, GridPairs, Preisach, PreisachInput
+from hysteresis.preisach import GridDensity, Preisach
+from hysteresis.preisach._everett import GridPairs
+from hysteresis.preisach._preisach import PreisachInput
 
 ROWS = 1 << 16
 """Rows of a block."""

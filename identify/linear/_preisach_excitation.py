@@ -18,7 +18,8 @@ import scipy.sparse as sparse
 from jaxtyping import Bool, Float
 
 from hysteresis import InputError, Preisach, Record
-from hysteresis.preisach import GridDensity, PreisachInput
+from hysteresis.preisach import GridDensity
+from hysteresis.preisach._preisach import PreisachInput
 
 from ..records._run_model import located
 from ._preisach_design_matrix import NodeSpace, design_block, design_blocks, design_rows
@@ -50,11 +51,6 @@ class Design(NamedTuple):
 
     - `turns`: inputs to visit one after the other, at any speed, from negative saturation.
     - `after`: what is told with its data added.
-
-    **Example:**
-
-        >>> identify.design(record, 6, most=3).input(10).shape
-        (67,)
     """
 
     turns: Float[np.ndarray, " turns"]
@@ -144,14 +140,7 @@ def design(
 def excited_cells(
     model: Preisach, record: Record, used: Bool[np.ndarray, " samples"]
 ) -> Bool[np.ndarray, "cells cells"]:
-    """Which cells of a model's grid switched among the used rows: about the others these say nothing.
-
-    **Example:**
-
-        >>> cells = identify.excited_cells(grid_fit.model, grid_fit.train, grid_fit.used)
-        >>> cells.shape, int(cells.sum())
-        ((6, 6), 21)
-    """
+    """Which cells of a model's grid switched among the used rows: about the others these say nothing."""
     assert isinstance(model.density, GridDensity)
     density, cells = model.density, model.density.cells
     grid = _grid(cells, density.low, density.high, model.initial, density.nodes)

@@ -18,7 +18,8 @@ from jaxtyping import Bool, Float
 from scipy.sparse.linalg import LinearOperator, cg
 
 from hysteresis import Preisach
-from hysteresis.preisach import GridDensity, PreisachInput
+from hysteresis.preisach import GridDensity
+from hysteresis.preisach._preisach import PreisachInput
 
 from ._nnls import nonnegative_least_squares
 from ._preisach_problem import smoothness

@@ -10,8 +10,8 @@ from jax.scipy.special import gammaln
 from jaxtyping import Array, Bool, Float
 from scipy.linalg.lapack import dtbtrs  # pyright: ignore[reportAttributeAccessIssue]
 
-from hysteresis import linear_recurrence
 from hysteresis._parameter import array_module
+from hysteresis.numerics._recurrence import linear_recurrence
 
 if TYPE_CHECKING:
     Known = Any  # the operators of the two libraries have no type in common

@@ -45,11 +45,6 @@ def estimate_noise(residuals: list[Float[np.ndarray, " _"]], parameters: int = 0
       widens the error of parameters whose effect has the residuals' own rhythm, such as the cycle's.
 
     The effective sample size stays above the number of parameters, so errors stay finite.
-
-    **Example:**
-
-        >>> identify.estimate_noise([np.array([0.1, -0.1, 0.1, -0.1])])
-        Noise(sigma=0.1, samples=4, correlation_time=1.0)
     """
     samples = sum(len(r) for r in residuals)
     squares = sum(float(r @ r) for r in residuals)

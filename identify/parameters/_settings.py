@@ -9,7 +9,8 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from hysteresis import InputError, ParameterInfo, parameter_at, parameters
+from hysteresis import InputError, parameters
+from hysteresis._parameter import ParameterInfo, parameter_at
 
 from ._priors import Prior, prior
 

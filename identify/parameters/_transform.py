@@ -9,7 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from hysteresis import AbstractModel, Record, parameter_at, parameters
+from hysteresis import AbstractModel, Record, parameters
+from hysteresis._parameter import parameter_at
 
 from ._priors import Prior
 from ._settings import Setting, Settings

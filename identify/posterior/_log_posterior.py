@@ -35,12 +35,6 @@ class Target(eqx.Module):
     - `start`: the maximum that the fit found.
     - `weight`: below 1 where no noise model explains the residuals' correlation: they count for as many as
       are independent.
-
-    **Example:**
-
-        >>> aim = identify.target(fit)
-        >>> bool(np.isfinite(aim.start).all()), len(aim.start)
-        (True, 3)
     """
 
     bounds: Transform
@@ -120,11 +114,6 @@ def target(fit: FitResult, held: tuple[str, ...] = ()) -> Target:
     independent.
 
     Raises `InputError` for a fit by weights or a spectrum, and where no parameter is free.
-
-    **Example:**
-
-        >>> identify.target(fit).names
-        ('K', 'b', 'sigma')
     """
     if isinstance(fit.detail, Motion):
         raise InputError(

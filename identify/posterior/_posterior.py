@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from hysteresis import html_of, plot_of
+from hysteresis._drawing import html_of, plot_of
 from hysteresis._show import aligned, at_most
 
 from ._convergence import has_two_modes, rhat

@@ -7,8 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from hysteresis import AbstractModel, Note, Record, with_condition
+from hysteresis import AbstractModel, Note, Record
 from hysteresis._known_past import KnownPast, known_past, outputs_of
+from hysteresis.models._conditioned import with_condition
 from hysteresis.records._abstract_record import KNOWN
 
 RELATIVE = "rms of the sequence"

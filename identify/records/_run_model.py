@@ -5,8 +5,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from hysteresis import AbstractModel, Preisach, Record, with_condition
-from hysteresis.preisach import PreisachInput
+from hysteresis import AbstractModel, Preisach, Record
+from hysteresis.models._conditioned import with_condition
+from hysteresis.preisach._preisach import PreisachInput
 
 
 def prepare(model: AbstractModel, record: Record) -> Any:
@@ -22,13 +23,7 @@ def located(model: Preisach, record: Record) -> PreisachInput:
 
 
 def predict(model: AbstractModel, record: Record) -> Float[np.ndarray, " samples"]:
-    """The model's output on the record, in the output's unit; every sequence starts from the virgin state.
-
-    **Example:**
-
-        >>> float(np.abs(identify.predict(fit.model, record) - fit.predict(record)).max())
-        0.0
-    """
+    """The model's output on the record, in the output's unit; each sequence starts in the virgin state."""
     u = with_condition(model, record, record.input)
     return np.asarray(model.simulate(record.time, u, starts=starts_of(record)))
 

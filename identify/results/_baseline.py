@@ -18,12 +18,6 @@ class Baseline(NamedTuple):
       consecutive rows, paired with those of a fit.
     - `residuals`: predicted - measured on the training rows, NaN where not counted; None of a fit that was
       loaded.
-
-    **Example:**
-
-        >>> [one.name for one in fit.baselines][:2]
-        ['constant', 'straight line']
-        >>> rmse, percent = fit.baselines[1].judged
     """
 
     name: str

@@ -6,7 +6,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hysteresis import InputError, Record, html_of, plot_of
+from hysteresis import InputError, Record
+from hysteresis._drawing import html_of, plot_of
 from hysteresis._format import number_of, plain, quantity
 from hysteresis._show import aligned
 from hysteresis.records._loads import over
@@ -86,12 +87,6 @@ class DataSheet:
       `zero`, `scale`: output at `low`, and how far it goes to `high`.
     - `inputs`: (levels,) at which branches were compared; `rising`, `falling`: (loops, levels) outputs.
     - `holds`: times and outputs of each hold above half of the range.
-
-    **Example:**
-
-        >>> sheet = identify.data_sheet(record)
-        >>> sheet["creep"].value is None, sheet["creep"].reason
-        (True, 'the input is never held there')
     """
 
     record: Record

@@ -34,13 +34,7 @@ Arrays: TypeAlias = Mapping[str, np.ndarray]
 
 @dataclass(frozen=True, eq=False)
 class Parametric:
-    """A model of few parameters, fitted by maximum likelihood or least squares.
-
-    **Example:**
-
-        >>> fit.detail.kind
-        'parametric'
-    """
+    """A model of few parameters, fitted by maximum likelihood or least squares."""
 
     kind: ClassVar[str] = "parametric"
     is_linear: ClassVar[bool] = False
@@ -63,15 +57,7 @@ class Parametric:
 
 @dataclass(frozen=True, eq=False)
 class GridWeights:
-    """The weights of a Preisach model on a grid, fitted by non-negative least squares.
-
-    **Example:**
-
-        >>> isinstance(grid_fit.detail, identify.GridWeights)
-        True
-        >>> len(grid_fit.detail.linear.meaning.block)
-        21
-    """
+    """The weights of a Preisach model on a grid, fitted by non-negative least squares."""
 
     linear: LinearFit[GridUnknowns]
     kind: ClassVar[str] = "grid weights"
@@ -101,11 +87,6 @@ class Composition:
     """A sum of parts, each linear in its unknowns, fitted by non-negative least squares.
 
     `linear.meaning.parts` names the parts.
-
-    **Example:**
-
-        >>> identify.Composition.is_linear
-        True
     """
 
     linear: LinearFit[CompositionUnknowns] | LinearFit[ConditionedUnknowns]
@@ -143,11 +124,6 @@ class ReversalCurves:
     """A Preisach model read off first-order reversal curves, see `everett_surface`.
 
     `count`: how many.
-
-    **Example:**
-
-        >>> identify.ReversalCurves(12).kind
-        'reversal curves'
     """
 
     count: int
@@ -176,11 +152,6 @@ class FoldedState:
     """Butterfly loops: a composition of a state without a unit, and the curve that makes the output of it.
 
     `linear.meaning.parts` names the parts of the state.
-
-    **Example:**
-
-        >>> identify.FoldedState.kind
-        'butterfly'
     """
 
     linear: LinearFit[CompositionUnknowns]
@@ -211,11 +182,6 @@ class DiscreteSpectrum:
     """A spectrum of time constants, of creep or relaxation under a constant input or of moduli.
 
     `shifts`: of the temperatures, where the record has them.
-
-    **Example:**
-
-        >>> isinstance(fit.detail, identify.DiscreteSpectrum)
-        False
     """
 
     spectrum: Spectrum

@@ -4,13 +4,7 @@ from typing import Any, NamedTuple
 
 
 class RowsBeyond(NamedTuple):
-    """Some held-out rows: how many, and the rms error over them; None where there are none.
-
-    **Example:**
-
-        >>> identify.RowsBeyond(rows=0, rmse=None).rows
-        0
-    """
+    """Some held-out rows: how many, and the rms error over them; None where there are none."""
 
     rows: int
     rmse: float | None
@@ -23,12 +17,6 @@ class Extrapolation(NamedTuple):
       `FitResult.beyond`. `rate`: it moves faster than ever.
     - `time`: it has been held for longer than ever, where that means within 2 % of its range.
     - `inside`: none of these.
-
-    **Example:**
-
-        >>> held_out = identify.fit(record, "LinearSponge", test_cycles=1, noise="gaussian", starts=2)
-        >>> held_out.extrapolation.input.rows, held_out.extrapolation.inside.rows
-        (0, 20)
     """
 
     input: RowsBeyond

@@ -14,7 +14,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from hysteresis import AbstractModel, Record, parameter_at, parameters
+from hysteresis import AbstractModel, Record, parameters
+from hysteresis._parameter import parameter_at
 
 from ..linear._composition import CompositionUnknowns
 from ..linear._composition_fit import SLACK

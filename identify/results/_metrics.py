@@ -28,14 +28,7 @@ def metrics(
     mask: Bool[np.ndarray, " samples"] | None = None,
     weights: Float[np.ndarray, " samples"] | None = None,
 ) -> Metrics:
-    """Errors of a prediction over the masked rows, each times its weight over the weights' rms.
-
-    **Example:**
-
-        >>> measured = np.array([0.0, 1.0, 2.0])
-        >>> round(identify.metrics(measured, measured + [0, 0, 0.3]).nrmse_percent, 2)
-        8.66
-    """
+    """Errors of a prediction over the masked rows, each times its weight over the weights' rms."""
     each = np.ones(len(measured)) if weights is None else weights
     if mask is not None:
         measured, predicted, each = measured[mask], predicted[mask], each[mask]

@@ -26,11 +26,6 @@ class Motion:
     - `linear`: the best linear approximation.
     - `few`: the hysteresis has few parameters, not weights. `starts`: chi2 of every start of the search.
     - `records`: digests of the forces of the training and of the test record.
-
-    **Example:**
-
-        >>> identify.Motion.kind
-        'motion'
     """
 
     recorded: RecordedMotion

@@ -14,7 +14,8 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.special import stdtrit
 
-from hysteresis import Record, parameter_at
+from hysteresis import Record
+from hysteresis._parameter import parameter_at
 
 from ..parameters._settings import numbers_of
 from ._detail import Parametric
@@ -67,12 +68,6 @@ def repeatability(fit: FitResult) -> Repeatability | None:
     with a standard error.
 
     Source: Liang and Zeger, Biometrika 73 (1986), for independent clusters.
-
-    **Example:**
-
-        >>> found = identify.repeatability(fit)
-        >>> found.names, found.cycles
-        (('K', 'b'), 3)
     """
     names = tuple(p.name for p in fit.parameters if p.status == "free")
     group = groups_of(fit.train, fit.used)

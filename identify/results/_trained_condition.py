@@ -5,9 +5,9 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
-from hysteresis import AbstractModel, Conditioned, Record, condition_of
+from hysteresis import AbstractModel, Conditioned, Record
 from hysteresis._format import quantity
-from hysteresis.models._conditioned import condition_column
+from hysteresis.models._conditioned import condition_column, condition_of
 
 from ..records._conditions import between, inner_folds, outside, trained_values
 from ..records._folds import BLOCKS_OF_FOLD
@@ -21,11 +21,6 @@ class TrainedCondition(NamedTuple):
     - `knots`, `axis`: of the model, see `Conditioned`.
     - `error`: rms error at trained values that were held out while the model was chosen, in the unit of the
       output: what to expect between trained values. None where fewer than three were trained.
-
-    **Example:**
-
-        >>> fit.condition is None
-        True
     """
 
     name: str

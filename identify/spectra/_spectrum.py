@@ -85,13 +85,6 @@ class Spectrum(NamedTuple):
     - `way`: to the hold that was fitted; None for a step and for a record with an input.
     - `dense`: whether the model is the dense spectrum.
     - `answers`: of every row of the table; not kept with a saved fit.
-
-    **Example:**
-
-        >>> times = np.geomspace(0.1, 100, 60)
-        >>> found = identify.spectrum(identify.Response(times, 3 - 2 * np.exp(-times / 5)))
-        >>> type(found.model).__name__
-        'GeneralizedKelvinVoigt'
     """
 
     kind: Kind

@@ -48,14 +48,6 @@ class Shifts(NamedTuple):
       log10 a about it.
     - `left`: rms of the weighted residuals at each temperature; `alone`: those of a spectrum of its own.
       What the first has more is what one spectrum for all temperatures leaves over.
-
-    **Example:**
-
-        >>> none = np.zeros(1)
-        >>> law = "WLF", (8.86, 101.6)
-        >>> found = identify.Shifts(none + 50, none, none, 50.0, *law, 0.0, none, none)
-        >>> round(found.at(70.0), 3)
-        -1.457
     """
 
     temperature: PerTemperature
@@ -96,13 +88,7 @@ class Shifts(NamedTuple):
 
 
 class MasterCurve(NamedTuple):
-    """The spectrum at the reference temperature, and the shifts of the others.
-
-    **Example:**
-
-        >>> identify.MasterCurve._fields
-        ('spectrum', 'shifts')
-    """
+    """The spectrum at the reference temperature, and the shifts of the others."""
 
     spectrum: Spectrum
     shifts: Shifts

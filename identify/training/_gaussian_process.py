@@ -6,7 +6,8 @@ import numpy as np
 import optimistix
 from jaxtyping import Array, Float
 
-from hysteresis import InputError, Kernel
+from hysteresis import InputError
+from hysteresis.numerics._squared_exponential import Kernel
 
 MOST_ROWS = 600
 """Rows used to choose the scales. The cost grows with their cube, and more rows change little."""
@@ -38,13 +39,6 @@ def fit_kernel(
     Raises `InputError` `too-few-rows` for fewer than ten rows, and `not-finite`.
 
     Source: Rasmussen and Williams, Gaussian processes for machine learning (2006), equation 5.8.
-
-    **Example:**
-
-        >>> x = np.linspace(-2, 2, 30)[:, None]
-        >>> kernel = identify.fit_kernel(x, np.sin(2 * x))
-        >>> kernel.length.shape, float(kernel.noise) < 1e-3
-        ((1,), True)
     """
     if len(x) < 10 or len(x) != len(y):
         raise InputError(

@@ -15,7 +15,8 @@ import optax
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
-from hysteresis import InputError, is_concrete
+from hysteresis import InputError
+from hysteresis._parameter import is_concrete
 
 from ..parameters._precision import require_double
 from ..storage._checkpoint import Checkpoint, Work, digest
@@ -183,18 +184,6 @@ def train(
     Source: Kim and Park (2018), section III A: Adam, batches of 64, 1,000 epochs, a tenth to validate.
 
     In the example: a line, learnt from 64 points.
-
-    **Example:**
-
-        >>> import equinox as eqx
-        >>> def loss(line, rows, key):
-        ...     x, y = rows
-        ...     return jnp.mean((jax.vmap(line)(x) - y) ** 2)
-        >>> x = jnp.linspace(-1.0, 1.0, 64)[:, None]
-        >>> line = eqx.nn.Linear(1, 1, key=jax.random.key(0))
-        >>> found = identify.train(line, loss, (x, 3 * x + 1), epochs=100, learning_rate=0.1)
-        >>> found.stopped, round(float(found.module.bias[0]))
-        ('epochs', 1)
     """
     since = time.perf_counter()
     require_double(float32)

@@ -7,15 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from compensate import (
-    GuardedCompensator,
-    Origin,
-    Past,
-    Status,
-    export_c,
-    export_runtime,
-    invert,
-)
+from compensate import Past, Status, export_c, export_runtime, invert
+from compensate.export._export import Origin
 from compensate.runtime import load
 from compensate.runtime._file import checksum
 from hysteresis import (
@@ -76,11 +69,9 @@ def test_jax_python_and_c_are_the_same(name: str, beyond: Any, tmp_path: Path):
     readings = np.nanquantile(y, 0.05), np.nanquantile(y, 0.95)
     past = Past(t, invert(model).simulate(t, y).value)
     own = invert(model, trained=(low, high), start="unknown", past=past)
-    assert isinstance(own, GuardedCompensator)
+    assert type(own).__name__ == "GuardedCompensator"
     seen = np.nanquantile(y, 0.2), np.nanquantile(y, 0.8)
-    compensator = GuardedCompensator(
-        own.inner, low, high, beyond, own.starts, seen=seen, readings=readings
-    )
+    compensator = type(own)(own.inner, low, high, beyond, own.starts, seen=seen, readings=readings)
     wanted = compensator.simulate(t, y)
     value, status = np.asarray(wanted.value), np.asarray(wanted.status)
     assert (status == Status.EXTRAPOLATED).sum() > 5

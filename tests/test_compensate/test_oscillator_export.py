@@ -36,7 +36,7 @@ def test_targets_step_as_the_model(name: str, tmp_path):
     wanted = plant(name).displacement(T, FORCE)
     step = np.diff(T, prepend=T[0])
     sensor = compensate.runtime.load(program.write_runtime(tmp_path / "it.json").path)
-    assert isinstance(sensor, compensate.runtime.Compensator)
+    assert type(sensor).__name__ == "Compensator"
     found = [sensor.step(*now).value for now in zip(step, FORCE, strict=True)]
     assert np.abs(found - wanted).max() < 1e-9 * np.abs(wanted).max()
     it = Compiled(program.write_c(tmp_path / "it.h").path)

@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from compensate import AdaptiveCompensator, Advice, adaptive, export_c, export_runtime, invert
+from compensate import Advice, adaptive, export_c, export_runtime, invert
 from compensate.recalibration._parts import split
-from compensate.runtime import Compensator, FileError, load
+from compensate.runtime import FileError, load
 from hysteresis import (
     AbstractModel,
     Burgers,
@@ -81,15 +81,15 @@ def run(model: AbstractModel, cycles: int = 8, seed: int = 0) -> Run:
 
 
 @cache
-def made(name: str, drift: float = 0.0) -> AdaptiveCompensator:
+def made(name: str, drift: float = 0.0) -> Any:
     found = run(MODELS[name])
     record = Record.from_arrays(found.u, found.y + found.noise, found.t)
     return adaptive(MODELS[name], record, drift=drift)
 
 
-def loaded(file: Path) -> Compensator:
+def loaded(file: Path) -> Any:
     found = load(file)
-    assert isinstance(found, Compensator)
+    assert type(found).__name__ == "Compensator"
     return found
 
 

@@ -4,20 +4,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from compensate.armor import (
-    Armor,
-    Box,
-    ContactSolver,
-    Presses,
-    PressResiduals,
-    WristSensor,
-    with_slip,
-)
-from compensate.armor._calibration import missed_of, without_each
+from compensate.armor import Armor, Box, ContactSolver, Presses, WristSensor
+from compensate.armor._calibration import PressResiduals, missed_of, with_slip, without_each
 from hysid.armor._calibration import spread_of_unseen
 from hysteresis import LinearSponge
 from hysteresis.rigs import INWARD
-from identify import calibrate
+from identify.internal import calibrate
 
 BOX = Box(0.3, 0.3, 0.55)
 ARMOR = Armor(WristSensor(), ContactSolver(BOX, LinearSponge(K=1.3, b=2.0, threshold=0.5)))

@@ -17,6 +17,7 @@ import hysid
 import hysteresis
 import identify
 from hysteresis import AbstractModel, InputError, LinearSponge, Record, Series, Sum
+from identify.internal import train
 
 U = np.concatenate([np.linspace(0, 20, 60), np.linspace(20, 0, 60)] * 3)
 Y = 2.0 * U + 1 + 0.01 * np.sin(np.arange(len(U)) * 7.0)
@@ -166,7 +167,7 @@ def test_a_program_in_single_precision_is_told_the_cure(tmp_path: Path):
         own = LinearSponge(K=2.0, b=1.0)  # the user's own model stays what it is
         assert jax.jit(lambda u: own.simulate(None, u))(U).dtype == jnp.float32
         with pytest.raises(InputError, match="enable_x64"):
-            identify.train(own, lambda *_: jnp.zeros(()), (U,), epochs=1)
+            train(own, lambda *_: jnp.zeros(()), (U,), epochs=1)
         rough = identify.fit(fit.train, "LinearSponge", allow_float32=True, starts=2)
         loaded = hysid.load(hysid.save(fit, tmp_path / "it"))
         kinds = [jax.tree.leaves(one.model)[0].dtype for one in (rough, loaded)]

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from hysteresis import LinearSponge, Record
-from identify import FitResult, Parameter, estimate_noise, metrics
-from identify.internal import block_errors
+from identify import FitResult
+from identify.internal import Parameter, block_errors, estimate_noise, metrics
 from identify.noise._model import NoiseModel
 from identify.parameters._settings import Setting
 

@@ -1,10 +1,12 @@
 """Baselines of a fit: what each of them is exact on, and that their rows and folds are the fit's."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 from hysteresis import LinearSponge, Record
-from identify import Baseline, fit, fit_step
+from identify import fit, fit_step
 
 ROWS = 401
 TIME = np.arange(ROWS) / 80
@@ -21,7 +23,7 @@ def play(u: np.ndarray, radius: float) -> np.ndarray:
     return np.array(found)
 
 
-def baselines(output: np.ndarray) -> dict[str, Baseline]:
+def baselines(output: np.ndarray) -> dict[str, Any]:
     made = Record.from_arrays(U, output, TIME)
     with np.errstate(divide="ignore", invalid="ignore"):  # an output of no noise
         found = fit(made, LinearSponge(1.0), noise="gaussian", starts=1)

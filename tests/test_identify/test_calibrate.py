@@ -10,7 +10,7 @@ import pytest
 from jaxtyping import Array
 
 from hysteresis import InputError, parameter
-from identify import calibrate, choose
+from identify.internal import calibrate, choose
 
 
 class Gauge(eqx.Module):

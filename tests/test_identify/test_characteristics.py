@@ -1,12 +1,12 @@
 """What a fit says of the specimen: figures of known loops and holds, and why one is not told."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from hysteresis import Record
-from identify import Characteristic
 from tests.test_identify.lines import line, pressed
 
 CYCLES, ROWS = 4, 200
@@ -30,7 +30,7 @@ def rig(hold: float = 0.0, softer: float = 0.0, drift: float = 0.0) -> tuple[np.
     return x, force, 0.05 * np.arange(len(x))
 
 
-def told(record: Record, error: np.ndarray | float = 0.0) -> dict[str, Characteristic]:
+def told(record: Record, error: np.ndarray | float = 0.0) -> dict[str, Any]:
     residuals = np.zeros(len(record)) + error
     found = replace(
         line(*pressed(1.0, 0.0, 0)), train=record, residuals=residuals, used=record.mask

@@ -8,6 +8,7 @@ import pytest
 import hysid
 import identify
 from hysteresis import InputError, Record
+from identify.internal import target as target_of_module
 from tests.test_hysid.command import COLUMNS, put, run, sponge, text
 
 U = np.tile(np.concatenate([np.linspace(0, 20, 60), np.linspace(20, 0, 60)]), 3)
@@ -93,7 +94,7 @@ def test_correlations_are_those_of_the_covariance(line):
 
 
 def test_criteria_are_those_of_the_likelihood(line):
-    target = identify.target(line)
+    target = target_of_module(line)
     twice = 2 * float(target.log_likelihood(target.start))
     assert target.names == ("K", "b", "sigma")
     assert line.criteria.aic == pytest.approx(6 - twice, abs=0.02)

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from scipy.stats import norm
 
 from hysteresis import InputError, Record, read_csv
-from identify import Forc, everett_surface, fit, forc_curves, forc_diagram, load, sample, save
+from identify import everett_surface, fit, forc_curves, forc_diagram, load, sample, save
+from identify.internal import Forc
 from tests.problems import HIGH, LOW, histories
 from tests.thorough import rest_thorough
 

@@ -1,5 +1,7 @@
 """Fractional elements that sum a spectrum up: their numbers, and the ranges that the rows leave."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -8,7 +10,7 @@ import identify
 W = np.geomspace(1e-3, 1e3, 60)
 
 
-def noisy(modulus: np.ndarray, size: float) -> identify.Spectrum:
+def noisy(modulus: np.ndarray, size: float) -> Any:
     random = np.random.default_rng(0)
     noise = random.normal(size=60) + 1j * random.normal(size=60)
     return identify.spectrum(identify.Response(W, modulus * (1 + size * noise), "modulus"))

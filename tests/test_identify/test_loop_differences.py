@@ -1,14 +1,16 @@
 """Which figures two groups of specimens differ in: known differences, chance, specimens needed."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.stats import ttest_ind
 
-from hysteresis import InputError, LoopTable, Record
+from hysteresis import InputError, Record
 from identify import compare_loops
 
 
-def group(seed: int, count: int, stiffness: float, scatter: float = 0.1) -> list[LoopTable]:
+def group(seed: int, count: int, stiffness: float, scatter: float = 0.1) -> list[Any]:
     random = np.random.default_rng(seed)
     angle = np.linspace(0, 6 * np.pi, 601) - np.pi / 2
     x = np.sin(angle)

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hysteresis import Burgers, Record
-from identify import estimate_noise
+from identify.internal import estimate_noise
 from identify.parameters._transform import transform
 from identify.records._folds import parts
 

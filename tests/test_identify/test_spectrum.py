@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from hysteresis import GeneralizedKelvinVoigt, GeneralizedMaxwell, InputError
-from identify import Response, Spectrum, spectrum
+from identify import Response, spectrum
 
 CREEP = GeneralizedKelvinVoigt(2.0, [1.0, 4.0, 2.0], [0.1, 8.0, 60.0], 500.0)
 RELAXING = GeneralizedMaxwell(0.5, [1.0, 4.0, 2.0], [0.1, 2.0, 30.0])
@@ -175,7 +175,7 @@ def even_in_log_time(t: np.ndarray, y: np.ndarray, rows: int = 200) -> np.ndarra
     return np.unique(at.clip(0, len(t) - 1))
 
 
-def by_order(found: Spectrum) -> list[float]:
+def by_order(found: Any) -> list[float]:
     return [round(100 * row.rms, 2) for row in found.table]
 
 

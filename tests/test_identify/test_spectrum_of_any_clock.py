@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hysteresis import GeneralizedKelvinVoigt, GeneralizedMaxwell, InputError
-from identify import Response, Spectrum, master_curve, spectrum
+from identify import Response, master_curve, spectrum
 
 SOLID = GeneralizedMaxwell(0.5, [1.0, 4.0, 2.0], [0.1, 2.0, 30.0])
 T, W = np.geomspace(0.01, 300.0, 120), np.geomspace(0.003, 100.0, 80)
@@ -25,7 +25,7 @@ def moduli(model: Any, omega: np.ndarray = W) -> np.ndarray:
     return np.asarray(model.complex_modulus(omega))
 
 
-def rms(found: Spectrum, model: Any, t: np.ndarray = T) -> float:
+def rms(found: Any, model: Any, t: np.ndarray = T) -> float:
     wanted = np.asarray(model.relaxation_modulus(t))
     return float(
         np.sqrt(np.mean((np.asarray(found.model.relaxation_modulus(t)) / wanted - 1) ** 2))

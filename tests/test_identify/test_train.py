@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from hysteresis import InputError
-from identify import train
+from identify.internal import train
 
 X = np.linspace(-1, 1, 200)
 DATA = (X, 0.5 + 2.0 * X)

@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hysteresis import InputError, Table
+from hysteresis import InputError
+from hysteresis.records._table import Table
 
 from ._quantities import Kind, kind_of, unit_of
 

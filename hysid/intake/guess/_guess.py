@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from hysteresis import InputError, Record, Table, check_identifiable, read_table
-from hysteresis.records._table import rows_of
+from hysteresis import InputError, Record, check_identifiable, read_table
+from hysteresis.records._table import Table, rows_of
 from hysteresis.records._units import written_unit
 
 from .._selection import all_of, selection_of

@@ -5,7 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from hysteresis import InputError, Record, Table
+from hysteresis import InputError, Record
+from hysteresis.records._table import Table
 
 from .._selection import selection_of
 from ._column_pairs import held

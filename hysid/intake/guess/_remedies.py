@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from hysteresis import InputError, Table, read_table
+from hysteresis import InputError, read_table
+from hysteresis.records._table import Table
 from hysteresis.records._units import MASSES, is_unit
 from hysteresis.records.importers import is_number
 

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hysteresis import Table
+from hysteresis.records._table import Table
 
 from ._quantities import words, words_of
 

@@ -14,8 +14,8 @@ from compensate.armor import (
     Slip,
     WristSensor,
     export_armor,
-    with_slip,
 )
+from compensate.armor._calibration import with_slip
 from hysteresis import InputError, LinearSponge
 from hysteresis.rigs import INWARD, ArmorRig
 

@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import compensate.runtime
 from compensate import invert
 from compensate.armor import (
     Armor,
@@ -164,7 +163,7 @@ def test_weight_and_inertia_of_a_moving_shell_without_jax(tmp_path: Path):
     runtime = load_armor(export_armor(armor.solver, tmp_path / "armor.json", sensor))
     moves = zip(*(np.asarray(v).tolist() for v in motion), strict=True)
     found = [
-        runtime.step(0.01, reading, compensate.runtime.Motion(*map(tuple, now)))
+        runtime.step(0.01, reading, tuple(map(tuple, now)))
         for reading, now in zip(readings.tolist(), moves, strict=True)
     ]
     # Rounding through the weight and a lever of half a metre.

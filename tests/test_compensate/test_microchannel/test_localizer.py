@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from compensate.microchannel import Confusion, Localizer, PlaceStatus
+from compensate.microchannel import Localizer, PlaceStatus
 from hysteresis import InputError
 from hysteresis.rigs import MicrochannelRig
 
@@ -90,7 +90,8 @@ def test_confusion_prints_as_table_ii():
     counts = np.diag([20, 18, 20, 15, 20])
     counts = np.hstack([counts, np.zeros((5, 1), int)])
     counts[1, 2], counts[3, 4] = 2, 5
-    table = Confusion(tuple("ABCDE"), counts)
+    localizer = Localizer.train([[0.0, 1.0], [1.0, 0.0]] * 4, [0, 1] * 4)
+    table = type(localizer.confusion([[0.0, 1.0]], [0]))(tuple("ABCDE"), counts)
     assert table.accuracy == 0.93
     assert [line.split() for line in str(table).splitlines()] == [
         ["Ref\\Est.", "A", "B", "C", "D", "E", "none"],

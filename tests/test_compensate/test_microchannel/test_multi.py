@@ -18,7 +18,6 @@ from compensate.microchannel import (
     MultiContactEstimator,
     SearchEstimator,
     export_contacts,
-    windows,
 )
 from compensate.runtime import load_contacts
 from hysteresis import InputError, PrandtlIshlinskii
@@ -154,11 +153,6 @@ def test_without_jax_it_is_the_same_where_readings_surprise(tmp_path: Path):
 
 def network(seed: int) -> ForceNetwork:
     return ForceNetwork.random(jax.random.key(seed), hidden=6, dense=5)
-
-
-def test_windows_end_at_their_sample():
-    found = windows(np.arange(1.0, 6.0), 3)
-    np.testing.assert_array_equal(found[[0, 1, 4]], [[0, 0, 1], [0, 1, 2], [3, 4, 5]])
 
 
 def test_dropout_leaves_out_half_while_training_alone():

@@ -1,11 +1,13 @@
 """What a flat place leaves open."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from compensate import FlatInterval, Status, flat_intervals, invert, qualify
+from compensate import Status, flat_intervals, invert, qualify
 from hysteresis import AbstractModel, Preisach, Record
 from hysteresis.preisach import GridDensity
 
@@ -17,7 +19,7 @@ def relays() -> AbstractModel:
     return Preisach(GridDensity(0.0, 10.0, weights))
 
 
-def open_inputs(u: np.ndarray) -> tuple[np.ndarray, FlatInterval]:
+def open_inputs(u: np.ndarray) -> tuple[np.ndarray, Any]:
     model = relays()
     found = invert(model).simulate(None, model.simulate(None, u))
     flat = found.status == Status.FLAT

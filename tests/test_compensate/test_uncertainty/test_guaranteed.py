@@ -7,16 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from compensate import (
-    GuaranteedCompensator,
-    calibrated,
-    estimate,
-    export_c,
-    export_runtime,
-    guaranteed,
-    invert,
-)
-from compensate.runtime import Compensator, load
+from compensate import calibrated, estimate, export_c, export_runtime, guaranteed, invert
+from compensate.runtime import load
 from compensate.uncertainty._guaranteed import tracked
 from hysteresis import InputError, MonotoneCurve, Record
 from tests.c_harness import COMPILERS, STRICT
@@ -43,7 +35,7 @@ def test_coverage_of_new_runs_is_that_of_the_statement():
 def test_a_run_is_held_where_all_its_rows_are():
     record = runs(30, 1)
     band = invert(MODEL).calibrated(record, 0.9)
-    assert isinstance(band, GuaranteedCompensator)
+    assert type(band).__name__ == "GuaranteedCompensator"
     found = estimate(band, record)
     inside = (np.asarray(found.low) <= record.input) & (record.input <= np.asarray(found.high))
     whole = [inside[rows].all() for _, rows in record.sequences()]
@@ -150,7 +142,7 @@ def test_files_give_the_band(shaped: bool, tmp_path: Path):
     wanted = band.simulate(None, y)
     options = {"error": error, "band": band}
     sensor = load(export_runtime(MODEL, tmp_path / "it.json", y, **options).path)
-    assert isinstance(sensor, Compensator)
+    assert type(sensor).__name__ == "Compensator"
     assert sensor.band is not None
     for k, reading in enumerate(y.tolist()):
         sensor.step(0.01, reading)
@@ -170,7 +162,7 @@ def test_files_give_the_band(shaped: bool, tmp_path: Path):
         if k == 5:
             kept = sensor.state()
             sensor = load(tmp_path / "it.json")
-            assert isinstance(sensor, Compensator)
+            assert type(sensor).__name__ == "Compensator"
             sensor.restore(kept)
     found, (low, high) = sensor.step(0.01, 5.0), sensor.band or (0.0, 0.0)
     half = after * (found.deviation if shaped else 1.0)

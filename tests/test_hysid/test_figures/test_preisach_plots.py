@@ -11,7 +11,8 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from hysid import plots
-from identify import Forc, Identifiability, forc_diagram
+from identify import forc_diagram
+from identify.internal import Forc, Identifiability
 from tests.problems import HIGH, LOW, histories
 
 

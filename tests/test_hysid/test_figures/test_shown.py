@@ -13,7 +13,6 @@ from matplotlib.figure import Figure
 
 from compensate import BracketedCompensator, invert
 from hysteresis import Burgers, InputError, Note, PrandtlIshlinskii, Preisach, Record, Series, Sum
-from hysteresis import plot_of as plot
 from hysteresis.curves import PolynomialCurve
 from hysteresis.preisach import GridDensity
 from hysteresis.rigs import SpongeRig
@@ -117,8 +116,6 @@ def test_plots_are_figures():
     assert len(posterior(3).plot(["k2"]).axes) == 1
     with pytest.raises(InputError, match="unknown-parameter"):
         posterior().plot(["gone"])
-    with pytest.raises(InputError, match="no-picture"):
-        plot(3)
 
 
 def test_masked_rows_are_drawn_apart():

@@ -8,7 +8,6 @@ import numpy as np
 import hysid
 import identify
 from hysteresis import Record
-from hysteresis import html_of as html
 from tests.test_hysteresis.test_escape import HOSTILE
 
 
@@ -45,7 +44,7 @@ def test_names_are_text_on_every_page(tmp_path: Path):
     ):
         fit = fitted(a, b)
         page = hysid.report(fit, tmp_path / f"{k}.html").read_bytes().decode("utf-8")
-        pages.append([Tags(page), Tags(html(fit)), Tags(html(fit.train))])
+        pages.append([Tags(page), Tags(fit._repr_html_()), Tags(fit.train._repr_html_())])
         assert "&lt;U+202E&gt;" in page or not k
         assert not set("\0\u202e\u2066\x1b") & set(page)
     for innocent, hostile in zip(*pages, strict=True):

@@ -11,7 +11,8 @@ import identify
 from hysid.figures._format import quantity
 from hysteresis import Preisach, Record
 from hysteresis.preisach import GridDensity
-from identify import FitResult, load, predict, predictive, sample
+from identify import FitResult, load, predictive, sample
+from identify.internal import predict
 from tests.test_hysid.command import run
 from tests.test_hysid.test_reporting.test_report import Page
 

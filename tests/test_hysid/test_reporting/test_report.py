@@ -15,8 +15,8 @@ from compensate import invert
 from hysid._plots_script import script, script_rule
 from hysid.reporting._residual_rows import round_trip
 from hysteresis import LinearSponge, Record, read_csv
-from identify import fit, load, predict, sample, save, save_posterior
-from identify.internal import sealed
+from identify import fit, load, sample, save, save_posterior
+from identify.internal import predict, sealed
 from tests.test_hysid.command import run
 
 HEADINGS = ["Loops", "Residuals", "Parameters", "Posterior", "Compensator", "Candidates", "Data"]

@@ -9,7 +9,7 @@ import pytest
 
 from hysid.reproduction._armor import Change, changed, linear_range
 from hysid.reproduction._frame import Published
-from hysteresis.rigs import SpongeCycles, SpongeRig
+from hysteresis.rigs import SpongeRig
 from tests.test_hysid.command import Result, refused, run, tree
 from tests.test_hysid.test_cli.test_cli import fits
 
@@ -114,7 +114,9 @@ def test_linear_range_ends_where_a_kink_is():
     force = np.tile([*np.arange(0.0, 41, 2), *np.arange(38.0, -1, -2)], 3)
     side = np.repeat([-1.0, 0.0, 1.0], len(force) // 3)  # of three cycles, 0.5 mm apart
     line = force + 0.5 * side
-    straight = SpongeCycles(6.0 * np.arange(len(force)), force, line, np.ones(len(force), int))
+    straight = type(SpongeRig().five_cycles())(
+        6.0 * np.arange(len(force)), force, line, np.ones(len(force), int)
+    )
     assert linear_range(straight).limit == 40
     bent = straight._replace(displacement=np.minimum(force, 30.0) + 0.5 * side)
     assert 30 < linear_range(bent).limit < 31

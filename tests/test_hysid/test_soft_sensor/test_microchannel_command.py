@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from compensate.runtime import load
-from hysid import load_sensor
+from hysid.soft_sensor._sensor import load_sensor
 from tests.test_hysid.command import Result, example, refused, run
 
 TIME, ONE, TWO, FORCE, PLACE, X = (

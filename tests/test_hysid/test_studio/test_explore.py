@@ -3,6 +3,7 @@
 import base64
 import json
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -31,7 +32,7 @@ def sponge() -> hysid.Record:
     return hysid.Record.from_arrays(force, displacement, t, input_unit="N", output_unit="mm")
 
 
-def sent(explorer: hysid.Explorer, asked: dict) -> tuple[dict, bytes]:
+def sent(explorer: Any, asked: dict) -> tuple[dict, bytes]:
     """What the kernel answers to a message of the page."""
     answers: list = []
     explorer.widget.send = lambda about, buffers: answers.append((about, buffers[0]))

@@ -17,7 +17,6 @@ from hysteresis import (
     Preisach,
     Series,
     Sum,
-    condition_of,
     extended,
 )
 from hysteresis.curves import Clip
@@ -87,9 +86,7 @@ def test_a_stage_behind_it_and_wider_relays_keep_its_outputs():
     )
     clipped = Series(model, Clip(low=0.0))
     np.testing.assert_array_equal(clipped.simulate(None, rows), np.maximum(y, 0.0))
-    found = condition_of(clipped)
-    assert found is not None
-    assert found.condition == "temperature"
+    assert clipped.parts[0].condition == "temperature"
 
 
 def test_what_is_no_conditioned_model_is_refused():

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hysteresis.preisach import MemoryTree, memory_tree
+from hysteresis.preisach import memory_tree
 from tests.problems import histories
 
 histories_here = histories(0.0, 1.0)
@@ -43,7 +43,7 @@ def stack_loop(path: np.ndarray) -> Stack:
     return Stack(*map(np.array, (anchor, rising, output)))
 
 
-def from_tree(path: np.ndarray, tree: MemoryTree) -> np.ndarray:
+def from_tree(path: np.ndarray, tree: Any) -> np.ndarray:
     """The outputs, from sums over the events of the tree."""
     at = path[tree.node]
     rise = 2 * tree.rising[tree.parent] * everett(at, at[tree.parent])

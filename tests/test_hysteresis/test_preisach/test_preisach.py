@@ -1,6 +1,6 @@
 """The Preisach model against relays, an analytic density, and the laws that define it."""
 
-from typing import Literal
+from typing import Any, Literal
 
 import equinox as eqx
 import jax
@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hysteresis import InputError, Preisach
-from hysteresis.preisach import GridDensity, PreisachState
+from hysteresis.preisach import GridDensity
 from tests.problems import HIGH, LOW, SAMPLES, histories, weights
 from tests.thorough import rest_thorough
 
@@ -21,7 +21,7 @@ EPS = np.finfo(float).eps
 
 @eqx.filter_jit
 def simulate(
-    model: Preisach, u: jax.Array, t: jax.Array | None = None, state: PreisachState | None = None
+    model: Preisach, u: jax.Array, t: jax.Array | None = None, state: Any | None = None
 ) -> jax.Array:
     return model.simulate(t, u, state)
 

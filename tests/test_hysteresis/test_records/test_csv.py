@@ -11,7 +11,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from hysteresis import InputError, Record, parse_condition, read_csv, read_table
+from hysteresis import InputError, Record, read_csv, read_table
+from hysteresis.records._csv import parse_condition
 
 DATA = Path(os.environ.get("HYSID_DATA", Path(__file__).parents[4] / "shared" / "data"))
 X, F, T = "Disp (mm)", "Force (N)", "Time (s)"

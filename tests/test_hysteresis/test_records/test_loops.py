@@ -1,13 +1,14 @@
 """The table of loops: closed forms, loops that are open, cut or made of many turns, and honest errors."""
 
 import json
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from hysteresis import InputError, LoopTable, Record
+from hysteresis import InputError, Record
 
 ROWS = 4000
 
@@ -21,7 +22,7 @@ def angles(loops: int, rows: int = ROWS) -> np.ndarray:
     return 2 * np.pi * np.arange(loops * rows + 1) / rows - np.pi / 2
 
 
-def one(table: LoopTable, name: str) -> float:
+def one(table: Any, name: str) -> float:
     """A figure of the last loop."""
     return float(table[name].value[-1])
 

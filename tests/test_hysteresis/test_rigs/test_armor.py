@@ -1,20 +1,14 @@
 """The virtual armour: its statistics are the paper's, its records obey statics, its draws its seed."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from hysteresis import InputError
-from hysteresis.rigs import (
-    INWARD,
-    ArmorPoints,
-    ArmorPresses,
-    ArmorRig,
-    ForceSensor,
-    SpongeRig,
-    force_path,
-)
+from hysteresis.rigs import INWARD, ArmorRig, ForceSensor, SpongeRig, force_path
 
 EXACT = ForceSensor(crosstalk=0, hysteresis=0, noise_n=0, noise_nm=0)
 LINES = SpongeRig().five_cycles().statistics()
@@ -22,7 +16,7 @@ RIGS = range(100, 112)
 """Seeds that nothing is tuned on."""
 
 
-def located(rig: ArmorRig, presses: ArmorPresses, K: float = 0.0, b: float = 0.0) -> np.ndarray:
+def located(rig: ArmorRig, presses: Any, K: float = 0.0, b: float = 0.0) -> np.ndarray:
     """Errors in mm: the line of action r + t F, cut with the known surface at the depth K F_n + b.
 
     Written here and not taken from the solver, which these data will be used to judge.
@@ -109,7 +103,7 @@ def test_draws_are_the_seeds_and_the_sessions():
 
 
 RIG = ArmorRig()
-TOP = ArmorPoints(np.array([[0.0, 0.0, 0.55]]), np.array([1]))
+TOP = RIG.points_of_surface_1()._replace(points=np.array([[0.0, 0.0, 0.55]]), surface=np.array([1]))
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hysteresis import InputError, LinearSponge
-from identify import Compared, Comparison, FitResult, compare, compare_candidates, fit, save, target
+from identify import FitResult, compare, fit, save
+from identify.internal import Compared, Comparison, compare_candidates, target
 from tests.test_identify.lines import line, pressed
 
 

@@ -9,6 +9,7 @@ import identify
 from hysteresis import Record
 from hysteresis.rigs import SpongeRig, force_path
 from identify import FitResult
+from identify.internal import repeatability
 
 FORCE = force_path((0.0,) + (20.0, 0.0) * 5, 2.0)
 CLEAN = SpongeRig().follow(FORCE, dt=6.0)
@@ -41,7 +42,7 @@ def test_the_errors_are_those_of_repeated_records(fits: list[FitResult]):
     """Noise of 0.05 mm makes K differ from record to record; the misfit of millimetres does not."""
     later = [of_later_cycles(fit) for fit in fits]
     spread = np.std([fit.parameters[0].value for fit in later], ddof=1)
-    told = np.mean([identify.repeatability(fit).stderr[0] for fit in later])
+    told = np.mean([repeatability(fit).stderr[0] for fit in later])
     # 16 records give their deviation to 18 %, 16 times 3 degrees of freedom the other to 10 %.
     assert told == pytest.approx(spread, rel=0.6)
     assert later[0].parameters[0].stderr > 20 * told
@@ -63,7 +64,7 @@ def test_ageing_is_seen_and_nothing_else(fits: list[FitResult]):
 def test_parameters_carry_both_errors(fits: list[FitResult], tmp_path: Path):
     """Through save and load."""
     found = identify.load(identify.save(fits[0], tmp_path / "fit"))
-    told = identify.repeatability(fits[0])
+    told = repeatability(fits[0])
     assert [p.repeatability for p in found.parameters if p.status == "free"] == told.stderr.tolist()
     assert "from cycle to cycle" in found.summary()
     assert fitted(3, cycles=2).parameters[0].repeatability is None

@@ -10,8 +10,9 @@ import pytest
 import scipy.stats
 
 from hysteresis import AbstractModel, Record, Scalar, parameter
-from identify import FitResult, breakdown, estimate_noise, fit, sensitivity, sloppiness, whiteness
+from identify import FitResult, breakdown, fit, sensitivity, sloppiness, whiteness
 from identify.fitting._verdict import judge
+from identify.internal import estimate_noise
 from identify.noise._model import NoiseModel
 from tests.test_identify.lines import THRESHOLD, line, pressed
 

@@ -6,7 +6,8 @@ import scipy.stats
 
 from benchmarks._identification.cross_check import SAME, SAME_END, agreement, burgers
 from hysteresis import InputError
-from identify import profile, profiles
+from identify import profile
+from identify.internal import profiles
 from tests.test_identify.lines import THRESHOLD, line, pressed
 
 

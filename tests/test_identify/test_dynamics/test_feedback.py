@@ -14,7 +14,8 @@ from hysteresis import (
     Oscillator,
     StopsAndPowers,
 )
-from identify import PeriodicTest, distortion, fit_feedback, periodic_test
+from identify import distortion, fit_feedback, periodic_test
+from identify.internal import PeriodicTest
 from tests.test_hysid.command import run
 
 PERIOD, DT = 512, 0.1

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 import hysteresis
-from hysteresis import InputError, Record, model_names, register
-from hysteresis._registry import OURS, class_of, find_model, known_models, registered
+from hysteresis import InputError, Record, register
+from hysteresis._registry import OURS, class_of, find_model, known_models, model_names, registered
 from hysteresis._serialisation import described, rebuilt
 from identify import fit, fit_many, load, save
 from identify.fitting._candidates import INSTEAD, OSCILLATOR, candidates, names

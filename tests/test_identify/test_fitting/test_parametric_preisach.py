@@ -9,7 +9,7 @@ import pytest
 
 from hysteresis import Preisach, Record, StandardLinearSolid
 from hysteresis.preisach import GaussianDensity, GridDensity, SumDensity
-from identify import FitResult, Parametric, fit, load, save
+from identify import FitResult, fit, load, save
 from identify.fitting._parametric_preisach import INCREMENTS, SHAPES, of_grid
 
 PLACE_AND_WIDTH = ("coercivity", "coercivity_width", "bias", "bias_width")
@@ -62,7 +62,7 @@ def test_starts_have_the_moments_of_the_grid(name: str, leading: bool):
 
 def test_the_density_of_a_record_is_found(fitted: FitResult):
     assert fitted.success
-    assert isinstance(fitted.detail, Parametric)
+    assert type(fitted.detail).__name__ == "Parametric"
     assert fitted.name == "GaussianPreisach"
     assert isinstance(fitted.model, Preisach)
     density = fitted.model.density

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from hysteresis import AbstractModel, CyclicDrift, Record, TimeDrift
-from identify import Composition, FitResult, fit
+from identify import FitResult, fit
 
 PERIOD = 10.0
 
@@ -60,7 +60,7 @@ def test_the_model_is_of_the_last_state(fits: dict[str, FitResult]):
     """The held-out cycle is as far from it as a cycle drifts, and the mean one many times that."""
     found = fits["auto"]
     test, train = found.metrics["test"], found.metrics["train"]
-    assert isinstance(found.detail, Composition)
+    assert type(found.detail).__name__ == "Composition"
     assert test is not None
     assert train is not None
     assert test.rmse < 0.05

@@ -8,7 +8,8 @@ import pytest
 
 from hysteresis import InputError, Preisach, Record
 from hysteresis.preisach import GaussianDensity, GridDensity, SumDensity
-from identify import fit, fit_density, load, save, target
+from identify import fit, fit_density, load, save
+from identify.internal import target
 from identify.linear._preisach_problem import PreisachProblem
 from identify.linear._preisach_unknowns import GridUnknowns
 from identify.records._folds import Parts

@@ -9,7 +9,8 @@ import pytest
 from compensate import invert
 from hysteresis import Preisach, Record
 from hysteresis.preisach import GridDensity
-from identify import excited_cells, fit, load, save
+from identify import fit, load, save
+from identify.internal import excited_cells
 
 
 def history(seed: int, turns: int = 30, samples: int = 12) -> np.ndarray:

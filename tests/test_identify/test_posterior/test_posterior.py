@@ -12,7 +12,8 @@ import pytest
 from compensate import EnsembleCompensator, invert
 from hysteresis import InputError, Preisach, Record
 from hysteresis.rigs import SpongeRig
-from identify import fit, load_posterior, sample, save, save_posterior, target
+from identify import fit, load_posterior, sample, save, save_posterior
+from identify.internal import target
 from identify.parameters._priors import prior
 from identify.parameters._settings import Setting
 
