@@ -13,9 +13,16 @@ function colour(element, name) {
   return getComputedStyle(probe).color;
 }
 
+/** Labels of an axis: uPlot's own have three decimals. */
+const marks = (plot, at) => at.map((x) => {
+  if (x === null) return "";
+  const near = Number(x.toPrecision(12));
+  return near && Math.abs(near) < 1e-4 ? near.toExponential() : near.toLocaleString("en", { maximumFractionDigits: 6 });
+});
+
 function axis(element, label, more = {}) {
   return {
-    label, labelSize: 22, size: 50, gap: 4, font: "12px system-ui", labelFont: "13px system-ui", labelGap: 0,
+    label, values: marks, labelSize: 22, size: 50, gap: 4, font: "12px system-ui", labelFont: "13px system-ui", labelGap: 0,
     stroke: () => colour(element, "--soft"),
     grid: { stroke: () => colour(element, "--line"), width: 1 }, ticks: { stroke: () => colour(element, "--line"), width: 1, size: 4 },
     ...more,
