@@ -137,16 +137,9 @@ def _band_line(name: str, band: dict[str, float | None]) -> str:
 
 
 def _motion(fitted: identify.FitResult, inverse: bool, steady: bool) -> RecordedMotion | None:
-    """What moves the mass of an oscillator; None for other models, which have no steady state."""
+    """What moves the mass of an oscillator; None backwards, and for models without a steady state."""
     if isinstance(fitted.detail, Motion):
-        if not inverse:
-            return fitted.detail.recorded
-        raise InputError(
-            "not-invertible",
-            "The force of an oscillator is not recovered sample by sample from a noisy displacement.",
-            fix="Low-pass the displacement to the band that is wanted, and take m y'' + c y' + k y + z[y]"
-            " of it.",
-        )
+        return None if inverse else fitted.detail.recorded  # `invert` says why it has no inverse
     if steady:
         raise InputError(
             "bad-option",
