@@ -134,6 +134,22 @@ def test_the_input_itself_is_found_where_the_slope_is_not_zero(problem: Problem)
     assert np.abs(found - u)[steep & far].max() <= 1e-7 * np.ptp(u)
 
 
+@every
+def test_a_reading_that_stands_is_no_sure_input_where_the_input_may_move(problem: Problem):
+    model, t, u, _, _ = reachable(problem)
+    rng, span = np.random.default_rng(1), problem.high - problem.low
+    moved = u.copy()
+    aside = rng.choice([-1, 1], u[:, ::2].shape) * rng.choice([0.01, 0.03, 0.1], u[:, ::2].shape)
+    aside = np.clip(u[:, ::2] + span * aside, problem.low, problem.high)
+    moved[:, 1::2] = aside[:, : u[:, 1::2].shape[1]]
+    y = forward(model, t, jnp.asarray(moved))
+    found = backward(invert(model), t, y)
+    stands = np.diff(np.asarray(y), axis=1, prepend=np.nan) == 0
+    stands[:, ::2] = False
+    off = np.abs(np.asarray(found.value) - moved)
+    assert off[stands & (np.asarray(found.status) == Status.OK)].max(initial=0.0) <= 1e-6 * span
+
+
 @pytest.mark.parametrize("problem", kinds_often(INVERTIBLE), ids=lambda p: p.name)
 @settings(max_examples=4)
 @given(seed=seeds, data=st.data())

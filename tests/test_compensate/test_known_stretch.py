@@ -39,9 +39,10 @@ def test_a_known_loop_ends_the_run_in(problem: Problem):
     state = compensator.state_from(t[own], u[own], y[own])
     found = compensator.simulate(t[LAST:], y[LAST:], state)
     assert found.status[0] == Status.OK
-    assert not (found.status == Status.RUN_IN).any()
-    told = np.asarray(found.status) == Status.OK
-    assert np.abs(np.asarray(found.value) - u[LAST:])[told].max() < 0.03 * span
+    status, off = np.asarray(found.status), np.abs(np.asarray(found.value) - u[LAST:])
+    assert off[status == Status.OK].max() < 0.03 * span
+    # A loop may leave open what matters later: said where the estimate is off by it, and only there.
+    assert (off[status == Status.RUN_IN] > span / 200).all()
 
 
 def test_a_record_with_known_rows_is_estimated_from_them():
