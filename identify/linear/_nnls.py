@@ -22,9 +22,10 @@ def nonnegative_least_squares(
     prior, however weak, makes it so. `start` guesses which x_i are not zero.
 
     All variables of the wrong sign change sides at once. Where three rounds in a row leave no fewer
-    of them, an active set method goes on, one variable at a time: each of its steps lowers the
-    objective, so it ends even where rounding would let pivots cycle. The answer satisfies x >= 0,
-    Hx - b >= 0 on its zeros, to rounding: there is no step length and no tolerance on the objective.
+    of them, an active set method goes on from the round of the fewest, one variable at a time: each of
+    its steps lowers the objective, so it ends even where rounding would let pivots cycle. The answer
+    satisfies x >= 0, Hx - b >= 0 on its zeros, to rounding: there is no step length and no tolerance on
+    the objective.
 
     Source: Kim and Park, Fast nonnegative matrix factorization, SIAM J. Sci. Comput. 33 (2011);
     Lawson and Hanson, Solving Least Squares Problems (1974), chapter 23.
@@ -34,7 +35,7 @@ def nonnegative_least_squares(
     inside = np.ones(n, bool) if start is None else start | free
     minima = _Minima(H, b)
     rounding = _rounding(b)
-    fewest, patience = n + 1, 3
+    fewest, patience, nearest = n + 1, 3, np.zeros(n)
     while True:
         x = minima(inside)
         wrong = np.where(inside, (x < 0) & ~free, H @ x - b < -rounding)
@@ -44,10 +45,12 @@ def nonnegative_least_squares(
                 return x
             minima.begin_at(inside)
             continue
-        if count >= fewest and patience == 0:
-            return _active_set(H, b, free, np.where(free, x, np.maximum(x, 0.0)), minima)
-        patience = 3 if count < fewest else patience - 1
-        fewest = min(count, fewest)
+        if count < fewest:
+            fewest, patience, nearest = count, 3, x
+        elif patience:
+            patience -= 1
+        else:
+            return _active_set(H, b, free, np.where(free, nearest, nearest.clip(0.0)), minima)
         inside ^= wrong
 
 
