@@ -9,6 +9,7 @@ from pathlib import Path
 
 import lmfit
 import numpy as np
+import scipy
 
 from compensate import material_card
 from compensate.export._cards import PROGRAMS
@@ -21,6 +22,8 @@ from .accuracy import data_folder
 
 NREL, CASES = "relaxation-master", "cases"
 TERMS = (1, 2, 3, 4)
+LARGER = 1.1
+"""A spectrum over the freest, which fits noise, too: 35 terms for 206 rows are 9 %."""
 NEARLY = 1.03
 """Above lmfit's best error by no more than this."""
 
@@ -52,23 +55,39 @@ def _public(folder: Path) -> list[Row]:
         spectrum(response)
         seconds = min(seconds, time.process_time() - begin)
     f, storage, loss = _table(folder / NREL / "freq_user_master.csv").T
-    alone = spectrum(Response(2 * np.pi * f, storage, "modulus"))
-    both = spectrum(Response(2 * np.pi * f, storage + 1j * loss, "modulus"))
-    told = any("contradict" in note for note in both.notes)
+    omega, both = 2 * np.pi * f, storage + 1j * loss
+    alone, together = (spectrum(Response(omega, y, "modulus")) for y in (storage, both))
+    told = any("contradict" in note for note in together.notes)
     return [
         judged("master curve over time, rms of the reading, %", 100 * found.row.rms, 0.12),
         judged("the same, seconds of the processor", seconds, 1.0),
         noted("the same, terms", found.order),
         judged("the same with 8 terms, rms, % (greedy search: 3.7)", _short(response, 8), 3.7),
-        judged(
-            "storage moduli over frequency, rms, % (freest spectrum: 1.39)",
-            100 * alone.row.rms,
-            0.5,
+        _beside_freest(
+            "storage moduli over frequency", alone.row.rms, _freest(omega, storage), 0.5
         ),
-        judged("storage and loss moduli together, rms, %", 100 * both.row.rms, 0.5),
+        _beside_freest(
+            "storage and loss moduli together", together.row.rms, _freest(omega, both), 0.5
+        ),
         judged("it says that these contradict each other", float(told), 1.0, at_least=True),
         *_raw(folder),
     ]
+
+
+def _freest(omega: np.ndarray, y: np.ndarray) -> float:
+    """Per cent of the reading left by 300 terms without a prior: no non-negative spectrum leaves less."""
+    tau = np.geomspace(1e-4 / omega.max(), 1e4 / omega.min(), 300)
+    terms = 1j * omega[:, None] * tau
+    columns = np.hstack([np.ones((len(y), 1)), terms / (1 + terms)]) / np.abs(y)[:, None]
+    parts = ("real", "imag") if np.iscomplexobj(y) else ("real",)
+    A, b = (np.concatenate([getattr(x, part) for part in parts]) for x in (columns, y / np.abs(y)))
+    return float(100 * scipy.optimize.nnls(A, b)[1] / np.sqrt(len(b)))
+
+
+def _beside_freest(what: str, rms: float, freest: float, asked: float) -> Row:
+    """Judged by what was asked, or where no spectrum reaches that by the freest one."""
+    said = f"{what}, rms, % ({asked:g} asked, 300 free terms leave {freest:.3g})"
+    return judged(said, 100 * rms, max(asked, LARGER * freest))
 
 
 def _short(response: Response, terms: int) -> float:
@@ -76,35 +95,37 @@ def _short(response: Response, terms: int) -> float:
 
 
 def _raw(folder: Path) -> list[Row]:
-    """Raw rows at 21 temperatures to master curves."""
+    """Raw rows of one test at 21 temperatures, as moduli and as relaxation at 1 / f, to master curves.
+
+    The factors published with the master curve over frequency are of another material.
+    """
     found = []
-    for name, what, reference in (
-        ("time_user_raw", "raw rows over time", 3.0),
-        ("freq_user_raw", "raw storage and loss moduli", -5.0),
+    published = _table(folder / NREL / "time_user_raw__shift_factors.csv")[::-1]
+    for name, what in (
+        ("time_user_raw", "raw rows over time"),
+        ("freq_user_raw", "raw storage and loss moduli"),
     ):
         table = _table(folder / NREL / f"{name}.csv")
         sets = [table[table[:, -1] == k] for k in np.unique(table[:, -1])]
         sets = [one[np.argsort(one[:, 0])] for one in sets]
-        if name.startswith("time"):
-            parts = [Response(one[:, 0], one[:, 1], "relaxation") for one in sets]
-            published = _table(folder / NREL / "time_user_raw__shift_factors.csv")[::-1]
-        else:
-            parts = [
-                Response(2 * np.pi * one[:, 0], one[:, 1] + 1j * one[:, 2], "modulus")
-                for one in sets
-            ]
-            published = _table(folder / NREL / "freq_user_master__shift_factors.csv")[::-1]
+        moduli = not name.startswith("time")
+        parts = [
+            Response(2 * np.pi * one[:, 0], one[:, 1] + 1j * one[:, 2], "modulus")
+            if moduli
+            else Response(one[:, 0], one[:, 1], "relaxation")
+            for one in sets
+        ]
         begin = time.perf_counter()
-        curve = master_curve(parts, [float(one[:, -2].mean()) for one in sets], reference)
-        seconds = time.perf_counter() - begin
-        apart = np.abs(curve.shifts.log_a - published[:, 1])
+        curve = master_curve(parts, [float(one[:, -2].mean()) for one in sets], 3.0)
+        seconds, log_a = time.perf_counter() - begin, curve.shifts.log_a
+        apart = np.abs(log_a - published[:, 1])
         worst = float(np.max(apart / np.maximum(curve.shifts.error, 1e-3)))
+        freest = 0.0
+        if moduli:
+            omega = np.concatenate([one.t * 10**a for one, a in zip(parts, log_a, strict=True)])
+            freest = _freest(omega, np.concatenate([one.y for one in parts]))
         found += [
-            judged(
-                f"{what} to a master curve, rms of the reading, %",
-                100 * curve.spectrum.row.rms,
-                1.0,
-            ),
+            _beside_freest(f"{what} to a master curve", curve.spectrum.row.rms, freest, 1.0),
             noted("the same, seconds", seconds),
             judged("published shift factors, largest distance in our standard errors", worst, 2.0),
         ]

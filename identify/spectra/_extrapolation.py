@@ -109,7 +109,7 @@ def allowed(problem: Problem, fitted: Fitted, noise: Noise, step: float, span: f
                 if not low < guess < high:
                     guess = np.sqrt(low * high) if low and np.isfinite(high) else guess
                 way = sign * guess
-            near[sign] = abs(way) / unit, last
+            near[sign] = float(abs(way) / unit), last
             found.append(edge / size)
     rows = np.array(found)
     for k, value in problem.known:

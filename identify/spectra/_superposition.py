@@ -2,8 +2,10 @@
 
 The factors a(T) and the spectrum are fitted together. With the strengths solved for inside, a residual's
 slope along log a of its temperature is that along all log time constants, less what other strengths make
-up for (variable projection), so the errors of the factors know of the freedom of the spectrum. The search
-begins where neighbouring temperatures overlap best as one parabola in the logarithms. Then a law follows:
+up for (variable projection), so the errors of the factors know of the freedom of the spectrum. What one
+spectrum leaves over more than one of each temperature, beyond chance, is no noise: it widens the errors as
+if it lay along whole runs. The search begins where neighbouring temperatures overlap best as one parabola
+in the logarithms. Then a law follows:
 
     WLF:        log10 a = -C1 (T - Tr) / (C2 + T - Tr),
     Arrhenius:  ln a = E / R (1 / T - 1 / Tr).
@@ -130,22 +132,22 @@ def master_curve(
     T, responses = T[order], [responses[k] for k in order]
     at = len(T) // 2 if reference is None else int(np.argmin(np.abs(T - reference)))
     problem = problem_of(responses)
-    log_a, error = _fitted_shifts(problem, _overlapped(problem, at), at)
+    own = [_alone(problem_of([one])) for one in responses]
+    log_a, error = _fitted_shifts(problem, _overlapped(problem, at), at, own)
     reduced = [_reduced(one, s) for one, s in zip(responses, log_a, strict=True)]
     found = spectrum(*reduced, **asked)
     residuals = found.answers[found.table.index(found.row)].fitted.residuals
     left = np.array([_rms(part) for part in np.split(residuals, _edges(problem))])
-    alone = np.array([_alone(problem_of([one])) for one in responses])
+    alone = np.array([_rms(one.residuals) for one in own])
     log_a, error = log_a / np.log(10), error / np.log(10)
     law = _best_law(T, log_a, error, T[at])
     return MasterCurve(found, Shifts(T, log_a, error, float(T[at]), *law, left, alone))
 
 
-def _alone(problem: Problem) -> float:
-    """What the freest spectrum of one temperature leaves."""
+def _alone(problem: Problem) -> Fitted:
+    """The spectrum of one temperature."""
     low, high = resolved(problem.inputs[0])
-    ends = np.log(low / BEYOND), np.log(high * BEYOND)
-    return float(np.sqrt(dense_spectrum(problem, *ends).mean_square))
+    return dense_spectrum(problem, np.log(low / BEYOND), np.log(high * BEYOND))
 
 
 def _rms(x: np.ndarray) -> float:
@@ -199,9 +201,12 @@ def _apart(x: np.ndarray, y: np.ndarray) -> float:
 
 
 def _fitted_shifts(
-    problem: Problem, log_a: PerTemperature, at: int
+    problem: Problem, log_a: PerTemperature, at: int, own: Sequence[Fitted]
 ) -> tuple[PerTemperature, PerTemperature]:
-    """The shifts that fit best with a spectrum, by Levenberg and Marquardt, and their standard errors."""
+    """The shifts that fit best with a spectrum, by Levenberg and Marquardt, and their standard errors.
+
+    `own`: the spectrum of each temperature.
+    """
     free = np.arange(len(log_a)) != at
     ends = np.array([resolved(one) for one in _shifted(problem, log_a).inputs])
     # Room for the shifts to move in.
@@ -215,13 +220,19 @@ def _fitted_shifts(
             break
     fitted = found.fitted
     J = _slopes(_shifted(problem, log_a), fitted)[:, free]
-    noise = noise_of([fitted.residuals], fitted)
+    # The shifts are parameters, too.
+    noise = noise_of([fitted.residuals], fitted._replace(effective=fitted.effective + free.sum()))
     H = J.T @ J
     # A temperature at which nothing relaxes has no slope, and so no end to its error.
     scale = np.sqrt(np.maximum(np.diagonal(H), 1e-20 * np.diagonal(H).max()))
     inverse = np.linalg.inv(H / np.outer(scale, scale) + 1e-13 * np.eye(len(scale)))
-    error = np.zeros(len(log_a))
-    error[free] = noise.sigma * np.sqrt(noise.correlation_time * np.diagonal(inverse)) / scale
+    error, variance = np.zeros(len(log_a)), noise.sigma**2 * noise.correlation_time
+    left_free = sum(max(np.count_nonzero(one.residuals) - one.effective, 0.0) for one in own)
+    alone = sum(one.residuals @ one.residuals for one in own) / max(left_free, 1.0)
+    # Below this in one of 40 that chance makes.
+    if alone < noise.sigma**2 * (1 - 2 * np.sqrt(2 / max(left_free, 1.0))):
+        variance += (noise.sigma**2 - alone) * noise.samples / len(log_a)
+    error[free] = np.sqrt(variance * np.diagonal(inverse)) / scale
     return log_a, error
 
 
