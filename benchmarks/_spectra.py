@@ -120,12 +120,14 @@ def _raw(folder: Path) -> list[Row]:
         seconds, log_a = time.perf_counter() - begin, curve.shifts.log_a
         apart = np.abs(log_a - published[:, 1])
         worst = float(np.max(apart / np.maximum(curve.shifts.error, 1e-3)))
-        freest = 0.0
+        what, rms = f"{what} to a master curve", curve.spectrum.row.rms
+        row = judged(f"{what}, rms of the reading, %", 100 * rms, 1.0)
         if moduli:
             omega = np.concatenate([one.t * 10**a for one, a in zip(parts, log_a, strict=True)])
             freest = _freest(omega, np.concatenate([one.y for one in parts]))
+            row = _beside_freest(what, rms, freest, 1.0)
         found += [
-            _beside_freest(f"{what} to a master curve", curve.spectrum.row.rms, freest, 1.0),
+            row,
             noted("the same, seconds", seconds),
             judged("published shift factors, largest distance in our standard errors", worst, 2.0),
         ]
