@@ -12,16 +12,20 @@ intervals hold the truth, for the figure that has it least often and the one tha
 
 `pmagpy`: loops of a magnetometer in ../shared/data (HYSID_DATA names another folder), beside what PmagPy
 says of the same rows. PMAGPY names the Python that has it; without both these rows are left open.
-HystLab is no judge yet: no loops with the numbers that it published for them are at hand.
+
+`micromag`: what a magnetometer wrote into its files of rows that it corrected itself, beside our numbers of
+these rows; HYSTLAB names the folder Example_Data of HystLab, whose files they are.
 
 `spectra`: public master curves, shift factors, a ramp and hold, creep beside lmfit, and material cards.
 """
 
 import json
 import os
+import re
 import subprocess
 import time
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
@@ -65,6 +69,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         "intervals": _intervals,
         "time": _time,
         "pmagpy": _pmagpy,
+        "micromag": _micromag,
         "spectra": _spectra.rows,
     }
     run_parts("benchmarks.numbers", __doc__, parts, arguments)
@@ -200,16 +205,40 @@ def _pmagpy(quick: bool) -> list[Row]:
     done = subprocess.run(
         [python, "-c", _PMAGPY], input=json.dumps(rows), capture_output=True, text=True, check=True
     )
-    theirs, found = json.loads(done.stdout), []
-    for k, label in enumerate(table.run):
-        off = {n: abs(table[n].value[k] / value - 1) for n, value in theirs[label].items()}
-        worst = max(off, key=off.__getitem__)
-        error = 100 * table[worst].error[k] / table[worst].value[k]
-        row, told = f"{what} ({label}: {worst})", 100 * off[worst]
-        known = error < 0.5  # else the noise of the readings leaves more open than the bar
-        reason = f"the noise leaves {error:.2g} % open"
-        found.append(judged(row, told, 1.0) if known else noted(row, told, reason=reason))
+    theirs = json.loads(done.stdout)
+    return [
+        _beside(f"{what} ({label}", table, k, theirs[label]) for k, label in enumerate(table.run)
+    ]
+
+
+def _micromag(quick: bool) -> list[Row]:
+    what = "MicroMag's own numbers: coercive field, remanence, largest difference, %"
+    files = sorted(Path(os.environ.get("HYSTLAB", "")).glob("*/*.hys"))
+    if not os.environ.get("HYSTLAB") or not files:
+        return [Row(what, float("nan"), 1.0, reason="HYSTLAB names no folder of its files")]
+    found = []
+    for file in files:
+        text = file.read_text("latin-1")
+        told = dict(re.findall(r"^(Remanence|Coercivity) +([-+.E\d]+)", text, re.MULTILINE))
+        rows = [line.split(",")[-2:] for line in text.splitlines() if re.match(r"[-+].*,.*,", line)]
+        if told and rows:
+            field, moment = np.array(rows, float).T  # the last two columns are corrected
+            table = Record.from_arrays(field, moment, input_unit="T", output_unit="A*m²").loops()
+            theirs = {"coercive field": told["Coercivity"], "remanence": told["Remanence"]}
+            numbers = {name: float(value) for name, value in theirs.items()}
+            found.append(_beside(f"{what} ({file.stem}", table, 0, numbers))
     return found
+
+
+def _beside(what: str, table: LoopTable, k: int, theirs: dict[str, float]) -> Row:
+    """The figure of a loop that is farthest from another program's."""
+    off = {name: abs(table[name].value[k] / value - 1) for name, value in theirs.items()}
+    worst = max(off, key=off.__getitem__)
+    error = 100 * table[worst].error[k] / table[worst].value[k]
+    row, told = f"{what}: {worst})", 100 * off[worst]
+    if error < 0.5:  # else the noise of the readings leaves more open than the bar
+        return judged(row, told, 1.0)
+    return noted(row, told, reason=f"the noise leaves {error:.2g} % open")
 
 
 if __name__ == "__main__":
