@@ -54,7 +54,8 @@ def sheet_of(
 
     Raises `InputError` `bad-option` where there is no such table.
     """
-    found = [piece for block in found for piece in _beside(block)]
+    if not dialect.joined:
+        found = [piece for block in found for piece in _beside(block)]
     families: dict[tuple, list[Block]] = {}
     for block in found:
         families.setdefault((block.header, block.units), []).append(block)
@@ -247,7 +248,7 @@ def nameless(rows: Rows, dialect: Dialect, above: Sequence[str], text: str) -> l
         sizes[len(run[0][1])] = sizes.get(len(run[0][1]), 0) + len(run)
     width = max(sizes, key=lambda n: sizes[n])
     runs = [run for run in runs if len(run[0][1]) == width]
-    if not dialect.blank and any(len(run) < 3 for run in runs):
+    if dialect.joined or (not dialect.blank and any(len(run) < 3 for run in runs)):
         runs = [[row for run in runs for row in run]]
     names, over = (_as_wide([*above[at:][:1]], width) if width > 1 else [] for at in (-1, -2))
     units = list(dialect.units_in(text))

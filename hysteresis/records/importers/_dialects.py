@@ -28,6 +28,7 @@ class Dialect(NamedTuple):
     names: tuple[str, ...] = ()
     units: tuple[tuple[re.Pattern[str], tuple[str, ...]], ...] = ()
     blank: bool = False
+    joined: bool = False
     refuse: str = ""
     decimal: str = ""
 
@@ -106,7 +107,8 @@ def _makers() -> tuple[tuple[str, re.Pattern[str]], ...]:
 
 def _dialect(file: Path, said: Any) -> Dialect:
     kinds = {"name": str, "signature": str, "sure": bool, "begins": str, "column": str, "label": str,
-             "listed": str, "names": list, "units": list, "blank": bool, "refuse": str}  # fmt: skip
+             "listed": str, "names": list, "units": list, "blank": bool, "joined": bool,
+             "refuse": str}  # fmt: skip
     if not isinstance(said, Mapping) or not {"name", "signature"} <= set(said):
         raise _bad(file, f"{said!r} has no name or no signature.")
     for key, value in said.items():

@@ -171,6 +171,16 @@ FILES = {
         + "MicroMag 2900/3900 Data File ends\n",
         {"Field": "Oe", "Moment": "emu"}, None, {"Field", "Moment"},
     ),
+    "MicroMag, a loop": File(
+        "MicroMag 2900/3900 Data File (Series 0016)\nDirect moment vs. field; Hysteresis loop\n\n"
+        "Units of measure                 Hybrid SI\n\nSegment   Averaging   Initial   Field   Final\n"
+        "1,+1.0E-01,+1.0,+5.0E-03,-1.0,+1.0,30\n2,+1.0E-01,-1.0,+5.0E-03,+1.0,+1.0,60\n\n"
+        "                          Adjusted   Adjusted\n"
+        "   Field       Moment       Field       Moment\n    (T)         (Am²)         (T)       (Am²)\n"
+        + rows(U[:30], Y[:30], U[:30], Y[:30], sep=",") + "\n"
+        + rows(U[30:], Y[30:], U[30:], Y[30:], sep=",") + "\nMicroMag 2900/3900 Data File ends\n",
+        {"Field": "T", "Moment": "Am²", "Field 2": "T", "Moment 2": "Am²"}, None, {"Field", "Moment"},
+    ),
     "Model 2900": File(
         '"Model 2900 ASCII Data File",7,-1,+5.0E-01,+2.9E+02,1\n\n' + rows(U, Y, sep=","),
         {"Field": "", "Moment": ""}, None, {"Field", "Moment"},
