@@ -152,8 +152,6 @@ class Loops:
             bounds=new, clock=cut.clock * rows, first=first, turn=turn, last=last
         )
 
-    # --- single rows -------------------------------------------------------------------------------
-
     def noise_of(self, x: np.ndarray) -> tuple[np.ndarray, bool]:
         """The standard deviation of input or output, and whether that is rounding alone."""
         return (self.su, self.quiet_u) if x is self.u else (self.sy, self.quiet_y)
@@ -192,14 +190,18 @@ class Loops:
         the row whose noise is largest, and lies between two rows. `off`: the standard error of the row.
         """
         sigma, quiet = self.noise_of(x)
+        near = [x[np.clip(at + k, *self._ends())] for k in (-1, 0, 1)]
         if not self.tip_rows or quiet:
-            near = [x[np.clip(at + k, *self._ends())] for k in (-1, 0, 1)]
             return x[at], np.hypot(sigma, both * np.abs(near[0] - 2 * near[1] + near[2]) / 8)
-        return widest(
+        level, error = widest(
             self._beside(x, at, off, both, w)
             for w in (self.tip_rows // 4, self.tip_rows // 2, self.tip_rows)
             if w >= 4
         )
+        # Beside a hold or a change of the steps a parabola over the rows goes past the readings.
+        step = np.maximum(np.abs(x[at] - near[0]), np.abs(x[at] - near[2]))
+        told = np.abs(level - x[at]) <= MAY_BE * sigma + step
+        return np.where(told, level, x[at]), np.where(told, error, sigma)
 
     def _ends(self) -> tuple[np.ndarray, np.ndarray]:
         """First and last position of each loop's sequence."""
@@ -246,8 +248,6 @@ class Loops:
         """The row at which a series is largest or least within each loop."""
         return largest_row(x if largest else -x, self.cut.first, self.cut.last)
 
-    # --- branches over the input ------------------------------------------------------------------
-
     def _levels(self) -> None:
         """The outputs of both branches at inputs that both pass: (k, 2, levels), the rising one first."""
         low, high = self.common
@@ -292,7 +292,14 @@ class Loops:
         # Noise of the input counts as noise of the output, by the slope there.
         slope = np.gradient(found, axis=1) * self.levels / np.repeat(high - low, 2)[:, None]
         sigma_u, sigma_y = (np.repeat(x, 2)[:, None] for x in (self.su, self.sy))
-        error = np.hypot(sigma_y, slope * sigma_u) * part
+        error = np.hypot(sigma_y, slope * sigma_u)
+        if binned:
+            # A branch that bends within a bin is read between rows, of which one that is off is none.
+            rows = np.lib.stride_tricks.sliding_window_view(np.pad(sorted_y, 1, "edge"), 3)
+            at_level = np.interp(wanted, key, np.median(rows, axis=1))
+            bent = np.abs(at_level - found) > MAY_BE * error
+            found, part = np.where(bent, at_level, found), np.where(bent, 1.0, part)
+        error = error * part
         shape = self.size, 2, self.levels
         found, error = (self.by_way(x.reshape(shape)) for x in (found, error))
         self.branches, self.branch_errors = found, error
@@ -315,10 +322,14 @@ class Loops:
             at, row = np.abs(smooth).argmax(1), np.arange(self.size)
             value, b, c = (x[row, at] for x in (smooth, lean, bend))
             top = -b / (2 * c)
-            return np.where(np.abs(top) <= 1, value + b * top / 2, value), self.gap_error[
-                row, at + 1
-            ]
-        return widest(self._largest(w) for w in range(1, max(self.levels // 10, 1) + 1))
+            value = np.where(np.abs(top) <= 1, value + b * top / 2, value)
+            return value, self.gap_error[row, at + 1]
+        value, error = widest(self._largest(w) for w in range(1, max(self.levels // 10, 1) + 1))
+        # A loop that is open at one or two levels alone.
+        surely = np.abs(self.gap) - MAY_BE * self.gap_error
+        at, row = surely.argmax(1), np.arange(self.size)
+        narrow, gap = surely[row, at] > np.abs(value), self.gap[row, at]
+        return np.where(narrow, gap, value), np.where(narrow, self.gap_error[row, at], error)
 
     def _smoothed(self, w: int) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
         """Level, slope and bend of the width by parabolas over `2 w + 1` levels, and its mean there."""
