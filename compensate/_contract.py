@@ -2,7 +2,7 @@
 
 import abc
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, Generic, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, NamedTuple
 
 import equinox as eqx
 import jax
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from hysteresis import Record, Units
 from hysteresis._drawing import html_of, plot_of
-from hysteresis._precision import keep_precision
+from hysteresis._precision import in_own_precision, keep_precision
 from hysteresis._quantities import as_units
 from hysteresis._show import one_line, table
 from hysteresis._type_variables import PyTree, State
@@ -38,7 +38,38 @@ else:
     Found = TypeVar("Found")
 
 
-class AbstractCompensator(eqx.Module, Generic[State, Found]):
+class AbstractStreamed(eqx.Module, Generic[State, Found]):
+    """Readings in, findings out, with a memory: a step is a series of one reading."""
+
+    along: ClassVar[int] = -1
+    """Axis of the samples in what is found."""
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        keep_precision(cls, ("init", "stream"))
+
+    @abc.abstractmethod
+    def init(self) -> State:
+        """The state before the first reading: that of a compensator belongs to the model's virgin state."""
+
+    @abc.abstractmethod
+    def stream(self, t: ArrayLike | None, y: ArrayLike, state: State) -> tuple[State, Found]:
+        """All samples at once: the state after them, and the estimates."""
+
+    @in_own_precision
+    def step(self, state: State, t: ArrayLike | None, y: ArrayLike) -> tuple[State, Found]:
+        """One output in, one estimate of the input out."""
+        times = None if t is None else jnp.asarray(t, float)[None]
+        state, found = self.stream(times, jnp.asarray(y, float)[None], state)
+        return state, jax.tree.map(lambda x: jnp.take(x, 0, self.along), found)
+
+    @in_own_precision
+    def simulate(self, t: ArrayLike | None, y: ArrayLike, state: State | None = None) -> Found:
+        """`step` over all samples: arrays of the shape of `y`; `t` may be None without rates."""
+        return self.stream(t, jnp.asarray(y, float), self.init() if state is None else state)[1]
+
+
+class AbstractCompensator(AbstractStreamed[State, Found]):
     """A model run backwards, sample by sample, with the model's own memory. The law it keeps:
 
         model.simulate(t, compensator.simulate(t, y).value) == y     on the reachable set
@@ -50,22 +81,6 @@ class AbstractCompensator(eqx.Module, Generic[State, Found]):
     """
 
     units: Units | None = eqx.field(default=None, static=True, kw_only=True, converter=as_units)
-
-    def __init_subclass__(cls, **options: Any) -> None:
-        super().__init_subclass__(**options)
-        keep_precision(cls, ("init", "stream", "step", "simulate"))
-
-    @abc.abstractmethod
-    def init(self) -> State:
-        """The state that belongs to the model's virgin state."""
-
-    @abc.abstractmethod
-    def step(self, state: State, t: ArrayLike | None, y: ArrayLike) -> tuple[State, Found]:
-        """One output in, one estimate of the input out."""
-
-    @abc.abstractmethod
-    def simulate(self, t: ArrayLike | None, y: ArrayLike, state: State | None = None) -> Found:
-        """`step` over all samples: arrays of the shape of `y`; `t` may be None without rates."""
 
     def state_from(self, t: ArrayLike | None, u: ArrayLike, y: ArrayLike) -> State:
         """The state after some rows of which both input and output are known, such as a touch with a known
@@ -133,33 +148,8 @@ class AbstractCompensator(eqx.Module, Generic[State, Found]):
         return html_of(self)
 
 
-class AbstractStreamed(AbstractCompensator[State, Found]):
-    """A compensator of which one sample is a series of one."""
-
-    @abc.abstractmethod
-    def stream(self, t: ArrayLike | None, y: ArrayLike, state: State) -> tuple[State, Found]:
-        """All samples at once: the state after them, and the estimates."""
-
-    def step(self, state: State, t: ArrayLike | None, y: ArrayLike) -> tuple[State, Found]:
-        times = None if t is None else jnp.asarray(t, float)[None]
-        state, found = self.stream(times, jnp.asarray(y, float)[None], state)
-        return state, jax.tree.map(lambda x: x[..., 0], found)
-
-    def simulate(self, t: ArrayLike | None, y: ArrayLike, state: State | None = None) -> Found:
-        return self.stream(t, jnp.asarray(y, float), self.init() if state is None else state)[1]
-
-
-def scan_steps(
-    compensator: Any, t: ArrayLike | None, y: ArrayLike, state: PyTree
-) -> tuple[PyTree, PyTree]:
-    """All samples of anything that has a `stream` or a `step`: state, estimates."""
-    y = jnp.asarray(y, float)
-    own = getattr(compensator, "stream", None)
-    return _scan(compensator, t, y, state) if own is None else own(t, y, state)
-
-
 @eqx.filter_jit
-def _scan(compensator: Any, t: ArrayLike | None, y: Array, state: PyTree) -> tuple[PyTree, PyTree]:
-    """`step` over all samples, compiled once per length."""
+def scanned(one: Any, t: ArrayLike | None, y: Array, state: PyTree) -> tuple[PyTree, PyTree]:
+    """`one.take(state, t, y)` sample by sample, compiled once per length: state, estimates."""
     t = jnp.zeros(y.shape[:1], y.dtype) if t is None else jnp.asarray(t, y.dtype)
-    return jax.lax.scan(lambda carry, sample: compensator.step(carry, *sample), state, (t, y))
+    return jax.lax.scan(lambda carry, sample: one.take(carry, *sample), state, (t, y))

@@ -9,7 +9,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from ._errors import InputError
-from ._model import AbstractModel, Series
+from ._model import AbstractFollowingModel, Series
 from ._once import once
 from .running import Numbers, numbers_of, outputs
 
@@ -33,11 +33,13 @@ class LawInput(NamedTuple):
     state: LawState
 
 
-class AbstractLawModel(AbstractModel[LawState, LawInput]):
+class AbstractLawModel(AbstractFollowingModel[LawState, LawInput]):
     """A model that is a tree of laws: `tree` says which, with which numbers, and all else follows from it.
 
     Outputs have exact derivatives by the parameters, forwards and backwards, and by inputs forwards.
     """
+
+    traced = False
 
     may_jump: ClassVar[bool] = True
     """Whether two samples may have one time: not where a speed is taken from them."""
@@ -48,14 +50,6 @@ class AbstractLawModel(AbstractModel[LawState, LawInput]):
     def init(self, t0: Any = None, u0: Any = None) -> LawState:
         t = jnp.asarray(jnp.nan if t0 is None else t0, float)
         return LawState(jnp.asarray(self._numbers.state, float), t)
-
-    def step(self, state: LawState, t: Any, u: Any) -> tuple[LawState, Float[Array, ""]]:
-        if t is None:
-            self._require_time()
-        now = state.t if t is None else jnp.asarray(t, float)
-        dt = jnp.zeros(()) if t is None else now - state.t
-        y, after = self._run(jnp.asarray(u, float)[None], dt[None], state.numbers)
-        return LawState(after, now), y[0]
 
     def prepare(
         self,
@@ -89,7 +83,6 @@ class AbstractLawModel(AbstractModel[LawState, LawInput]):
     def follow(
         self, t: Series | None, u: Series, state: LawState | None = None
     ) -> tuple[LawState, Float[Array, " samples"]]:
-        """All samples at once: (state after the last one, outputs)."""
         prepared = self.prepare(t, u, state)
         y, after = self._run(prepared.u, prepared.dt, prepared.state.numbers)
         last = prepared.state.t if t is None or not len(y) else jnp.asarray(t, float)[-1]

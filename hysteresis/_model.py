@@ -2,7 +2,7 @@
 
 import abc
 from functools import partial
-from typing import Any, Generic, NamedTuple, overload
+from typing import Any, ClassVar, Generic, NamedTuple, overload
 
 import equinox as eqx
 import jax
@@ -47,6 +47,9 @@ class AbstractModel(eqx.Module, Generic[State, Prepared]):
 
     units: Units | None = eqx.field(default=None, static=True, kw_only=True, converter=as_units)
     trained: Float[Array, "2"] | None = eqx.field(default=None, converter=as_range, kw_only=True)
+
+    traced: ClassVar[bool] = True
+    """Whether `simulate` compiles `evaluate` by JAX; laws are compiled already."""
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
@@ -101,7 +104,7 @@ class AbstractModel(eqx.Module, Generic[State, Prepared]):
         """`evaluate(prepare(t, u, state, starts=starts))`, compiled."""
         if (simulated := getattr(self, "simulated", None)) is not None:
             return simulated(t, u, state, starts)
-        evaluate: Any = self.evaluate if hasattr(self, "follow") else partial(evaluated, self)
+        evaluate: Any = partial(evaluated, self) if self.traced else self.evaluate
         return evaluate(self.prepare(t, u, state, starts=starts))
 
     @in_own_precision
@@ -209,6 +212,21 @@ def evaluated(model: AbstractModel, prepared: Any) -> Array:
 @eqx.filter_jit
 def _scan(model: AbstractModel, state: Any, t: Array, u: Array) -> tuple[Any, Array]:
     return jax.lax.scan(lambda carry, sample: model.step(carry, *sample), state, (t, u))
+
+
+class AbstractFollowingModel(AbstractModel[State, Prepared]):
+    """A model that takes all samples at once, with the state after them: a step is a series of one."""
+
+    @abc.abstractmethod
+    def follow(
+        self, t: Series | None, u: Series, state: State | None = None
+    ) -> tuple[State, Float[Array, " samples"]]:
+        """All samples at once: (state after the last one, outputs)."""
+
+    def step(self, state: State, t: Any, u: Any) -> tuple[State, Float[Array, ""]]:
+        times = None if t is None else jnp.asarray(t, float)[None]
+        state, y = self.follow(times, jnp.asarray(u, float)[None], state)
+        return state, y[0]
 
 
 @overload

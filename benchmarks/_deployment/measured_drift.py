@@ -99,7 +99,7 @@ def _of_one(record: Record, rig: Rig) -> tuple[float, float]:
     references = np.where(known, stream.input, np.nan)
     frozen = np.asarray(invert(fitted.model).simulate(stream.time, stream.output).value)
     own = adaptive(fitted.model, fitted.train)
-    found = np.asarray(own.simulate(stream.time, stream.output, references=references).value)
+    found = np.asarray(own.follow(stream.time, stream.output, references)[1].value)
     counted = later & ~known & np.isfinite(frozen)
     return _rms(frozen, stream, counted), _rms(found, stream, counted)
 

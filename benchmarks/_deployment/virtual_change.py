@@ -44,7 +44,7 @@ def virtual_change_rows(quick: bool) -> list[Row]:
     changed = 0.85 * (curve + 1.2 * (y - curve)) + drift + noise
     before = _by_cycle(own.simulate(t, y + noise).value, u)
     frozen = _by_cycle(own.simulate(t, changed).value, u)
-    found = own.simulate(t, changed, references=references)
+    found = own.follow(t, changed, references)[1]
     after = _by_cycle(found.value, u)
     # The third reference is in cycle 20: what two of them taught is seen in cycles 11 to 19.
     rest = slice(11, 20)
@@ -73,7 +73,7 @@ def _quiet_rows(quick: bool) -> list[Row]:
     own, u, y, noise = _sponge(hours * 3600 // int(DT * ROWS))
     cycle = np.arange(len(u)) // ROWS
     known = np.where(cycle % 10 == 0, u, np.nan)
-    found = own.simulate(DT * np.arange(len(u)), y + noise, references=known)
+    found = own.follow(DT * np.arange(len(u)), y + noise, known)[1]
     rate = np.exp(-float(own.settings["threshold"]))
     heard = float(found.changes[-1])
     what = f"false alarms in {hours} hours; allowed per independent reference: {rate:.0e}"

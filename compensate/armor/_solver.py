@@ -382,13 +382,13 @@ class ContactStream:
             ]
             return jax.tree.unflatten(tree, parts)
 
-        def step(before: Array, sample: Array) -> Array:
+        def moved(before: Array, sample: Array) -> Array:
             t, force, moment, doubt = sample[0], sample[1:4], sample[4:7], sample[7].astype(int)
             return packed(solver.step(unpacked(before)[0], t, force, moment, doubt))
 
         # What enters and leaves the compiled step costs more than the step: one array each, 14 us instead
         # of 53 for the state's own.
-        self._step, self._first = jax.jit(step), packed((state, state.contact))
+        self._step, self._first = jax.jit(moved), packed((state, state.contact))
         self._dtype = dtype
         self.reset()
         jax.block_until_ready(self._step(self._packed, np.zeros(8, dtype)))

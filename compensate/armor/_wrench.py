@@ -15,7 +15,7 @@ from hysteresis import AbstractModel, InputError, Scalar, parameter
 from hysteresis._once import once
 from hysteresis._parameter import as_float, is_concrete
 
-from .._contract import AbstractCompensator, scan_steps
+from .._contract import AbstractCompensator
 from .._invert import invert
 from .._readings import latest_of
 from ..runtime._contact_status import ContactStatus
@@ -311,7 +311,7 @@ class WristSensor(eqx.Module):
             at = latest_of(usable)
             clock = t[jnp.where(at < 0, jnp.argmax(usable), at)]
             axes = zip(self._inverses, state.channels, seen.T, strict=True)
-            each = [scan_steps(inverse, clock, y, own) for inverse, own, y in axes]
+            each = [inverse.stream(clock, y, own) for inverse, own, y in axes]
             channels = [own for own, _ in each]
             sound = jnp.stack([found.value for _, found in each], 1)
         if self.slip is not None or self.hysteresis is not None:

@@ -15,7 +15,7 @@ from hysteresis.numerics._normal import NORMAL_95
 from hysteresis.running import Numbers, each, numbers_of
 from hysteresis.trees import Tree, node
 
-from .._contract import AbstractCompensator, AbstractStreamed, Found, Status, scan_steps
+from .._contract import AbstractCompensator, Found, Status
 from .._readings import conditioned_in, latest_of, reading_of, with_reading
 from ..runtime._file import LONGEST
 from ._run_in import Start
@@ -72,7 +72,7 @@ class GuardedState(NamedTuple):
 
 
 @register
-class GuardedCompensator(AbstractStreamed[GuardedState, Found]):
+class GuardedCompensator(AbstractCompensator[GuardedState, Found]):
     """A compensator whose estimates stay within the inputs that its model was trained on.
 
     ```math
@@ -193,11 +193,11 @@ class GuardedCompensator(AbstractStreamed[GuardedState, Found]):
         y = with_reading(y, 1, seen)
         times = None if t is None else clock
         found: Any
-        inner, found = scan_steps(self.inner, times, y, state.inner)
+        inner, found = self.inner.stream(times, y, state.inner)
         of_other: Any
         others, apart = [], jnp.zeros_like(reading)
         for other in state.others:
-            after, of_other = scan_steps(self.inner, times, y, other)
+            after, of_other = self.inner.stream(times, y, other)
             others.append(after)
             apart = jnp.maximum(apart, jnp.abs(of_other.value - found.value))
         told = each(

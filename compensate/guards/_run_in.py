@@ -22,7 +22,7 @@ from hysteresis import AbstractModel, parameters
 from hysteresis._type_variables import PyTree
 from hysteresis.models._conditioned import condition_of
 
-from .._contract import AbstractCompensator, scan_steps
+from .._contract import AbstractCompensator
 
 PAST = 8160
 """Rows to which the training is thinned: paths keep their length, and plain Python takes a second."""
@@ -73,12 +73,12 @@ def starts_of(
     clock = None if t is None else np.asarray(t) - np.asarray(t)[0]
 
     def values(state: PyTree) -> np.ndarray:
-        return np.asarray(scan_steps(compensator, clock, y, state)[1].value)
+        return np.asarray(compensator.stream(clock, y, state)[1].value)
 
     virgin, found = values(compensator.init()), []
     for history in others:
         read = outputs(one, history)
-        state = scan_steps(compensator, history.times, read, compensator.init())[0]
+        state = compensator.stream(history.times, read, compensator.init())[0]
         found.append((np.abs(values(state) - virgin), Start(history, state)))
     kept, farthest = [], np.full(len(virgin), within)
     for apart, start in sorted(found, key=lambda pair: -pair[0].max()):

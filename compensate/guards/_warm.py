@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from hysteresis import AbstractModel, InputError
 from hysteresis._known_past import known_past, outputs_of
 
-from .._contract import AbstractCompensator, scan_steps
+from .._contract import AbstractCompensator
 from ._guarded import GuardedCompensator, GuardedState
 from ._run_in import driven, first_draw, then
 
@@ -31,7 +31,7 @@ def warmed(
     if flat.ndim == 2:
         read = np.stack([read, past.inputs[..., 1]], -1)
     each = [None] * count if past.times is None else list(past.times)
-    state = scan_steps(compensator, each[0], read[0], compensator.init())[0]
+    state = compensator.stream(each[0], read[0], compensator.init())[0]
     if (guard := _guard_in(compensator)) is None:
         return state
     # Others in the place of its starts: those that the way to both ends tells apart most.
@@ -50,7 +50,7 @@ def warmed(
         others = []
         for k in farthest:  # on the guard's own clock
             own = None if first is None else each[k] - each[k][-1] + float(state.clock)
-            others.append(scan_steps(inner, own, read[k], inner.init())[0])
+            others.append(inner.stream(own, read[k], inner.init())[0])
         return state._replace(others=tuple(others))
 
     return compared(state)

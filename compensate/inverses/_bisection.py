@@ -14,7 +14,7 @@ from hysteresis._type_variables import PyTree
 from hysteresis.models._conditioned import condition_of
 from hysteresis.trees import FLAT_WIDTH, ROUNDING, size_of
 
-from .._contract import AbstractCompensator, Estimate, Status, scan_steps
+from .._contract import AbstractCompensator, Estimate, Status, scanned
 from .._readings import reading_of, with_reading
 from ._law import require_columns, told_of_condition
 
@@ -82,14 +82,13 @@ class BracketedCompensator(AbstractCompensator[BracketedState, Estimate]):
     def init(self) -> BracketedState:
         return BracketedState(self.model.init(), jnp.asarray(self.low, float))
 
-    def simulate(
-        self, t: ArrayLike | None, y: ArrayLike, state: BracketedState | None = None
-    ) -> Estimate:
+    def stream(
+        self, t: ArrayLike | None, y: ArrayLike, state: BracketedState
+    ) -> tuple[BracketedState, Estimate]:
         require_columns(self.model, y)
-        y = jnp.asarray(y, float)
-        return scan_steps(self, t, y, self.init() if state is None else state)[1]
+        return scanned(self, t, jnp.asarray(y, float), state)
 
-    def step(
+    def take(
         self, state: BracketedState, t: ArrayLike | None, y: ArrayLike
     ) -> tuple[BracketedState, Estimate]:
         """Outputs closer than `ROUNDING` roundings of the reading, or of the largest output of the virgin

@@ -10,7 +10,7 @@ from hysteresis._parameter import is_concrete
 from hysteresis._type_variables import PyTree
 from hysteresis.trees import input_range, search_range
 
-from .._contract import AbstractCompensator, AbstractStreamed, Estimate, Status, scan_steps
+from .._contract import AbstractCompensator, Estimate, Status
 from .._readings import reading_of, with_reading
 from ._bisection import BracketedCompensator
 from ._default import check_rises
@@ -19,7 +19,7 @@ from ._law import LawCompensator, has_laws
 
 
 @register
-class SeriesCompensator(AbstractStreamed[tuple[PyTree, ...], Estimate]):
+class SeriesCompensator(AbstractCompensator[tuple[PyTree, ...], Estimate]):
     """The last stage's inverse first, the first stage's last. Of several statuses the first that is not OK.
 
     A condition beside the reading goes to the first stage, which is the one that may depend on it.
@@ -41,14 +41,14 @@ class SeriesCompensator(AbstractStreamed[tuple[PyTree, ...], Estimate]):
             # Nothing, where the one before had nothing, so that the next one's clock rests.
             seen = jnp.where(estimate.status == Status.INVALID, jnp.nan, estimate.value)
             last = k == len(self.inverses)
-            own, found = scan_steps(inverse, t, with_reading(y, 1, seen) if last else seen, own)
+            own, found = inverse.stream(t, with_reading(y, 1, seen) if last else seen, own)
             after.append(own)
             status = jnp.where(estimate.status == Status.OK, found.status, estimate.status)
             estimate = Estimate(found.value, status)
         return tuple(after), estimate
 
 
-class Unscaled(AbstractStreamed[tuple[()], Estimate]):
+class Unscaled(AbstractCompensator[tuple[()], Estimate]):
     """(y - offset) / factor."""
 
     factor: Float[Array, ""]

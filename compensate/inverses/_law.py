@@ -24,7 +24,7 @@ from hysteresis.records._branch_rows import STILL
 from hysteresis.running import Known, Numbers, estimates, held_at_first, numbers_of
 from hysteresis.trees import Tree
 
-from .._contract import AbstractStreamed, Estimate, Status
+from .._contract import AbstractCompensator, Estimate, Status
 
 
 class LawState(NamedTuple):
@@ -36,7 +36,7 @@ class LawState(NamedTuple):
 
 
 @register
-class LawCompensator(AbstractStreamed[LawState, Estimate]):
+class LawCompensator(AbstractCompensator[LawState, Estimate]):
     """The inverse of a model that is a tree of laws, reading by reading, with the model's own memory.
 
     ```math

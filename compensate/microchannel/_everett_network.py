@@ -11,13 +11,14 @@ import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
 from numpy.typing import ArrayLike
 
-from hysteresis import AbstractModel, GeneralizedMaxwell, Preisach, Series, register
+from hysteresis import GeneralizedMaxwell, Preisach, Series, register
+from hysteresis._model import AbstractFollowingModel
 from hysteresis._type_variables import PyTree
 from hysteresis.preisach import GridDensity
 
 
 @register
-class EverettNetwork(AbstractModel[Any, Any]):
+class EverettNetwork(AbstractFollowingModel[Any, Any]):
     """Force from a reading by a monotone Everett network: sums over the reading's extremum stack.
 
         F = R(v) - sum_k +-2 E(M_k, m_k),    v = z + sum_j c_j (z - lag_j z),    E(a, b) = mass of mu there
@@ -110,10 +111,10 @@ class EverettNetwork(AbstractModel[Any, Any]):
     def init(self, t0: ArrayLike | None = None, u0: ArrayLike | None = None) -> PyTree:
         return self.model.init(t0, u0)
 
-    def step(
-        self, state: PyTree, t: ArrayLike | None, u: ArrayLike
-    ) -> tuple[PyTree, Float[Array, ""]]:
-        return self.model.step(state, t, u)
+    def follow(
+        self, t: ArrayLike | None, u: ArrayLike, state: PyTree = None
+    ) -> tuple[PyTree, Float[Array, " samples"]]:
+        return self.model.stream(t, u, state)
 
     def prepare(
         self,

@@ -10,10 +10,11 @@ from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
 from hysteresis import AbstractModel, InputError, Units, conversion, register
+from hysteresis._model import AbstractFollowingModel
 from hysteresis._parameter import is_concrete
 from hysteresis._type_variables import PyTree
 
-from .._contract import AbstractCompensator, AbstractStreamed, Status, scan_steps
+from .._contract import AbstractCompensator, Status
 from .._readings import latest_of
 from ..uncertainty._ensemble import UncertainEstimate
 
@@ -35,7 +36,7 @@ class BackwardsInput(eqx.Module):
 
 
 @register
-class BackwardsModel(AbstractModel[Any, BackwardsInput]):
+class BackwardsModel(AbstractFollowingModel[Any, BackwardsInput]):
     """A compensator as a model from reading to force, without its status: y = compensator[u].value.
 
     **Arguments:** `compensator`, e.g. from `invert`.
@@ -48,15 +49,10 @@ class BackwardsModel(AbstractModel[Any, BackwardsInput]):
     """
 
     compensator: AbstractCompensator
+    traced = False
 
     def init(self, t0: ArrayLike | None = None, u0: ArrayLike | None = None) -> PyTree:
         return self.compensator.init()
-
-    def step(
-        self, state: PyTree, t: ArrayLike | None, u: ArrayLike
-    ) -> tuple[PyTree, Float[Array, ""]]:
-        state, found = self.compensator.step(state, t, u)
-        return state, found.value
 
     def prepare(
         self,
@@ -78,9 +74,8 @@ class BackwardsModel(AbstractModel[Any, BackwardsInput]):
     def follow(
         self, t: ArrayLike | None, u: ArrayLike, state: PyTree = None
     ) -> tuple[PyTree, Float[Array, " samples"]]:
-        """All samples at once: (state after the last one, outputs)."""
         own = self.init() if state is None else state
-        after, found = scan_steps(self.compensator, t, u, own)
+        after, found = self.compensator.stream(t, u, own)
         return after, found.value
 
 
@@ -98,7 +93,7 @@ class ForceState(NamedTuple):
 
 
 @register
-class ForceEstimator(AbstractStreamed[ForceState, UncertainEstimate]):
+class ForceEstimator(AbstractCompensator[ForceState, UncertainEstimate]):
     """Force from readings, by a model that was trained in this direction.
 
         F = clip(M[z], 0, high),     deviation: its error on readings that were held out

@@ -15,7 +15,7 @@ from hysteresis import AbstractModel, InputError, register
 from hysteresis._type_variables import PyTree, State
 
 from .. import _traced as traced
-from .._contract import Status, scan_steps
+from .._contract import AbstractStreamed, Status, scanned
 from ..runtime._force_filter import Setting, Way, mean_of, updated
 
 
@@ -249,7 +249,7 @@ class MultiContactState(NamedTuple):
 
 
 @register
-class MultiContactEstimator(eqx.Module):
+class MultiContactEstimator(AbstractStreamed[MultiContactState, ContactForces]):
     """Forces of several contacts from a differentiable sensor model with memory, by Gauss-Newton:
 
         maximise  -sum_l (z_l - h_l(F))^2 / (2 sigma_l^2) + log p(F | before)      at every reading
@@ -279,6 +279,7 @@ class MultiContactEstimator(eqx.Module):
     sensor: AbstractSensor
     reading_sigma: Float[Array, " channels"]
     motion: MotionFilter
+    along = 0
 
     def __init__(self, sensor: AbstractSensor, reading_sigma: ArrayLike, motion: MotionFilter):
         sigma = np.atleast_1d(np.asarray(reading_sigma, float))
@@ -294,7 +295,20 @@ class MultiContactEstimator(eqx.Module):
         last = ContactForces(none, none, none, none, jnp.asarray(Status.OK, int))
         return MultiContactState(self.motion.init(self.sensor), last)
 
-    def step(
+    def stream(
+        self, t: ArrayLike | None, y: ArrayLike, state: MultiContactState
+    ) -> tuple[MultiContactState, ContactForces]:
+        """Readings (samples, channels)."""
+        z = jnp.asarray(y, float)
+        if z.ndim != 2 or z.shape[1] != self.reading_sigma.shape[0]:
+            raise InputError(
+                "wrong-channels",
+                f"readings of shape {z.shape} for {self.reading_sigma.shape[0]} channels.",
+                fix="give (samples, channels).",
+            )
+        return scanned(self, t, z, state)
+
+    def take(
         self, state: MultiContactState, t: ArrayLike | None, reading: ArrayLike
     ) -> tuple[MultiContactState, ContactForces]:
         """One reading (channels,) in V at time t in s. One with a NaN is INVALID: all is held."""
@@ -312,16 +326,3 @@ class MultiContactEstimator(eqx.Module):
         after = jax.tree.map(lambda new, old: jnp.where(valid, new, old), after, state)
         status = jnp.where(valid, status, Status.INVALID)
         return after, after.last._replace(status=status)
-
-    def simulate(
-        self, t: ArrayLike | None, readings: ArrayLike, state: MultiContactState | None = None
-    ) -> ContactForces:
-        """`step` over readings (samples, channels)."""
-        z = jnp.asarray(readings, float)
-        if z.ndim != 2 or z.shape[1] != self.reading_sigma.shape[0]:
-            raise InputError(
-                "wrong-channels",
-                f"readings of shape {z.shape} for {self.reading_sigma.shape[0]} channels.",
-                fix="give (samples, channels).",
-            )
-        return scan_steps(self, t, z, self.init() if state is None else state)[1]

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from hysteresis import InputError
 
-from .._contract import scan_steps
+from .._contract import AbstractStreamed, scanned
 
 SEQUENCE = 20
 PREOCCUPIED = 10
@@ -96,7 +96,7 @@ def _layer(W: Array, b: Array, rows: Float[Array, "sequence windows in_"]) -> Ar
     into, round_ = W[:-hidden], W[-hidden:]
     driven = rows @ into + b[None, None]
 
-    def step(carry: tuple[Array, Array], x: Array) -> tuple[tuple[Array, Array], Array]:
+    def move(carry: tuple[Array, Array], x: Array) -> tuple[tuple[Array, Array], Array]:
         h, c = carry
         i, f, o, g = jnp.split(x + h @ round_, GATES, axis=1)
         c = jax.nn.sigmoid(f) * c + jax.nn.sigmoid(i) * jax.nn.relu(g)
@@ -104,7 +104,7 @@ def _layer(W: Array, b: Array, rows: Float[Array, "sequence windows in_"]) -> Ar
         return (h, c), h
 
     none = jnp.zeros((rows.shape[1], hidden), rows.dtype)
-    return jax.lax.scan(step, (none, none), driven)[1]
+    return jax.lax.scan(move, (none, none), driven)[1]
 
 
 def windows(
@@ -126,7 +126,7 @@ class SearchState(NamedTuple):
     past: Float[Array, "contacts past"]
 
 
-class SearchEstimator(eqx.Module):
+class SearchEstimator(AbstractStreamed[SearchState, Array]):
     """The paper's inverse: a grid search for the forces whose reading is closest.
 
         F_n = argmin over F in F_(n-1) + {-0.4, -0.3, ..., 0.4}^contacts of |z_n - sum_k N_k(F_k, past)|^2
@@ -148,6 +148,7 @@ class SearchEstimator(eqx.Module):
 
     networks: tuple[Network, ...] = eqx.field(converter=tuple)
     sequence: int = eqx.field(default=SEQUENCE, static=True)
+    along = 0
 
     def __check_init__(self) -> None:
         if not self.networks or self.sequence < PREOCCUPIED:
@@ -157,7 +158,13 @@ class SearchEstimator(eqx.Module):
         """No force in all the past: the paper's ten zeros, and those before them that fill a sequence."""
         return SearchState(jnp.zeros((len(self.networks), self.sequence - 1)))
 
-    def step(
+    def stream(
+        self, t: ArrayLike | None, y: ArrayLike, state: SearchState
+    ) -> tuple[SearchState, Float[Array, "samples contacts"]]:
+        """Readings (samples, layers)."""
+        return scanned(self, None, jnp.asarray(y, float), state)
+
+    def take(
         self, state: SearchState, t: ArrayLike | None, reading: ArrayLike
     ) -> tuple[SearchState, Array]:
         """One reading (layers,) in, forces (contacts,) in N out; `t` does not matter."""
@@ -177,9 +184,3 @@ class SearchEstimator(eqx.Module):
         after = jnp.concatenate([state.past[:, 1:], force], 1)
         state = SearchState(jnp.where(valid, after, state.past))
         return state, state.past[:, -1]
-
-    def simulate(
-        self, t: ArrayLike | None, readings: ArrayLike
-    ) -> Float[Array, "samples contacts"]:
-        """`step` over readings (samples, layers)."""
-        return scan_steps(self, None, readings, self.init())[1]

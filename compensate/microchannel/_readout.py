@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from hysteresis import InputError, Scalar, parameter, register
 from hysteresis._parameter import as_float, is_concrete
 
-from .._contract import scan_steps
+from .._contract import AbstractStreamed, scanned
 
 Values = Float[Array, "..."] | Any
 """Numbers, kept as an array."""
@@ -51,7 +51,7 @@ class ReadoutState(NamedTuple):
 
 
 @register
-class Readout(eqx.Module):
+class Readout(AbstractStreamed[ReadoutState, Changes]):
     """The electronics behind a soft channel, run backwards:
 
         c = (reading - zero)/(gain I R_0) = (R - R_0)/R_0,    V_0 = I R_0
@@ -93,6 +93,7 @@ class Readout(eqx.Module):
     longest_gap: Scalar = parameter(unit="s", fixed=True, meaning="from sample to sample")
     bits: int | None = eqx.field(default=None, static=True)
     stuck_after: int = eqx.field(default=0, static=True)
+    along = 0
 
     def __init__(
         self,
@@ -167,10 +168,22 @@ class Readout(eqx.Module):
         none = jnp.full(self.channels, jnp.nan, self.scale.dtype)
         return ReadoutState(none, none, none, jnp.zeros(self.channels, int))
 
-    def step(
+    def stream(
+        self, t: ArrayLike | None, y: ArrayLike, state: ReadoutState
+    ) -> tuple[ReadoutState, Changes]:
+        """Samples (samples, channels) at the times `t` (samples,), s; channels do not affect each other."""
+        volts = self._volts(y)
+        t = jnp.asarray(t, volts.dtype)
+        if volts.ndim != 2 or t.shape != volts.shape[:1]:
+            raise _fault(
+                f"{t.shape} times and {volts.shape} readings.",
+                "give (samples,) and (samples, channels).",
+            )
+        return scanned(self, t, jnp.asarray(y, float), state)
+
+    def take(
         self, state: ReadoutState, t: ArrayLike | None, readings: ArrayLike
     ) -> tuple[ReadoutState, Changes]:
-        """One sample (channels,) of a stream, at the time `t` in s; channels do not affect each other."""
         readings, volts = jnp.asarray(readings, self.scale.dtype), self._volts(readings)
         t = jnp.broadcast_to(jnp.asarray(t, volts.dtype), volts.shape)
         sound = jnp.isfinite(volts) & jnp.isfinite(t)
@@ -194,17 +207,6 @@ class Readout(eqx.Module):
         new = ReadoutState(now, readings, t, repeats)
         after = jax.tree.map(lambda new, old: jnp.where(sound, new, old), new, state)
         return after, Changes(jnp.where(jnp.isnan(after.held), 0, after.held), status)
-
-    def simulate(self, t: ArrayLike | None, readings: ArrayLike) -> Changes:
-        """`step` over samples (samples, channels) at the times `t` (samples,), s."""
-        volts = self._volts(readings)
-        t = jnp.asarray(t, volts.dtype)
-        if volts.ndim != 2 or t.shape != volts.shape[:1]:
-            raise _fault(
-                f"{t.shape} times and {volts.shape} readings.",
-                "give (samples,) and (samples, channels).",
-            )
-        return scan_steps(self, t, readings, self.init())[1]
 
     def _volts(self, readings: Any) -> Array:
         readings = jnp.asarray(readings, self.scale.dtype)

@@ -128,25 +128,6 @@ class AdaptiveCompensator(AbstractCompensator[LawState, Recalibrated]):
         begin = self._place("theta")
         return state.numbers[begin : begin + len(self.parts) + 2]
 
-    def step(
-        self, state: LawState, t: ArrayLike | None, y: ArrayLike, reference: ArrayLike = jnp.nan
-    ) -> tuple[LawState, Recalibrated]:
-        """One reading, with the true input where it is known."""
-        times = None if t is None else jnp.asarray(t, float)[None]
-        row = jnp.stack([jnp.asarray(x, float) for x in (y, reference)])
-        after, found = self.stream(times, row[None], state)
-        return after, Recalibrated(*(x[0] for x in found))
-
-    def simulate(
-        self,
-        t: ArrayLike | None,
-        y: ArrayLike,
-        state: LawState | None = None,
-        references: ArrayLike | None = None,
-    ) -> Recalibrated:
-        """`step` over all samples; `references`: (samples,) true inputs, NaN where they are not known."""
-        return self.follow(t, y, references, state)[1]
-
     def follow(
         self,
         t: ArrayLike | None,
@@ -154,7 +135,8 @@ class AdaptiveCompensator(AbstractCompensator[LawState, Recalibrated]):
         references: ArrayLike | None = None,
         state: LawState | None = None,
     ) -> tuple[LawState, Recalibrated]:
-        """As `simulate`, with the state after it, from which another log goes on.
+        """As `simulate` with true inputs (samples,), NaN where they are not known, and with the state after
+        it, from which another log goes on.
 
         **Example:**
 

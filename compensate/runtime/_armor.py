@@ -95,7 +95,7 @@ class Armor:
             self._now += dt
         t, doubt = self._now, 0
         if self._sensor:
-            reading, doubt = self._sensor.step(t, reading, motion)
+            reading, doubt = self._sensor.wrench(t, reading, motion)
         fx, fy, fz, mx, my, mz = reading
         force, moment = (fx, fy, fz), (mx, my, mz)
         self._touch, contact = touched(
@@ -168,7 +168,7 @@ class _Sensor:
         self._finds = [node_of(tree).find for tree in self._trees]
         self._held, self._time = [0.0] * 6, nan
 
-    def step(
+    def wrench(
         self, t: float, reading: Collection[float], motion: Motion | None
     ) -> tuple[Collection[float], int]:
         """The load's wrench, and 0 or the status of a reading that is not to be trusted."""

@@ -18,7 +18,7 @@ from hysteresis.records._cycles import counted_cycles
 from hysteresis.running import Numbers, each, numbers_of
 from hysteresis.trees import Tree
 
-from .._contract import AbstractCompensator, AbstractStreamed, Status, scan_steps
+from .._contract import AbstractCompensator, Status
 from .._estimate import estimate
 from ._ensemble import UncertainEstimate
 from ._motion import FASTER, GROWTH, PATH, Motions, along, error_law, path_law, seen
@@ -71,7 +71,7 @@ class CalibratedState(NamedTuple):
 
 
 @register
-class CalibratedCompensator(AbstractStreamed[CalibratedState, UncertainEstimate]):
+class CalibratedCompensator(AbstractCompensator[CalibratedState, UncertainEstimate]):
     """A compensator whose deviation holds the model's own error too.
 
     It adds that error to the spread of the inner compensator:
@@ -124,7 +124,7 @@ class CalibratedCompensator(AbstractStreamed[CalibratedState, UncertainEstimate]
     def stream(
         self, t: ArrayLike | None, y: ArrayLike, state: CalibratedState
     ) -> tuple[CalibratedState, UncertainEstimate]:
-        inner, found = scan_steps(self.inner, t, y, state.inner)
+        inner, found = self.inner.stream(t, y, state.inner)
         error, _, _, motion, last = each(
             self._numbers, "deviation", found.value, state=state.motion, t=state.t,
             held=state.error, times=None if t is None else jnp.asarray(t, float),

@@ -12,7 +12,7 @@ from hysteresis._parameter import is_concrete
 from hysteresis.running import Numbers, each, numbers_of
 from hysteresis.trees import Tree, node
 
-from .._contract import AbstractCompensator, AbstractStreamed, Found, scan_steps
+from .._contract import AbstractCompensator, Found
 from .._readings import reading_of, with_reading
 
 
@@ -23,7 +23,7 @@ class DeadBandState(NamedTuple):
     play: Float[Array, " state"]
 
 
-class DeadBandCompensator(AbstractStreamed[DeadBandState, Found]):
+class DeadBandCompensator(AbstractCompensator[DeadBandState, Found]):
     """A compensator behind a dead band on its reading.
 
     It is the inner inverse of v_k = clip(v_(k-1), y_k - width, y_k + width), a play behind the reading.
@@ -68,7 +68,7 @@ class DeadBandCompensator(AbstractStreamed[DeadBandState, Found]):
         held = each(self._numbers, "move", reading, state=state.play)
         # No reading is passed on as none.
         seen = jnp.where(jnp.isfinite(reading), held.value, reading)
-        inner, found = scan_steps(self.inner, t, with_reading(y, 1, seen), state.inner)
+        inner, found = self.inner.stream(t, with_reading(y, 1, seen), state.inner)
         return DeadBandState(inner, jnp.asarray(held.state)), found
 
     @once

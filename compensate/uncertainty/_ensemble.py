@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from hysteresis import AbstractModel, InputError, register
 from hysteresis._parameter import is_concrete
 
-from .._contract import AbstractCompensator, AbstractStreamed, Status, scan_steps
+from .._contract import AbstractCompensator, Status
 from .._readings import reading_of, with_reading
 from ..inverses import inverse_of
 
@@ -43,7 +43,7 @@ class EnsembleState(NamedTuple):
 
 
 @register
-class EnsembleCompensator(AbstractStreamed[EnsembleState, UncertainEstimate]):
+class EnsembleCompensator(AbstractCompensator[EnsembleState, UncertainEstimate]):
     """The inverses of all draws of a model, side by side: value and deviation are their mean and spread.
 
     Draw d sees the reading y_k + sigma_d n_dk, n standard normal by (`seed`, d, k) alone, so that a
@@ -106,7 +106,7 @@ class EnsembleCompensator(AbstractStreamed[EnsembleState, UncertainEstimate]):
         self, t: ArrayLike | None, y: ArrayLike, state: EnsembleState
     ) -> tuple[EnsembleState, UncertainEstimate]:
         y = jnp.asarray(y, float)
-        run = eqx.filter_vmap(lambda member, own, reading: scan_steps(member, t, reading, own))
+        run = eqx.filter_vmap(lambda member, own, reading: member.stream(t, reading, own))
         members, found = run(self.members, state.members, self._all_readings(y, state.count))
         count = state.count + jnp.isfinite(reading_of(y, 1)).sum().astype(state.count.dtype)
         return EnsembleState(members, count), _together(found)

@@ -17,7 +17,7 @@ from hysteresis.laws import filtered as law
 from hysteresis.running import Known, Numbers, numbers_of, place_of, told
 from hysteresis.trees import node
 
-from .._contract import AbstractCompensator, AbstractStreamed, Status
+from .._contract import AbstractCompensator, Status
 from .._readings import with_reading
 from ..inverses import inverse_of
 from ..inverses._law import OWN, LawCompensator, goes_back_only, told_of_condition
@@ -35,7 +35,7 @@ class FilteredState(NamedTuple):
     value: Float[Array, ""]
 
 
-class FilteredCompensator(AbstractStreamed[FilteredState, UncertainEstimate]):
+class FilteredCompensator(AbstractCompensator[FilteredState, UncertainEstimate]):
     """An extended Kalman filter of the input, for noisy readings.
 
     It finds the input that is likeliest if it walks at random and the reading is noisy:

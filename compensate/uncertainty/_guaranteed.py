@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from hysteresis import InputError, Record, register
 
-from .._contract import AbstractCompensator, AbstractStreamed, State, Status, scan_steps
+from .._contract import AbstractCompensator, State, Status
 from .._estimate import estimate
 
 EXACT = 1e-9
@@ -50,7 +50,7 @@ def runs_needed(guarantee: float) -> int:
 
 
 @register
-class GuaranteedCompensator(AbstractStreamed[State, BandedEstimate]):
+class GuaranteedCompensator(AbstractCompensator[State, BandedEstimate]):
     """A compensator with a band that holds a whole new run, with a probability that is guaranteed.
 
         low, high = value -+ factor shape,     P(every input of a new run is in its band) >= guarantee
@@ -77,7 +77,7 @@ class GuaranteedCompensator(AbstractStreamed[State, BandedEstimate]):
     def stream(
         self, t: ArrayLike | None, y: ArrayLike, state: State
     ) -> tuple[State, BandedEstimate]:
-        state, found = scan_steps(self.inner, t, y, state)
+        state, found = self.inner.stream(t, y, state)
         return state, self._banded(found)
 
     @property

@@ -39,14 +39,14 @@ def ramp(x: float, width: float) -> float:
     return (x + sqrt(x * x + width * width)) / 2.0
 
 
-def step(x: float, width: float) -> float:
+def ramp_slope(x: float, width: float) -> float:
     return (1.0 + x / sqrt(x * x + width * width)) / 2.0
 
 
 def slope(p: Parameters, u: float) -> float:
     w = p.rounding
-    first = step(u - p.u1, w)
-    second = step(u - p.u2, w)
+    first = ramp_slope(u - p.u1, w)
+    second = ramp_slope(u - p.u2, w)
     rest = second * (p.plateau - 1.0) + p.densification * ramp(u - p.u3, w)
     return p.linear * (p.toe + (1.0 - p.toe) * first + rest)
 

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from .._model import AbstractModel, Tree
+from .._model import AbstractFollowingModel, AbstractModel, Tree
 from .._model import Series as Inputs
 from .._parameter import Scalar, is_concrete, parameter
 from .._registry import register
@@ -55,23 +55,19 @@ def _check_parts(parts: tuple[Any, ...]) -> None:
 
 
 Over = Callable[[AbstractModel, Any, Any], tuple[Any, Any]]
-"""A model, its input and its state, to the state after it and its output: of a sample or a record."""
+"""A model, its input and its state, to the state after it and its output over a record."""
 
 
-class AbstractComposite(AbstractModel[State, Prepared]):
+class AbstractComposite(AbstractFollowingModel[State, Prepared]):
     """A model made of models. What it does over a record each of them does at once."""
 
     @abc.abstractmethod
     def _over(self, run: Over, u: Any, state: Any) -> tuple[Any, Any]:
         """State and output of what `run` does of each model; of no state where it is None."""
 
-    def step(self, state: State, t: Any, u: Any) -> tuple[State, Float[Array, ""]]:
-        return self._over(lambda model, v, own: model.step(own, t, v), u, state)
-
     def follow(
         self, t: Inputs | None, u: Inputs, state: State | None = None
     ) -> tuple[State, Float[Array, " samples"]]:
-        """All samples at once: (state after the last one, outputs)."""
         return self._over(lambda model, v, own: model.stream(t, v, own), u, state)
 
     def simulated(

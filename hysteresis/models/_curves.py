@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from .._errors import InputError
-from .._model import AbstractModel, Series, Tree
+from .._model import AbstractFollowingModel, Series, Tree
 from .._parameter import Scalar, is_concrete, parameter
 from .._registry import register
 from ..trees import ROUNDING, curve, node
@@ -24,7 +24,7 @@ class CurveInput(NamedTuple):
     u: Array
 
 
-class AbstractCurve(AbstractModel[tuple[()], CurveInput]):
+class AbstractCurve(AbstractFollowingModel[tuple[()], CurveInput]):
     """A model without memory: y = curve(u), sample by sample. Its state is empty."""
 
     @abc.abstractmethod
@@ -34,7 +34,9 @@ class AbstractCurve(AbstractModel[tuple[()], CurveInput]):
     def init(self, t0: Any = None, u0: Any = None) -> tuple[()]:
         return ()
 
-    def step(self, state: tuple[()], t: Any, u: Any) -> tuple[tuple[()], Float[Array, ""]]:
+    def follow(
+        self, t: Series | None, u: Series, state: tuple[()] | None = None
+    ) -> tuple[tuple[()], Float[Array, " samples"]]:
         return (), self.curve(jnp.asarray(u, float))
 
     def prepare(

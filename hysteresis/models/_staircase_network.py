@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from .._errors import InputError
-from .._model import AbstractModel, Series, is_start, time_steps
+from .._model import AbstractFollowingModel, Series, is_start, time_steps
 from .._registry import register
 from ..numerics._clamps import clamps
 
@@ -29,7 +29,7 @@ def _floats(numbers: Iterable[Any]) -> tuple[float, ...]:
 
 
 @register
-class StaircaseNetwork(AbstractModel[StaircaseState, Array]):
+class StaircaseNetwork(AbstractFollowingModel[StaircaseState, Array]):
     """A fully connected network of the input and of the memory that the input has left:
 
         y = centre_y + spread_y N((x - centre) / spread),     x = (u, z_1, ..., z_m, q_1, ..., q_n)
@@ -163,20 +163,17 @@ class StaircaseNetwork(AbstractModel[StaircaseState, Array]):
             StaircaseState(never, z, q) if self.channels > 1 else StaircaseState(never, z[0], q[0])
         )
 
-    def step(
-        self, state: StaircaseState, t: Any, u: Any
-    ) -> tuple[StaircaseState, Float[Array, ""]]:
-        """See `AbstractModel.step`; with several channels u is (channels,)."""
-        dtype = state.z.dtype
-        u, t = jnp.asarray(u, dtype)[..., None], jnp.asarray(t, dtype)
-        dt = jnp.where(jnp.isnan(state.t), 0.0, t - state.t)
-        kept = jnp.exp(-dt / jnp.array(self.times, dtype))
-        kept = jnp.broadcast_to(kept, state.q.shape)
-        r = _half_widths(self, dtype).reshape(state.z.shape)
-        z = jnp.clip(state.z, u - r, u + r)
-        q = kept * state.q + (1 - kept) * u
-        x = jnp.concatenate([u, z, q], -1)
-        return StaircaseState(t, z, q), self.evaluate(x.reshape(1, -1))[0]
+    def follow(
+        self, t: Series | None, u: Series, state: StaircaseState | None = None
+    ) -> tuple[StaircaseState, Float[Array, " samples"]]:
+        before = self.init() if state is None else state
+        x = self.prepare(t, u, before)
+        if not len(x):
+            return before, jnp.zeros(0)
+        last = jnp.zeros(()) if t is None else jnp.asarray(t, float)[-1]
+        _, z, q = jnp.split(x[-1].reshape(self.channels, -1), [1, 1 + len(self.thresholds)], 1)
+        after = StaircaseState(last, z.reshape(before.z.shape), q.reshape(before.q.shape))
+        return after, self.evaluate(x)
 
     def prepare(
         self,

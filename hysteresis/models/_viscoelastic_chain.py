@@ -176,13 +176,13 @@ def against(direct: Array, rates: Array, drives: Array, dt: Array, hold: Hold) -
     beta = before + now - delta * now
     whole = direct + now.sum()
 
-    def step(nu: Array, over: Array, gain: Array) -> tuple[Array, Array, Array]:
+    def weights(nu: Array, over: Array, gain: Array) -> tuple[Array, Array, Array]:
         """From nu, Q / T and 1 / T."""
         a, c = 1 - nu, -over / direct
         return a, -(a * c + gain), c
 
     if len(rates) == 1:
-        return (step(delta[0] + beta[0] / whole, now[0] / whole, beta[0] / whole**2),)
+        return (weights(delta[0] + beta[0] / whole, now[0] / whole, beta[0] / whole**2),)
     share, signs = beta / whole, np.array([1.0, -1.0])
     sign, half = jnp.sign(beta.sum()), (signs * (delta + share)).sum() / 2
     coupling = share.prod()
@@ -194,9 +194,9 @@ def against(direct: Array, rates: Array, drives: Array, dt: Array, hold: Hold) -
     other, swapped = jnp.flip(part), jnp.flip(far)
     weight = whole * (part * swapped).sum()
     apart = -(signs * delta).sum()
-    outer = step((delta + far)[0], (now * swapped).sum() / weight, far.prod() / weight)
+    outer = weights((delta + far)[0], (now * swapped).sum() / weight, far.prod() / weight)
     # The nearer root lies between the deltas.
-    inner = step(
+    inner = weights(
         (delta * other).sum(),
         apart * (signs * now * other).sum() / weight,
         apart**2 * part.prod() / weight,

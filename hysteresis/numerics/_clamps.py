@@ -48,11 +48,11 @@ def clamps(
 def by_scan(each: Clamp) -> Array:
     """One clamp after the other."""
 
-    def step(z: Array, clamp: Clamp) -> tuple[Array, Array]:
+    def move(z: Array, clamp: Clamp) -> tuple[Array, Array]:
         z = clamp(z)
         return z, z
 
-    return jax.lax.scan(step, each.low[0], each)[1]
+    return jax.lax.scan(move, each.low[0], each)[1]
 
 
 def by_association(each: Clamp) -> Array:

@@ -54,14 +54,14 @@ def even_recurrence(
     """
 
     def scan(steps: tuple[Numbers, ...], inputs: Rows, goes_on: Array) -> Array:
-        def step(z: Numbers, row: Numbers) -> tuple[Numbers, Array]:
+        def move(z: Numbers, row: Numbers) -> tuple[Numbers, Array]:
             before, now, on = row
             moved = zip(steps, z, strict=True)
             z = tuple(on * a * x + b * before + c * now for (a, b, c), x in moved)
             return z, sum(z, start=jnp.zeros_like(now))
 
         rest = tuple(jnp.zeros_like(a) for a, _, _ in steps)
-        return jax.lax.scan(step, rest, (*inputs, goes_on))[1]
+        return jax.lax.scan(move, rest, (*inputs, goes_on))[1]
 
     def associative(steps: tuple[Numbers, ...], inputs: Rows, goes_on: Array) -> Array:
         before, now = inputs
@@ -153,11 +153,11 @@ def _solve(a: Rows, b: Rows) -> Rows:
 
 
 def _scan(a: Rows, b: Rows) -> Rows:
-    def step(z: Numbers, ab: tuple[Numbers, Numbers]) -> tuple[Numbers, Numbers]:
+    def move(z: Numbers, ab: tuple[Numbers, Numbers]) -> tuple[Numbers, Numbers]:
         z = tuple(factor * x + drive for factor, x, drive in zip(ab[0], z, ab[1], strict=True))
         return z, z
 
-    return jax.lax.scan(step, tuple(jnp.zeros_like(drive[0]) for drive in b), (a, b))[1]
+    return jax.lax.scan(move, tuple(jnp.zeros_like(drive[0]) for drive in b), (a, b))[1]
 
 
 def _associative(a: Rows, b: Rows) -> Rows:
@@ -179,11 +179,11 @@ def _apply(a: Array, z: Array) -> Array:
 
 
 def _scan_coupled(a: Array, b: Array) -> Array:
-    def step(z: Array, ab: tuple[Array, Array]) -> tuple[Array, Array]:
+    def move(z: Array, ab: tuple[Array, Array]) -> tuple[Array, Array]:
         z = _apply(ab[0], z) + ab[1]
         return z, z
 
-    return jax.lax.scan(step, jnp.zeros_like(b[0]), (a, b), unroll=4)[1]
+    return jax.lax.scan(move, jnp.zeros_like(b[0]), (a, b), unroll=4)[1]
 
 
 def _associative_coupled(a: Array, b: Array) -> Array:

@@ -85,12 +85,9 @@ class Watched(AbstractCompensator[Any, Estimate]):
     def init(self):
         return self.inner.init()
 
-    def step(self, state, t, y):
-        return self.inner.step(state, t, y)
-
-    def simulate(self, t, y, state=None):
+    def stream(self, t, y, state):
         self.lengths.append(len(y))
-        return self.inner.simulate(t, y, state)
+        return self.inner.stream(t, y, state)
 
 
 def test_few_lengths_are_compiled():

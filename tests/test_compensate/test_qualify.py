@@ -57,16 +57,12 @@ class Off(AbstractCompensator[AbstractCompensator, Estimate]):
     def init(self):
         return self.inner.init()
 
-    def step(self, state, t, y):
-        state, (value, status) = self.inner.step(state, t, y)
-        return state, Estimate(value + self.by, status)
-
-    def simulate(self, t, y, state=None):
-        value, status = self.inner.simulate(t, y, state)
+    def stream(self, t, y, state):
+        state, (value, status) = self.inner.stream(t, y, state)
         if self.slope is not None:
             value = (value + 2 * y / self.slope) / 3
         third = jnp.arange(len(y)) % 3 == 0
-        return Estimate(value + self.by, jnp.where(third, self.status, status))
+        return state, Estimate(value + self.by, jnp.where(third, self.status, status))
 
 
 def test_a_perfect_compensator_removes_all():

@@ -126,10 +126,10 @@ def test_stream_is_batch_and_goes_on(name: str):
     """The state is all there is: a log in two parts is one log."""
     found, own = run(MODELS[name]), made(name)
     known = known_in(found, (0, 5))
-    whole = own.simulate(found.t, found.y, references=known)
+    whole = own.follow(found.t, found.y, known)[1]
     half = 4 * ROWS
     state, first = own.follow(found.t[:half], found.y[:half], known[:half])
-    rest = own.simulate(found.t[half:], found.y[half:], state, known[half:])
+    _, rest = own.follow(found.t[half:], found.y[half:], known[half:], state)
     for a, b, c in zip(whole, first, rest, strict=True):
         np.testing.assert_allclose(np.append(b, c), a, rtol=1e-9, atol=1e-9)
 
@@ -140,7 +140,7 @@ def test_a_change_is_learnt_from_two_cycles(name: str):
     found, y = changed(name, 0.85, 1.2)
     own = made(name)
     frozen = np.asarray(own.simulate(found.t, y).value) - found.u
-    out = own.simulate(found.t, y, references=known_in(found, (0, 4)))
+    out = own.follow(found.t, y, known_in(found, (0, 4)))[1]
     error = np.asarray(out.value) - found.u
     fit = float(own.settings["error"])
     last = slice(5 * ROWS, None)
@@ -158,7 +158,7 @@ def test_nothing_is_learnt_where_nothing_changed():
     for seed in range(6):
         found = run(MODELS["sum"], seed=seed + 2)
         y = found.y + found.noise
-        out = own.simulate(found.t, y, references=known_in(found, (0, 4)))
+        out = own.follow(found.t, y, known_in(found, (0, 4)))[1]
         frozen = own.simulate(found.t, y)
         assert int(out.changes[-1]) == 0
         error, before = (np.asarray(x.value) - found.u for x in (out, frozen))
@@ -171,7 +171,7 @@ def test_a_drifting_zero_is_extrapolated():
     y = found.y + found.noise + 5e-3 * found.t
     known, off = known_in(found, (0, 2, 4)), []
     for drift in (0.0, 5e-3):
-        value = np.asarray(made("sum", drift).simulate(found.t, y, references=known).value)
+        value = np.asarray(made("sum", drift).follow(found.t, y, known)[1].value)
         off.append(np.sqrt(np.mean((value - found.u)[5 * ROWS :] ** 2)))
     assert off[1] < 0.5 * off[0]
 
@@ -227,7 +227,7 @@ def test_python_and_c_are_the_same(name: str, tmp_path: Path):
     found, y = changed(name, 0.85, 1.2)
     known, y = known_in(found, (0, 4)), y.copy()
     y[[7, 50]] = np.nan
-    wanted = own.simulate(found.t, y, references=known)
+    wanted = own.follow(found.t, y, known)[1]
     options: dict[str, Any] = {"times": found.t, "adaptive": own}
     limits: dict[str, Any] = {"limits": (float(np.nanmin(y)) - 1.0, float(np.nanmax(y)) + 1.0)}
     file = export_runtime(model, tmp_path / "it.json", found.y, **options, **limits).path
@@ -277,15 +277,15 @@ def test_what_cannot_be_recalibrated_is_refused():
     with pytest.raises(InputError):
         adaptive(pair, record)
     with pytest.raises(InputError) as error:
-        made("sum").simulate(found.t, found.y, references=[1.0])
+        made("sum").follow(found.t, found.y, [1.0])
     assert error.value.code == "length-mismatch"
 
 
 def test_it_runs_in_any_loop():
     """`step` is a pure function, under `jit` and `vmap`."""
     own = made("sum")
-    steps = jax.jit(jax.vmap(own.step, in_axes=(None, None, 0, 0)))
-    _, found = steps(own.init(), 0.0, np.array([1.0, 2.0]), np.array([np.nan, 1.0]))
+    steps = jax.jit(jax.vmap(own.step, in_axes=(None, None, 0)))
+    _, found = steps(own.init(), 0.0, np.array([[1.0, np.nan], [2.0, 1.0]]))
     assert found.value.shape == (2,)
 
 
