@@ -20,6 +20,6 @@ from .uncertainty._calibrated import CalibratedCompensator as CalibratedCompensa
 from .uncertainty._calibrated import calibrated as calibrated
 from .uncertainty._dead_band import DeadBandCompensator as DeadBandCompensator
 from .uncertainty._ensemble import EnsembleCompensator as EnsembleCompensator
-from .uncertainty._filtered import FilteredCompensator as FilteredCompensator
+from .uncertainty._filtered import filtered as filtered
 from .uncertainty._flat_intervals import flat_intervals as flat_intervals
 from .uncertainty._guaranteed import guaranteed as guaranteed

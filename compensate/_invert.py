@@ -73,7 +73,7 @@ def invert(
         raise InputError(
             "not-invertible",
             "one model's inverse has no spread for a reading's noise to add to.",
-            fix="FilteredCompensator(model, input_step, output_sigma), or invert(posterior.model, ...).",
+            fix="filtered(model, input_step, output_sigma), or invert(posterior.model, ...).",
         )
     else:
         inverse = inverse_of(model)

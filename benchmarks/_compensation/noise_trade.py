@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from compensate import DeadBandCompensator, FilteredCompensator, invert
+from compensate import DeadBandCompensator, filtered, invert
 from hysteresis import AbstractModel, Burgers, Preisach
 from hysteresis.preisach import GridDensity
 
@@ -67,7 +67,7 @@ def _rows(name: str, model: AbstractModel) -> list[Trade]:
     ways: dict[str, Any] = {"raw": invert(model)}
     ways |= {f"dead band, {k} sigma": DeadBandCompensator(invert(model), k * sigma) for k in (1, 3)}
     ways |= {
-        f"filtered, {part:g} input steps": FilteredCompensator(model, part * step, sigma)
+        f"filtered, {part:g} input steps": filtered(model, part * step, sigma)
         for part in (0.5, 1.0, 2.0)
     }
     rows = []

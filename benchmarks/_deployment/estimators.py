@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 import scipy
 
-from compensate import FilteredCompensator, calibrated
+from compensate import calibrated, filtered
 from hysteresis import Record
 from hysteresis.rigs import SpongeRig
 from identify import fit
@@ -59,10 +59,10 @@ def estimator_rows(quick: bool) -> list[Row]:
     known, taught = (len(wear) + k * (LEAD + ROWS) for k in (FITTED, TAUGHT))
     rows = slice(80, known)
     fitted = fit(Record.from_arrays(pressed[rows], y[rows], t[rows]), model="Preisach")
-    filtered = FilteredCompensator(fitted.model, input_step=4.0, output_sigma=SIGMA)
+    compensator = filtered(fitted.model, input_step=4.0, output_sigma=SIGMA)
     mask = np.arange(taught) >= known
     before = Record.from_arrays(pressed[:taught], y[:taught], t[:taught], mask=mask)
-    found = calibrated(filtered, before).simulate(t, y)
+    found = calibrated(compensator, before).simulate(t, y)
     value, deviation, true = (
         np.asarray(x)[len(wear) :].reshape(-1, LEAD + ROWS)[:, LEAD:]
         for x in (found.value, found.deviation, pressed)

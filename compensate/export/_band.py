@@ -6,7 +6,6 @@ from hysteresis.laws._tree import Tree
 from ..guards._guarded import GuardedCompensator
 from ..uncertainty._calibrated import CalibratedCompensator
 from ..uncertainty._ensemble import EnsembleCompensator
-from ..uncertainty._filtered import FilteredCompensator
 from ..uncertainty._guaranteed import GuaranteedCompensator
 from ._python_to_c99 import number
 
@@ -21,7 +20,7 @@ def banded(band: GuaranteedCompensator, error: CalibratedCompensator | None) -> 
         inner = inner.inner
     by_deviation = isinstance(inner, CalibratedCompensator)
     unknown = by_deviation and (error is None or not _alike(inner, error))
-    if unknown or isinstance(inner, EnsembleCompensator | FilteredCompensator):
+    if unknown or isinstance(inner, EnsembleCompensator) or getattr(inner, "deviates", False):
         raise InputError(
             "not-exportable",
             "The shape of this band is a deviation that the file does not have.",

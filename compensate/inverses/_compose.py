@@ -1,83 +1,25 @@
-"""Inverses of composed models of which a part is no law: of a chain the chain of inverses."""
+"""Inverses of composed models: by their laws, or by bisection where a part is no law."""
 
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
-from numpy.typing import ArrayLike
 
-from hysteresis import AbstractModel, InputError, Mixture, Scaled, Series, Sum, register
+from hysteresis import AbstractModel, InputError, Mixture, Scaled, Series, Sum
 from hysteresis._parameter import is_concrete
-from hysteresis._type_variables import PyTree
 from hysteresis.trees import input_range, search_range
 
-from .._contract import AbstractCompensator, Estimate, Status
-from .._readings import reading_of, with_reading
+from .._contract import AbstractCompensator
 from ._bisection import BracketedCompensator
 from ._default import check_rises
 from ._inverse_of import inverse_of
 from ._law import LawCompensator, has_laws
 
 
-@register
-class SeriesCompensator(AbstractCompensator[tuple[PyTree, ...], Estimate]):
-    """The last stage's inverse first, the first stage's last. Of several statuses the first that is not OK.
-
-    A condition beside the reading goes to the first stage, which is the one that may depend on it.
-
-    - `inverses`: of the stages, last to first.
-    """
-
-    inverses: tuple[AbstractCompensator, ...]
-
-    def init(self) -> tuple[PyTree, ...]:
-        return tuple(inverse.init() for inverse in self.inverses)
-
-    def stream(
-        self, t: ArrayLike | None, y: ArrayLike, state: tuple[PyTree, ...]
-    ) -> tuple[tuple[PyTree, ...], Estimate]:
-        y = jnp.asarray(y, float)
-        after, estimate = [], Estimate(reading_of(y, 1), jnp.zeros(y.shape[:1], int))
-        for k, (inverse, own) in enumerate(zip(self.inverses, state, strict=True), 1):
-            # Nothing, where the one before had nothing, so that the next one's clock rests.
-            seen = jnp.where(estimate.status == Status.INVALID, jnp.nan, estimate.value)
-            last = k == len(self.inverses)
-            own, found = inverse.stream(t, with_reading(y, 1, seen) if last else seen, own)
-            after.append(own)
-            status = jnp.where(estimate.status == Status.OK, found.status, estimate.status)
-            estimate = Estimate(found.value, status)
-        return tuple(after), estimate
-
-
-class Unscaled(AbstractCompensator[tuple[()], Estimate]):
-    """(y - offset) / factor."""
-
-    factor: Float[Array, ""]
-    offset: Float[Array, ""]
-
-    def init(self) -> tuple[()]:
-        return ()
-
-    def stream(
-        self, t: ArrayLike | None, y: ArrayLike, state: tuple[()]
-    ) -> tuple[tuple[()], Estimate]:
-        value = (jnp.asarray(y, float) - self.offset) / self.factor
-        return state, Estimate(value, jnp.zeros(value.shape, int))
-
-
 @inverse_of.register
-def _(model: Series) -> AbstractCompensator:
-    inverses = tuple(inverse_of(part) for part in reversed(model.parts))
-    laws = all(isinstance(one, LawCompensator) for one in inverses)
-    return LawCompensator(model) if laws else SeriesCompensator(inverses)
-
-
-@inverse_of.register
-def _(model: Scaled) -> AbstractCompensator:
-    inner = inverse_of(model.inner)
-    if isinstance(inner, LawCompensator):
-        return LawCompensator(model)
-    outer = Unscaled(jnp.asarray(model.factor), jnp.asarray(model.offset))
-    return SeriesCompensator((outer, inner))
+def _(model: Series | Scaled) -> AbstractCompensator:
+    parts = model.parts if isinstance(model, Series) else (model.inner,)
+    laws = [isinstance(inverse_of(part), LawCompensator) for part in parts]  # refuses one without
+    return (
+        LawCompensator(model) if all(laws) else BracketedCompensator(model, *search_range(parts[0]))
+    )
 
 
 @inverse_of.register

@@ -16,7 +16,7 @@ from hysteresis._type_variables import PyTree
 
 from .._contract import AbstractCompensator, Status
 from .._readings import latest_of
-from ..uncertainty._ensemble import UncertainEstimate
+from ..inverses._law import UncertainEstimate
 
 Limit = float | tuple[float, ...]
 """Of the reading, or of each channel's."""

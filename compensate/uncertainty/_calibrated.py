@@ -20,7 +20,7 @@ from hysteresis.trees import Tree
 
 from .._contract import AbstractCompensator, Status
 from .._estimate import estimate
-from ._ensemble import UncertainEstimate
+from ..inverses._law import UncertainEstimate
 from ._motion import FASTER, GROWTH, PATH, Motions, along, error_law, path_law, seen
 
 SCORES = 200

@@ -16,23 +16,7 @@ from hysteresis._parameter import is_concrete
 from .._contract import AbstractCompensator, Status
 from .._readings import reading_of, with_reading
 from ..inverses import inverse_of
-
-
-class UncertainEstimate(NamedTuple):
-    """An `Estimate` with its error: the standard `deviation`, and where there are any, `draws`."""
-
-    value: Float[Array, "*samples"]
-    status: Int[Array, "*samples"]
-    deviation: Float[Array, "*samples"]
-    draws: Float[Array, "draws *samples"] | None = None
-
-    def quantile(self, q: ArrayLike) -> Array:
-        """The input's quantiles, (*q, *samples): of the draws, else value + deviation Phi^-1(q)."""
-        q = jnp.asarray(q, float)
-        if self.draws is not None:
-            return jnp.quantile(self.draws, q, axis=0)
-        away = jnp.multiply.outer(jax.scipy.special.ndtri(q), self.deviation)
-        return away + jnp.expand_dims(self.value, range(q.ndim))
+from ..inverses._law import UncertainEstimate
 
 
 class EnsembleState(NamedTuple):
@@ -48,7 +32,7 @@ class EnsembleCompensator(AbstractCompensator[EnsembleState, UncertainEstimate])
 
     Draw d sees the reading y_k + sigma_d n_dk, n standard normal by (`seed`, d, k) alone, so that a
     stream equals the batch: the spread is the model's and the reading's together. Raw inverses take
-    noise for reversals, and the reading has its own already: see `FilteredCompensator`.
+    noise for reversals, and the reading has its own already: see `filtered`.
 
     Where any draw's status is not OK, the commonest of those is told: one draw that is held already
     cuts the band short.

@@ -7,9 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from compensate import DeadBandCompensator, FilteredCompensator, Status, invert
+from compensate import DeadBandCompensator, Status, filtered, invert
 from hysteresis import AbstractModel, Burgers, InputError, LinearSponge, Preisach
-from hysteresis.preisach import GridDensity
+from hysteresis.preisach import GaussianDensity, GridDensity
 from tests.problems import HIGH, LOW, SAMPLES, clock, random_histories, without
 from tests.thorough import rest_thorough
 
@@ -47,14 +47,14 @@ def noisy(
 def wrapped(kind: str, model: AbstractModel) -> Any:
     if kind == "dead band":
         return DeadBandCompensator(invert(model), 0.05)
-    return FilteredCompensator(model, 0.05, 0.02, by_time=kind == "by time")
+    return filtered(model, 0.05, 0.02, by_time=kind == "by time")
 
 
 @both
 def test_without_noise_it_is_the_raw_inverse(model: AbstractModel):
     u = random_histories(np.random.default_rng(0), LOW, HIGH, (20, SAMPLES))
     t = jnp.asarray(clock(0))
-    compensator = FilteredCompensator(model, 0.3, 1e-9)
+    compensator = filtered(model, 0.3, 1e-9)
 
     @jax.jit
     @jax.vmap
@@ -85,7 +85,7 @@ def test_noise_does_less_and_the_band_says_how_much(model: AbstractModel, step: 
     u = walk(step * SPAN, 3000, 1)
     t, y, sigma = noisy(model, u)
     raw = np.asarray(invert(model).simulate(t, y).value) - u
-    found = FilteredCompensator(model, step * SPAN, sigma).simulate(t, y)
+    found = filtered(model, step * SPAN, sigma).simulate(t, y)
     error = np.asarray(found.value) - u
     assert np.sqrt(np.mean(error**2)) < 0.75 * np.sqrt(np.mean(raw**2))
     low, high = np.asarray(found.quantile([0.05, 0.95]))
@@ -122,27 +122,17 @@ def test_a_stream_equals_the_batch_and_holes_leave_no_trace(model: AbstractModel
     np.testing.assert_allclose(rest.value, whole.value[half:], rtol=0, atol=1e-9)
 
 
-def test_a_model_without_laws_is_filtered_step_by_step(monkeypatch: pytest.MonkeyPatch):
-    """The same model twice; the second time its laws are not taken."""
-    t, y, sigma = noisy(GRID, walk(0.05, SAMPLES, 2))
-    y[3] = np.nan
-    each = []
-    for missing in (False, True):
-        monkeypatch.setattr(
-            "compensate.uncertainty._filtered.goes_back_only", lambda tree, missing=missing: missing
-        )
-        each.append(FilteredCompensator(GRID, 0.05, sigma).simulate(t, y))
-    np.testing.assert_allclose(each[1].value, each[0].value, rtol=0, atol=1e-9)
-    np.testing.assert_allclose(each[1].deviation, each[0].deviation, rtol=1e-6)
-    np.testing.assert_array_equal(each[1].status, each[0].status)
+def test_a_model_without_laws_is_refused():
+    with pytest.raises(InputError, match="not-invertible"):
+        filtered(Preisach(GaussianDensity(LOW, HIGH, 1.0, 0.4, 0.4, 1.0, 0.4)), 0.1, 0.1)
 
 
 @pytest.mark.parametrize("value", [0.0, -1.0, np.inf, np.nan])
 def test_deviations_that_are_none_are_refused(value: float):
     with pytest.raises(InputError, match="parameter-out-of-bounds"):
-        FilteredCompensator(GRID, value, 0.1)
+        filtered(GRID, value, 0.1)
     with pytest.raises(InputError, match="parameter-out-of-bounds"):
-        FilteredCompensator(GRID, 0.1, value)
+        filtered(GRID, 0.1, value)
     if value:
         with pytest.raises(InputError, match="bad-option"):
             DeadBandCompensator(invert(GRID), value)
@@ -150,4 +140,4 @@ def test_deviations_that_are_none_are_refused(value: float):
 
 def test_steps_by_time_need_the_times():
     with pytest.raises(InputError, match="no-time"):
-        FilteredCompensator(GRID, 0.1, 0.1, by_time=True).simulate(None, [0.0])
+        filtered(GRID, 0.1, 0.1, by_time=True).simulate(None, [0.0])
