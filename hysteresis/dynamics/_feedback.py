@@ -23,6 +23,7 @@ from .._model import AbstractModel
 from .._registry import register
 from ..running import Numbers, numbers_of, run
 from ._feedback_in_time import in_time
+from ._recorder import clock
 
 Matrix = Any
 
@@ -53,6 +54,11 @@ class Lines(NamedTuple):
     @property
     def s(self) -> Complex[np.ndarray, " lines"] | Any:
         return 2j * np.pi * np.arange(self.count) / self.period
+
+    @property
+    def clock(self) -> Float[np.ndarray, " rows"]:
+        """Of two periods in fine steps."""
+        return clock(2 * self.samples * self.finer, self.dt / self.finer)
 
     def of(self, x: Float[np.ndarray, "samples signals"]) -> Complex[np.ndarray, "lines signals"]:
         return np.fft.rfft(x, axis=0)[: self.count]
@@ -328,7 +334,7 @@ def reactions(model: Feedback, laws: tuple[Numbers, ...], lines: Lines, Z: Any) 
     z = lines.fine(Z)
     w = np.empty_like(z)
     for i, numbers in enumerate(laws):
-        w[i] = run(numbers, np.tile(z[i], 2), clock_of(lines)).value[z.shape[1] :]
+        w[i] = run(numbers, np.tile(z[i], 2), lines.clock).value[z.shape[1] :]
         w[i] += model.levels[i] * z[i] * np.log(level_of(z[i]))
     return lines.coarse(w)
 
@@ -336,13 +342,6 @@ def reactions(model: Feedback, laws: tuple[Numbers, ...], lines: Lines, Z: Any) 
 def level_of(z: np.ndarray) -> float:
     """s: the root mean square, not nothing."""
     return float(np.sqrt(max(np.mean(z * z), 1e-300)))
-
-
-def clock_of(lines: Lines) -> np.ndarray:
-    """Times since the row before, of two periods in fine steps."""
-    dt = np.full(2 * lines.samples * lines.finer, lines.dt / lines.finer)
-    dt[0] = np.nan
-    return dt
 
 
 def steady_state(

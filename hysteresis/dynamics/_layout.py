@@ -105,8 +105,3 @@ def before_first(numbers: Numbers, motion: Any = ()) -> Float[np.ndarray, " stat
     for name, value in zip(MOTION, motion, strict=False):
         m[place_of(known, name)] = value
     return m[len(m) - known.states :]
-
-
-def clock(count: int, h: float) -> Float[np.ndarray, " rows"]:
-    """Times since the row before, of an even clock that begins."""
-    return np.append(np.nan, np.full(count - 1, h))

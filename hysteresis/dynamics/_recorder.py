@@ -16,6 +16,11 @@ LAGS, LEARNT = 48, 2000
 """A record is continued by so many lags of linear prediction, learnt from so many rows at its end."""
 
 
+def clock(count: int, h: float) -> Float[np.ndarray, " rows"]:
+    """Times since the row before, of an even clock that begins."""
+    return np.append(np.nan, np.full(count - 1, h))
+
+
 def stages_of(factor: int) -> tuple[int, ...]:
     """A decimation factor in stages of prime factors, the smallest first: 20 is (2, 2, 5)."""
     found, rest, prime = [], factor, 2
@@ -42,20 +47,16 @@ def decimated(
         >>> hysteresis.decimated(np.arange(41.0), (20,)).round(6).tolist()
         [0.0, 20.0, 40.0]
     """
-    x, half = np.asarray(fine, float), TAPS // 2
+    x, ends = np.asarray(fine, float), "wrap" if periodic else "antireflect"
     for factor in stages:
-        if len(x) <= half:
+        if len(x) <= TAPS // 2:
             raise InputError(
                 "too-few-rows",
                 f"{len(x)} steps cannot be low-passed by a filter of {TAPS} taps.",
                 fix="give a longer record.",
             )
-        if periodic:
-            wide = np.concatenate([x[-half:], x, x[:half]])
-        else:
-            wide = np.concatenate([2 * x[0] - x[half:0:-1], x, 2 * x[-1] - x[-2 : -half - 2 : -1]])
-        windows = np.lib.stride_tricks.sliding_window_view(wide, TAPS)
-        x = windows[::factor] @ scipy.signal.firwin(TAPS, 1 / factor)  # only the rows that are kept
+        taps = scipy.signal.firwin(TAPS, 1 / factor)
+        x = scipy.signal.resample_poly(x, 1, factor, window=taps, padtype=ends)
     return x
 
 
@@ -79,35 +80,19 @@ def interpolated(
     """
     u = np.asarray(samples, float)
     n = len(u)
+    count = n * factor if periodic else (n - 1) * factor + 1
     if factor == 1:
         return u.copy()
     if between == "held":
-        fine = np.repeat(u, factor)
-        return fine if periodic else fine[: (n - 1) * factor + 1]
+        return np.repeat(u, factor)[:count]
     if between == "linear":
-        ends = np.append(u, u[0]) if periodic else u
-        fine = np.interp(
-            np.arange((len(ends) - 1) * factor + 1) / factor, np.arange(len(ends)), ends
-        )
-        return fine[:-1] if periodic else fine
+        return np.interp(np.arange(count) / factor, np.arange(n + 1), np.append(u, u[0]))
     if periodic:
-        return scipy.signal.resample(u, n * factor)  # exact
-    wide = _continued(u)
-    reach = np.arange(-REACH + 1, REACH + 1)
-    fine = np.empty((n - 1) * factor + 1)
-    fine[::factor] = u
-    for k in range(1, factor):
-        distance = reach - k / factor
-        window = np.i0(KAISER * np.sqrt(np.maximum(1 - (distance / REACH) ** 2, 0))) / np.i0(KAISER)
-        taps = np.sinc(distance) * window
-        part = np.convolve(wide, taps[::-1], "valid")
-        fine[k::factor] = part[1:n]
-    return fine
-
-
-def _continued(u: np.ndarray) -> np.ndarray:
-    """A record with `REACH` more samples before and after it, by linear prediction from either end."""
-    return np.concatenate([_predicted(u[::-1])[::-1], u, _predicted(u)])
+        return scipy.signal.resample(u, count)  # exact
+    wide = np.concatenate([_predicted(u[::-1])[::-1], u, _predicted(u)])
+    half = REACH * factor
+    taps = np.sinc(np.arange(-half, half + 1) / factor) * np.kaiser(2 * half + 1, KAISER)
+    return scipy.signal.upfirdn(taps, wide, factor)[2 * half :][:count]
 
 
 def _predicted(u: np.ndarray) -> np.ndarray:

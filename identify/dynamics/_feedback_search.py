@@ -12,7 +12,14 @@ import numpy as np
 from hysteresis import Feedback
 from hysteresis.dynamics._feedback import Lines, Steady, steady_state
 
-from ._feedback_unknowns import Point, Reaction, Unknowns, equivalent_gains, jacobian, refined
+from ._feedback_unknowns import (
+    Point,
+    Unknowns,
+    equivalent_gains,
+    jacobian,
+    numbers_by_unknowns,
+    refined,
+)
 
 TRIES = 6
 STRONG, PROBED = 0.2, 8
@@ -125,7 +132,7 @@ def _normal(
         gains[level] = equivalent_gains(
             np.stack([s.drives for s in own]), np.stack([s.reactions for s in own])
         )
-    reactions = [Reaction(channel).numbers() for channel in model.channels]
+    reactions = [numbers_by_unknowns(channel) for channel in model.channels]
     points = [
         Point(model, lines, data.U[r], state, G, gains[data.level[r]], reactions)
         for r, state in enumerate(here.states)

@@ -13,16 +13,11 @@ preconditioner.
 
 from typing import Any, NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jax.flatten_util import ravel_pytree
 
-from hysteresis import AbstractModel, Feedback, parameters
-from hysteresis.dynamics._feedback import Lines, Steady, clock_of, level_of
-from hysteresis.running import numbers_of, tangents
-
-from ..parameters._settings import replaced
+from hysteresis import Feedback, StopsAndPowers
+from hysteresis.dynamics._feedback import Lines, Steady, level_of
+from hysteresis.running import Numbers, numbers_of, tangents
 
 EXACT, ROUNDS = 0.03, 12
 """Part of the drives' changes that is left around the loop at last, and most rounds."""
@@ -31,28 +26,22 @@ SLOWEST = 2e-4
 """Least decay of a pole, in units of the frequencies at hand."""
 
 
-class Reaction(NamedTuple):
-    """The unknowns of a channel's law: its parameters that are not fixed."""
+def law_of(thresholds: Any, unknowns: Any) -> StopsAndPowers:
+    """A channel's law by its unknowns: the weights of its stops, then its powers."""
+    stops = len(thresholds)
+    return StopsAndPowers(thresholds, unknowns[:stops], unknowns[stops:])
 
-    channel: AbstractModel
 
-    def _raveled(self) -> tuple[Any, Any]:
-        free = {name: value for name, info, value in parameters(self.channel) if not info.fixed}
-        return ravel_pytree({name: jnp.asarray(value, float) for name, value in free.items()})
+def unknowns_of(law: Any) -> np.ndarray:
+    return np.concatenate([law.weights, law.powers])
 
-    def vector(self) -> np.ndarray:
-        return np.asarray(self._raveled()[0], float)
 
-    def moved(self, vector: Any) -> AbstractModel:
-        model = self.channel
-        for name, value in self._raveled()[1](jnp.asarray(vector)).items():
-            model = replaced(model, name, value)
-        return model
-
-    def numbers(self) -> tuple[Any, np.ndarray]:
-        """Of its law, and their derivatives by the unknowns."""
-        by = jax.jacfwd(lambda x: numbers_of(self.moved(x).tree()).m)(jnp.asarray(self.vector()))
-        return numbers_of(self.channel.tree()), np.asarray(by, float)
+def numbers_by_unknowns(law: Any) -> tuple[Numbers, np.ndarray]:
+    """The numbers of a channel's law, and their derivatives by its unknowns: of those the law is made,
+    after its thresholds."""
+    numbers = numbers_of(law.tree())
+    free = numbers.known.free[len(law.thresholds) :]
+    return numbers, np.eye(len(numbers.m))[:, list(free)]
 
 
 class Unknowns(NamedTuple):
@@ -70,7 +59,7 @@ class Unknowns(NamedTuple):
         o = None if self.driven else ny
         return [
             model.poles, model.entries[:, :v], model.shapes[:o], model.direct[:ny, :v],
-            np.array([model.delay]), model.levels, *(Reaction(x).vector() for x in model.channels),
+            np.array([model.delay]), model.levels, *map(unknowns_of, model.channels),
             model.direct[ny:o, :nu],
         ]  # fmt: skip
 
@@ -87,7 +76,8 @@ class Unknowns(NamedTuple):
         poles, b, c, out, (delay,), levels, *laws, drives = found
         d, ny = model.direct.copy(), model.outputs
         d[:ny, : out.shape[1]], d[ny : ny + len(drives), : model.inputs] = out, drives
-        own = [Reaction(x).moved(law) for x, law in zip(model.channels, laws, strict=True)]
+        each: Any = zip(model.channels, laws, strict=True)
+        own = [law_of(x.thresholds, law) for x, law in each]
         return Feedback(
             -np.maximum(-poles.real, SLOWEST) + 1j * poles.imag,
             np.concatenate([b, model.entries[:, b.shape[1] :]], 1),
@@ -198,8 +188,7 @@ def _tangent(
     both = np.zeros((2 * len(z), dz.shape[1] + dm.shape[1]))
     both[:, : dz.shape[1]] = np.tile(dz, (2, 1))
     wide = np.concatenate([np.zeros((len(dm), dz.shape[1])), dm], 1)
-    clock = clock_of(point.lines)
-    dw = tangents(numbers, wide, np.tile(z, 2), clock, both, kept=(len(z), 1)).columns
+    dw = tangents(numbers, wide, np.tile(z, 2), point.lines.clock, both, kept=(len(z), 1)).columns
     s, level = level_of(z), point.model.levels[i]
     if dz.shape[1]:
         by_level = np.log(s) * dz + np.outer(z, z @ dz) / (len(z) * s**2)

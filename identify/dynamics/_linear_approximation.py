@@ -3,17 +3,18 @@
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
-from jaxtyping import Bool, Complex, Float
+from jaxtyping import Complex, Float
 
 from hysteresis import InputError
 
 from ._measured_motion import MeasuredMotion
+from ._periodic_tests import EXCITED, excited_lines
 
 Lines: TypeAlias = Complex[np.ndarray, " lines"] | Any
 """A complex number of each line."""
 
-EXCITED = 1e-3
-"""Lines in which the force has at least this part of its greatest amplitude."""
+LEAKED = 0.03
+"""Part of the largest line from which a line of a record without a period is excited."""
 
 PASSES = 12
 NEIGHBOURS = 12
@@ -50,14 +51,6 @@ class LinearApproximation(NamedTuple):
         return float(np.sqrt(ratio) / (2 * np.pi)) if ratio > 0 else 0.0
 
 
-def excited(motion: MeasuredMotion) -> Bool[np.ndarray, " lines"]:
-    """Which lines the force excites, the constant one left out."""
-    amplitude = np.abs(np.fft.rfft(motion.force))
-    amplitude[0] = 0.0
-    least = EXCITED if motion.periodic else 0.03
-    return amplitude > least * amplitude.max()
-
-
 def linear_approximation(motion: MeasuredMotion) -> LinearApproximation:
     """Least squares over the excited lines, each weighted by the response of the last pass.
 
@@ -67,17 +60,17 @@ def linear_approximation(motion: MeasuredMotion) -> LinearApproximation:
     """
     U, Y = np.fft.rfft(motion.force), np.fft.rfft(motion.displacement)
     w = 2 * np.pi * motion.frequencies
-    lines = excited(motion)
-    if lines.sum() < 4:
+    lines = excited_lines(U[None, :, None], EXCITED if motion.periodic else LEAKED)
+    if len(lines) < 4:
         raise InputError(
             "no-excitation",
-            f"the force has {int(lines.sum())} frequencies; mass, damping and stiffness need more.",
+            f"the force has {len(lines)} frequencies; mass, damping and stiffness need more.",
             fix="excite with a multisine, a sweep or noise about the resonance.",
         )
     columns = [-(w**2) * Y, 1j * w * Y, Y]
     if not motion.periodic:
         columns += [np.ones_like(Y), 1j * w]
-    A, weight = np.column_stack(columns)[lines], np.ones(int(lines.sum()))
+    A, weight = np.column_stack(columns)[lines], np.ones(len(lines))
     found = np.zeros(len(columns))
     for _ in range(PASSES):
         scaled, right = A * weight[:, None], U[lines] * weight

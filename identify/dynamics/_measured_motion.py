@@ -209,25 +209,18 @@ def even_clock(time: ArrayLike | None, line: ArrayLike, unit: str) -> float:
 def period_of(u: Float[np.ndarray, " samples"]) -> int:
     """The shortest lag at which a signal of two periods or more repeats itself; 0 where there is none."""
     n = len(u)
-    x = u - u.mean()
-    size = 1 << (2 * n - 1).bit_length()
-    spectrum = np.fft.rfft(x, size)
-    products = np.fft.irfft(np.abs(spectrum) ** 2, size)[: n // 2 + 1]
+    x, lags = u - u.mean(), np.arange(n // 2 + 1)
+    products = scipy.signal.correlate(x, x, method="fft")[n - 1 :][: len(lags)]
     squares = np.concatenate([[0.0], np.cumsum(x**2)])
-    lags = np.arange(n // 2 + 1)
     both = squares[n - lags] + squares[n] - squares[lags]
     apart = np.maximum(both - 2 * products, 0) / np.maximum(both, 1e-300)
-    away = np.flatnonzero(apart > 0.5)  # it has to leave itself before it can come back
-    if not len(away):
-        return 0
-    close = np.flatnonzero(apart[: n // 2 + 1] < REPEATED**2)
-    close = close[(close > away[0]) & (close >= LEAST_PERIOD)]
+    away = np.cumsum(apart > 0.5) > 0  # it has to leave itself before it can come back
+    close = np.flatnonzero((apart < REPEATED**2) & away & (lags >= LEAST_PERIOD))
     if not len(close):
         return 0
     # Of a run of neighbouring lags the closest one.
     run = close[: np.argmax(np.diff(close, append=n + 2) > 1) + 1]
-    found = int(run[np.argmin(apart[run])])
-    return found if len(u) >= 2 * found else 0
+    return int(run[np.argmin(apart[run])])
 
 
 def check_period(u: np.ndarray, rows: int) -> None:

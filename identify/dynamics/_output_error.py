@@ -10,7 +10,8 @@ import numpy as np
 from jaxtyping import Float
 
 from hysteresis import decimated, interpolated
-from hysteresis.dynamics._layout import MOTION, Layout, before_first, clock
+from hysteresis.dynamics._layout import MOTION, Layout, before_first
+from hysteresis.dynamics._recorder import clock
 from hysteresis.running import Known, Numbers, numbers_of, place_of, run, tangents
 
 from ._measured_motion import MeasuredMotion

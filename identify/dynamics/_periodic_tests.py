@@ -169,11 +169,11 @@ def steady_ones(data: Spectra, noise: np.ndarray) -> np.ndarray:
     return left <= UNSTEADY * typical
 
 
-def excited_lines(U: Any) -> np.ndarray:
+def excited_lines(U: Any, least: float = EXCITED) -> np.ndarray:
     """Numbers of the lines that some input excites, the constant one left out."""
     size = np.abs(U).max(0)
     size[0] = 0.0
-    return np.flatnonzero((size > EXCITED * size.max(0)).any(1))
+    return np.flatnonzero((size > least * size.max(0)).any(1))
 
 
 def linear_response(U: Any, Y: Any, at: np.ndarray, spare: int) -> tuple[Any, Any, float]:

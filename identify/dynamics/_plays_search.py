@@ -8,7 +8,8 @@ from jaxtyping import Float
 
 from hysteresis import interpolated
 from hysteresis._precision import in_this_precision
-from hysteresis.dynamics._layout import Layout, clock
+from hysteresis.dynamics._layout import Layout
+from hysteresis.dynamics._recorder import clock
 from hysteresis.running import numbers_of, run
 from hysteresis.trees import node
 

@@ -4,11 +4,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
 from hysteresis import Oscillator, Record, decimated, interpolated
+from hysteresis.dynamics._layout import before_first
+from hysteresis.dynamics._recorder import clock
+from hysteresis.running import Numbers, numbers_of, run
 
 from ._measured_motion import EVEN, REPEATED, even_clock, period_of
 
@@ -42,8 +44,8 @@ class RecordedMotion:
         found = np.empty(len(record.input))
         for rows, part, substeps, dt in self._sequences(record):
             stages = (substeps,) if self.stages and substeps > 1 else ()
-            fine = self._run(interpolated(part, substeps), dt / substeps)[0]
-            found[rows] = _kept(fine, substeps, stages)
+            fine = self._run(interpolated(part, substeps), dt / substeps, self._numbers)
+            found[rows] = _kept(fine.value, substeps, stages)
         return found
 
     def steady(self, record: Record) -> Float[np.ndarray, " samples"]:
@@ -90,32 +92,31 @@ class RecordedMotion:
     def _period(self, once: np.ndarray, substeps: int, dt: float) -> np.ndarray:
         """One period in steady state: the motion is run until it repeats itself."""
         fine = interpolated(once, substeps, "band-limited", True)
-        found, state = self._run(fine, dt / substeps, periodic=True)
+        fine = np.append(fine, fine[0])  # where the next period begins
+        numbers = self._numbers
+        found = self._run(fine, dt / substeps, numbers)
         for _ in range(MOST_PERIODS):
-            state = state._replace(t=jnp.zeros_like(state.t))
-            new, state = self._run(fine, dt / substeps, state, periodic=True)
-            apart = float(np.abs(new - found).max())
-            found = new
-            if not apart > SETTLED * float(np.abs(found).max()):
+            before = found.value
+            found = self._run(fine, dt / substeps, numbers._replace(m=found.m))
+            if not np.abs(found.value - before).max() > SETTLED * np.abs(found.value).max():
                 break
-        return _kept(found, substeps, self.stages, True)
+        return _kept(found.value[:-1], substeps, self.stages, True)
 
     def _moving(self, force: np.ndarray) -> np.ndarray:
         """The displacements under a force that begins with the fitted one."""
-        start = self.model.moving(*self.initial) if any(self.initial) else None
-        fine = self._run(interpolated(force, self.substeps), self.dt / self.substeps, start)[0]
-        return _kept(fine, self.substeps, self.stages)
+        numbers = self._numbers
+        numbers = numbers.with_state(before_first(numbers, self.initial))
+        fine = self._run(interpolated(force, self.substeps), self.dt / self.substeps, numbers)
+        return _kept(fine.value, self.substeps, self.stages)
 
-    def _run(
-        self, fine: np.ndarray, h: float, state: Any = None, periodic: bool = False
-    ) -> tuple[np.ndarray, Any]:
-        """Displacements of the fine force from a state or from rest, and the state after them; of a period
-        that at its end, where the next one begins."""
-        count = len(fine)
-        fine = np.append(fine, fine[0]) if periodic else fine
-        model = replace(self.model, substeps=1)
-        after, found = model.stream(h * np.arange(len(fine)), fine, state)
-        return np.asarray(found)[:count], after
+    @property
+    def _numbers(self) -> Numbers:
+        """Of the law at rest."""
+        return numbers_of(replace(self.model, substeps=1).tree())
+
+    def _run(self, fine: np.ndarray, h: float, numbers: Numbers) -> Any:
+        """Displacements of the fine force, and the numbers after them."""
+        return run(numbers, fine, clock(len(fine), h))
 
 
 def _kept(

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hysteresis import Feedback, StopsAndPowers
+from hysteresis.dynamics._recorder import clock
 from hysteresis.running import numbers_of, run
 
 from ._feedback_search import Spectra, simulated
@@ -78,8 +79,8 @@ def _signals(z: np.ndarray, law: str) -> np.ndarray:
         return (z**3)[None]
     if law == "level":
         return (z * np.log(np.sqrt(np.mean(z**2))))[None]
-    dt = np.append(np.nan, np.zeros(2 * len(z) - 1))
     numbers = [numbers_of(StopsAndPowers([r], [1.0]).tree()) for r in STOPS]
+    dt = clock(2 * len(z), 0.0)
     return np.stack([run(one, np.tile(z, 2), dt).value[len(z) :] for one in numbers])
 
 
