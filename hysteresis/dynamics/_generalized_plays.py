@@ -61,7 +61,7 @@ class GeneralizedPlays(AbstractLawModel):
     def __check_init__(self) -> None:
         plays = len(self.knots)
         sizes = jnp.shape(self.radii), jnp.shape(self.reach), jnp.shape(self.values)
-        if sizes != ((plays,), (plays,), (sum(self.knots),)) or min(self.knots, default=0) < 2:
+        if sizes != ((plays,), (plays,), (sum(self.knots),)) or min(self.knots, default=2) < 2:
             raise InputError(
                 "length-mismatch",
                 f"radii, reach and values have the shapes {', '.join(map(str, sizes))}, knots are"
@@ -74,15 +74,29 @@ class GeneralizedPlays(AbstractLawModel):
                 "parameter-out-of-bounds", "a radius is negative, or a reach is not positive."
             )
 
+    @classmethod
+    def joined(cls, plays: Sequence["GeneralizedPlays"]) -> "GeneralizedPlays":
+        """The sum of several, or of none."""
+        radii, reach, values = (
+            jnp.concatenate([jnp.zeros(0), *(getattr(one, name) for one in plays)])
+            for name in ("radii", "reach", "values")
+        )
+        return cls(radii, reach, values, [k for one in plays for k in one.knots])
+
+    @property
+    def first(self) -> np.ndarray:
+        """The first value of each play, and the end."""
+        return np.cumsum([0, *self.knots])
+
     def laws(self, eps: float, depth: int) -> Tree:
-        numbers = curves_of(self.radii, self.reach, self.knots, self.values)
-        return node("curves_of_plays", numbers, {"u": 0.0, "play": np.zeros(len(self.knots))})
+        state = {"u": 0.0, "play": np.zeros(len(self.knots))}
+        return node("curves_of_plays", self.curves(), state)
 
-
-def curves_of(radii: Any, reach: Any, knots: Any, heights: Any) -> Tree:
-    """Plays and their curves as a law knows them."""
-    knots = np.asarray(knots, float)
-    return {
-        "plays": len(knots), "radii": radii, "low": -reach, "scale": (knots - 1) / (2 * reach),
-        "first": np.cumsum(knots) - knots, "cells": knots - 1, "heights": jnp.asarray(heights),
-    }  # fmt: skip
+    def curves(self) -> Tree:
+        """As a law knows them."""
+        knots = np.asarray(self.knots, float)
+        return {
+            "plays": len(knots), "radii": self.radii, "low": -self.reach,
+            "scale": (knots - 1) / (2 * self.reach), "first": np.cumsum(knots) - knots,
+            "cells": knots - 1, "heights": self.values,
+        }  # fmt: skip

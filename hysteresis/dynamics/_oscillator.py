@@ -1,7 +1,7 @@
 """A mass on a spring, a damper and a hysteretic force."""
 
-from dataclasses import replace
-from typing import ClassVar
+from collections.abc import Sequence
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -15,7 +15,13 @@ from .._model import AbstractModel, Tree
 from .._parameter import Scalar, is_concrete, parameter
 from .._registry import register
 from ..models._compose import Sum
-from ._layout import before_first, layout_of
+from ..running import Numbers, place_of
+from ..trees import node
+from ._generalized_plays import GeneralizedPlays
+from ._rate_form import BoucWenForce, DuhemForce
+
+MOTION = ("y", "v", "z")
+"""Of the law's state: displacement, velocity and force in rate form."""
 
 
 @register
@@ -64,7 +70,7 @@ class Oscillator(AbstractLawModel):
     GONE: ClassVar[dict[str, str]] = {"integrator": "newmark", "between": "linear"}
 
     def __check_init__(self) -> None:
-        if not isinstance(self.hysteresis, AbstractModel) or layout_of(self.hysteresis) is None:
+        if not isinstance(self.hysteresis, AbstractModel) or forces_of(self.hysteresis) is None:
             raise InputError(
                 "bad-parts",
                 "the hysteresis is not made of plays and one force in rate form.",
@@ -99,9 +105,42 @@ class Oscillator(AbstractLawModel):
 
     def laws(self, eps: float, depth: int) -> Tree:
         """Its `find` goes from force to displacement."""
-        layout = layout_of(self.hysteresis)
-        assert layout is not None
-        arrays = (jnp.asarray(x) for x in (layout.limit, layout.radii, layout.reach))
-        free = dict(zip(("limit", "radii", "reach"), arrays, strict=True))
-        plant = self.mass, self.damping, self.stiffness
-        return replace(layout, **free).tree(plant, self.substeps)
+        forces = forces_of(self.hysteresis)
+        assert forces is not None
+        return law_of((self.mass, self.damping, self.stiffness), *forces, self.substeps)
+
+
+def forces_of(model: AbstractModel) -> tuple[DuhemForce | None, GeneralizedPlays] | None:
+    """Of a hysteresis of one part in rate form at most and any plays: both. None of others."""
+    parts = model.parts if isinstance(model, Sum) else (model,)
+    parts = [one.with_knots if isinstance(one, BoucWenForce) else one for one in parts]
+    plays = [one for one in parts if isinstance(one, GeneralizedPlays)]
+    rates = [one for one in parts if isinstance(one, DuhemForce)]
+    if len(rates) > 1 or len(rates) + len(plays) < len(parts):
+        return None
+    return (rates or [None])[0], GeneralizedPlays.joined(plays)
+
+
+def law_of(
+    plant: Sequence[Any], rate: DuhemForce | None, plays: GeneralizedPlays, substeps: int
+) -> Tree:
+    """The law of a mass, damping and stiffness around them, at rest."""
+    none = {"knots": 0, "limit": 1.0, "per": 0.0, "rate": np.zeros(0)}
+    slopes = none if rate is None else {**rate.slopes(), "limit": jnp.asarray(rate.limit)}
+    given = dict(zip(("mass", "damping", "stiffness"), plant, strict=True))
+    state = dict.fromkeys((*MOTION, "a", "force", "f", "steep", "total", "stretch"), 0.0)
+    return node(
+        "oscillator",
+        {"substeps": substeps, **given, **slopes, **plays.curves()},
+        {"begun": 0, **state, "play": np.zeros(max(len(plays.knots), 1))},
+    )
+
+
+def before_first(numbers: Numbers, motion: Any = ()) -> Float[np.ndarray, " state"]:
+    """The state at the end of the law's numbers as one before a first sample, where the acceleration is to
+    be found; with another `motion`: displacement, velocity and force in rate form."""
+    known, m = numbers.known, np.array(numbers.m, float)
+    m[place_of(known, "begun")] = 0.0
+    for name, value in zip(MOTION, motion, strict=False):
+        m[place_of(known, name)] = value
+    return m[len(m) - known.states :]

@@ -68,6 +68,15 @@ class BoucWenForce(AbstractLawModel):
                     fix=f"give a value {'above' if strictly else 'of at least'} {least:g}.",
                 )
 
+    @property
+    def with_knots(self) -> "DuhemForce | None":
+        """The same by slopes at three knots: None where n is not 1, and NaN where n is not known yet."""
+        if is_concrete(self.n) and float(self.n) != 1.0:
+            return None
+        a, g, d = (jnp.asarray(x, float) for x in (self.alpha, self.beta_gamma, self.beta_delta))
+        rising = jnp.where(self.n == 1.0, jnp.stack([a + g - d, a, a - g - d]), jnp.nan)
+        return DuhemForce(rising, jnp.stack([a - g - d, a, a + g - d]))
+
     def laws(self, eps: float, depth: int) -> Tree:
         return _law(alpha=self.alpha, gamma=self.beta_gamma, delta=self.beta_delta, n=self.n)
 
@@ -118,6 +127,10 @@ class DuhemForce(AbstractLawModel):
             )
 
     def laws(self, eps: float, depth: int) -> Tree:
+        return _law(**self.slopes())
+
+    def slopes(self) -> Tree:
+        """As a law knows them."""
         knots = self.rising.shape[-1]
         rate = jnp.concatenate([jnp.asarray(x) for x in (self.rising, self.falling)])
-        return _law(knots=knots, per=(knots - 1) / (2 * self.limit), rate=rate)
+        return {"knots": knots, "per": (knots - 1) / (2 * self.limit), "rate": rate}

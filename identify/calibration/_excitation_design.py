@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from hysteresis import BoucWenForce, DuhemForce, InputError, Oscillator
-from hysteresis.dynamics._layout import layout_of
+from hysteresis import InputError, Oscillator, Sum
+from hysteresis.dynamics._oscillator import forces_of
 
 from ..dynamics._classes import COARSER, periods_to_steady_state
 from ..dynamics._duhem_search import duhem_family
@@ -129,19 +129,19 @@ def design_excitation(
             f"{fit.name} has no mass, so that no level and band of a multisine is sought for it.",
             fix="identify.design says which inputs tell the rest of a Preisach density.",
         )
-    layout = layout_of(model.hysteresis)
-    if layout is None or not isinstance(model.hysteresis, BoucWenForce | DuhemForce):
+    rate, _ = forces_of(model.hysteresis) or (None, None)
+    if rate is None or isinstance(model.hysteresis, Sum):
         raise InputError(
             "no-design",
             f"the hysteresis of {fit.name} has no slopes over its force.",
             fix="fit Oscillator(BoucWen) or Oscillator(Duhem) to the same record, and design by that.",
         )
     motion = measured_motion(fit.train, detail.recorded.period)
-    knots, limit = layout.rate.shape[1], layout.limit
+    knots, limit = len(rate.rising), float(rate.limit)
     words = detail.classes[0]
     family = duhem_family(knots, limit, bool(words.get("symmetric", True)), False)
     plant = float(model.mass), float(model.damping), float(model.stiffness)
-    theta = np.concatenate([plant, np.zeros(STATE), layout.rate.ravel()])
+    theta = np.concatenate([plant, np.zeros(STATE), rate.rising, rate.falling])
     q = family.unknowns_of(theta)
     prior = np.diag(family.prior_root(words.get("deviations", ())) ** 2)
     warm = periods_to_steady_state(motion, detail.linear)

@@ -7,8 +7,8 @@ from itertools import product
 import numpy as np
 from jaxtyping import Float
 
+from hysteresis import DuhemForce, GeneralizedPlays
 from hysteresis._precision import in_this_precision
-from hysteresis.dynamics._layout import Layout
 
 from ._linear_approximation import LinearApproximation
 from ._measured_motion import MeasuredMotion
@@ -59,10 +59,10 @@ def duhem_family(knots: int, limit: float, symmetric: bool, free_state: bool) ->
             if k >= 2 and inner[k - 2] != 0:
                 of_hinges.append(len(columns))
             columns.append(column)
-    layout = Layout(rate=np.zeros((2, knots)), limit=limit)
+    rate = DuhemForce(np.zeros(knots), np.zeros(knots), limit)
     groups = ((np.array(of_hinges), 1.0),) if of_hinges else ()
     words = {"knots": knots, "symmetric": symmetric, "first": first}
-    return Family(layout, np.column_stack(columns), groups, words)
+    return Family(rate, GeneralizedPlays.joined([]), np.column_stack(columns), groups, words)
 
 
 def unknowns_of_bouc_wen(
@@ -134,7 +134,8 @@ def refined(setting: Setting, found: Optimum, knots: int, symmetric: bool) -> Op
     theta = family.T @ found.q
     old = len(theta) - PLANT - STATE
     sides = theta[PLANT + STATE :].reshape(2, old // 2)
-    at = hats(np.linspace(-limit, limit, knots), family.layout.limit, old // 2)
+    assert family.rate is not None
+    at = hats(np.linspace(-limit, limit, knots), float(family.rate.limit), old // 2)
     values = np.concatenate([at @ side for side in sides])
     q = new.unknowns_of(np.concatenate([theta[: PLANT + STATE], values]))
     scale = float(np.abs(values).max()) / limit

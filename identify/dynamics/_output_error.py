@@ -7,10 +7,11 @@ from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jaxtyping import Float
 
-from hysteresis import decimated, interpolated
-from hysteresis.dynamics._layout import MOTION, Layout, before_first
+from hysteresis import DuhemForce, GeneralizedPlays, decimated, interpolated
+from hysteresis.dynamics._oscillator import MOTION, before_first, law_of
 from hysteresis.dynamics._recorder import clock
 from hysteresis.running import Known, Numbers, numbers_of, place_of, run, tangents
 
@@ -103,12 +104,13 @@ class Setting:
 class Family:
     """A class of oscillators: knots and plays, and the unknowns q with theta = T q.
 
-    - `layout`: with any heights.
+    - `rate`, `plays`: with any slopes and heights.
     - `groups`: unknowns that one prior each draws to zero, with its standard deviation at first.
     - `words`: what sets it apart from others of its class.
     """
 
-    layout: Layout
+    rate: DuhemForce | None
+    plays: GeneralizedPlays
     T: Float[np.ndarray, "theta unknowns"]
     groups: tuple[tuple[np.ndarray, float], ...] = ()
     words: dict[str, Any] = field(default_factory=dict)
@@ -116,7 +118,11 @@ class Family:
     @cached_property
     def places(self) -> tuple[Known, np.ndarray, np.ndarray]:
         """The law's structure, its numbers without those that change, and where in them theta lies."""
-        known, m = numbers_of(self.layout.tree(list(jnp.zeros(PLANT)), 1))
+        tree = law_of(list(jnp.zeros(PLANT)), self.rate, self.plays, 1)
+        own = tree["parameters"]
+        # What no unknown changes is constant.
+        own |= {name: np.asarray(own[name]) for name in ("limit", "per", "radii", "low", "scale")}
+        known, m = numbers_of(tree)
         state = [place_of(known, name) for name in MOTION]
         return known, np.asarray(m), np.array([*known.free[:PLANT], *state, *known.free[PLANT:]])
 
@@ -166,11 +172,8 @@ def hats(
     x: Float[np.ndarray, " places"], reach: float, knots: int
 ) -> Float[np.ndarray, "places knots"]:
     """What values at even knots from -reach to reach count for at x: straight between, and on beyond."""
-    place = (x + reach) * (knots - 1) / (2 * reach)
-    cell = np.clip(np.floor(place).astype(int), 0, knots - 2)
-    found, rows = np.zeros((len(x), knots)), np.arange(len(x))
-    found[rows, cell], found[rows, cell + 1] = 1 - (place - cell), place - cell
-    return found
+    at = np.linspace(-reach, reach, knots)
+    return scipy.interpolate.make_interp_spline(at, np.eye(knots), k=1)(x)
 
 
 class Place(NamedTuple):

@@ -1,14 +1,14 @@
 """Oscillators with a plane of plays: starts by equation error, then output error."""
 
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
-from hysteresis import interpolated
+from hysteresis import GeneralizedPlays, interpolated
 from hysteresis._precision import in_this_precision
-from hysteresis.dynamics._layout import Layout
 from hysteresis.dynamics._recorder import clock
 from hysteresis.running import numbers_of, run
 from hysteresis.trees import node
@@ -57,14 +57,14 @@ def plays_family(
     counts = np.maximum(2, 2 * np.round((knots - 1) / 2 * ends / reach).astype(np.int64) + 1)
     if knots == 2:
         counts[:] = 2
-    layout = Layout(radii=radii, reach=ends, counts=counts, heights=np.zeros(int(counts.sum())))
-    count = PLANT + STATE + len(layout.heights)
+    model = GeneralizedPlays(radii, ends, np.zeros(int(counts.sum())), counts.tolist())
+    count = PLANT + STATE + len(model.values)
     columns = [*np.eye(count)[: 5 if free_state else 3]]
     constant = np.zeros(count)
     constant[PLANT + STATE :][: counts[0]] = 1.0  # of the play that is the displacement itself
     columns.insert(PLANT, constant)
     slopes, curves, first_curve = [], [], []
-    for j, (first, end) in enumerate(zip(layout.first[:-1], layout.first[1:], strict=True)):
+    for j, (first, end) in enumerate(pairwise(model.first)):
         at = np.linspace(-ends[j], ends[j], end - first)
         shapes = [] if j == 0 else [(slopes, at)]
         for x in at[1:-1]:
@@ -81,7 +81,7 @@ def plays_family(
         if group
     )
     words = {"reach": reach, "knots": knots}
-    return Family(layout, np.column_stack(columns), groups, words)
+    return Family(None, model, np.column_stack(columns), groups, words)
 
 
 def equation_error(motion: MeasuredMotion, linear: LinearApproximation, family: Family) -> Equation:
@@ -97,13 +97,14 @@ def equation_error(motion: MeasuredMotion, linear: LinearApproximation, family: 
     U, Y = np.fft.rfft(motion.force), np.fft.rfft(motion.displacement)
     smooth = np.fft.irfft(np.where(use, Y, 0), n)
     path = interpolated(smooth, FINER, "band-limited", motion.periodic)
-    own = family.layout
-    plays = plays_along(np.tile(path, ROUNDS if motion.periodic else 1), own.radii)
+    own = family.plays
+    reach = np.asarray(own.reach)
+    plays = plays_along(np.tile(path, ROUNDS if motion.periodic else 1), np.asarray(own.radii))
     plays = plays[-len(path) :: FINER][:n]
     columns = [-(w**2) * Y, 1j * w * Y, Y]
     columns += [np.zeros(len(w))] * STATE
-    for j, (first, end) in enumerate(zip(own.first[:-1], own.first[1:], strict=True)):
-        columns += list(np.fft.rfft(hats(plays[:, j], own.reach[j], end - first), axis=0).T)
+    for j, (first, end) in enumerate(pairwise(own.first)):
+        columns += list(np.fft.rfft(hats(plays[:, j], reach[j], end - first), axis=0).T)
     A = np.column_stack(columns)[use] @ family.T
     free = 0 if motion.periodic else 2
     if not motion.periodic:

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from hysteresis import Oscillator, Record, decimated, interpolated
-from hysteresis.dynamics._layout import before_first
+from hysteresis.dynamics._oscillator import before_first
 from hysteresis.dynamics._recorder import clock
 from hysteresis.running import Numbers, numbers_of, run
 

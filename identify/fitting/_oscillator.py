@@ -172,18 +172,18 @@ def model_of(tried: Tried, substeps: int) -> Oscillator:
     m, c, k = theta[:PLANT]
     own = theta[PLANT + STATE :]
     hysteresis: AbstractModel
-    if tried.name == "BoucWen":
+    rate, plays = family.rate, family.plays
+    if rate is None:
+        hysteresis = GeneralizedPlays(plays.radii, plays.reach, own, plays.knots)
+    elif tried.name == "BoucWen":
         # f+ over -limit, 0, limit: alpha + (gamma - delta) limit, alpha, alpha - (gamma + delta) limit.
         low, alpha, high = own[:3]
-        limit = family.layout.limit
+        limit = float(rate.limit)
         gamma, delta = (low - high) / (2 * limit), alpha / limit - (low + high) / (2 * limit)
         hysteresis = BoucWenForce(alpha=alpha, beta_gamma=gamma, beta_delta=delta)
-    elif tried.name == "Duhem":
-        half = len(own) // 2
-        hysteresis = DuhemForce(rising=own[:half], falling=own[half:], limit=family.layout.limit)
     else:
-        layout = family.layout
-        hysteresis = GeneralizedPlays(layout.radii, layout.reach, own, layout.counts.tolist())
+        rising, falling = np.split(own, 2)
+        hysteresis = DuhemForce(rising, falling, rate.limit)
     return Oscillator(m, max(c, 0.0) if c > -1e-12 else c, k, hysteresis, substeps)
 
 
