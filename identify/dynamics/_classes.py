@@ -93,6 +93,8 @@ def search(
     chi2: list[float] = []
 
     def note(name: str, found: Optimum) -> None:
+        if not np.isfinite(found.chi):
+            return
         tried.append(Tried(name, found))
         said = f"Oscillator({tried[-1].title}): chi2 per row {found.chi:.4g}"
         say(f"{said}, {found.effective:.0f} parameters")
@@ -100,18 +102,16 @@ def search(
     if hysteresis != "GeneralizedPlays":
         # Other classes are tried where the grid of starts does not do.
         best, chi2 = started(coarse, linear, starts if hysteresis == "BoucWen" else 0, seed)
-        if np.isfinite(best.chi):
-            note("BoucWen", best)
+        note("BoucWen", best)
         if hysteresis != "BoucWen" and np.isfinite(best.chi):
             _more_knots(coarse, best, note)
     explained = bool(tried) and min(one.found.chi for one in tried) < motion.explained
     if hysteresis == "GeneralizedPlays" or (hysteresis is None and not explained):
         for start in candidates(motion, linear):
             found = with_evidence(coarse, start.family, start.q)
-            if np.isfinite(found.chi):
-                note("GeneralizedPlays", found)
-                if found.chi < FAR_FROM_ONE:
-                    break
+            note("GeneralizedPlays", found)
+            if found.chi < FAR_FROM_ONE:
+                break
     if not tried:
         raise InputError(
             "fit-broke",
@@ -131,10 +131,7 @@ def _more_knots(coarse: Setting, best: Optimum, note: Callable[[str, Optimum], N
     """Duhem operators with more knots, equal for both directions and not, while the evidence rises."""
     for knots in SIZES:
         both = [refined(coarse, best, knots, symmetric) for symmetric in (True, False)]
-        finite = [one for one in both if np.isfinite(one.chi)]
-        if not finite:
-            return
-        new = min(finite, key=lambda one: one.bic)
+        new = min(both, key=lambda one: one.bic)
         note("Duhem", new)
         if new.bic > best.bic:
             return
@@ -143,13 +140,10 @@ def _more_knots(coarse: Setting, best: Optimum, note: Callable[[str, Optimum], N
 
 def _final(setting: Setting, found: Optimum) -> Optimum:
     """The same fit in steps as fine as those of the model, its priors once more by the evidence."""
-    if not found.family.groups:
-        return with_evidence(
-            setting, found.family, found.q, rounds=1, steps=15, tolerance=1e-7, damping=1e-6
-        )
+    steps, tolerance = (4, 1e-4) if found.family.groups else (15, 1e-7)
     return with_evidence(
-        setting, found.family, found.q, deviations=found.deviations, rounds=2, steps=4,
-        tolerance=1e-4, damping=1e-6,
+        setting, found.family, found.q, deviations=found.deviations, rounds=2, steps=steps,
+        tolerance=tolerance, damping=1e-6,
     )  # fmt: skip
 
 

@@ -3,9 +3,11 @@
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from itertools import product
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
+from scipy.linalg import block_diag
 
 from hysteresis import DuhemForce, GeneralizedPlays
 from hysteresis._precision import in_this_precision
@@ -42,27 +44,16 @@ def duhem_family(knots: int, limit: float, symmetric: bool, free_state: bool) ->
         for x in inner
     ]
     basis = np.column_stack([np.ones(knots), at, *hinges])
-    count = PLANT + STATE + 2 * knots
-    plain = [*np.eye(count)[: PLANT + (STATE if free_state else 0)]]
-    first, middle = len(plain), PLANT + STATE + knots
-    columns, of_hinges = list(plain), []
-    for side in (None,) if symmetric else (0, 1):
-        for k in range(basis.shape[1]):
-            column = np.zeros(count)
-            if side in (None, 0):
-                column[PLANT + STATE : middle] = basis[:, k]
-            if side is None:
-                column[middle:] = basis[::-1, k]
-            elif side == 1:
-                column[middle:] = basis[:, k]
-            # The hinge at 0 belongs to the least of these models: it is drawn to nothing by no prior.
-            if k >= 2 and inner[k - 2] != 0:
-                of_hinges.append(len(columns))
-            columns.append(column)
+    first = PLANT + (STATE if free_state else 0)
+    sides = np.vstack([basis, basis[::-1]]) if symmetric else block_diag(basis, basis)
+    T: Any = block_diag(np.eye(PLANT + STATE)[:, :first], sides)
+    # The hinge at 0 belongs to the least of these models: it is drawn to nothing by no prior.
+    drawn = np.tile([False, False, *(inner != 0)], 1 if symmetric else 2)
+    of_hinges = first + np.flatnonzero(drawn)
     rate = DuhemForce(np.zeros(knots), np.zeros(knots), limit)
-    groups = ((np.array(of_hinges), 1.0),) if of_hinges else ()
+    groups = ((of_hinges, 1.0),) if len(of_hinges) else ()
     words = {"knots": knots, "symmetric": symmetric, "first": first}
-    return Family(rate, GeneralizedPlays.joined([]), np.column_stack(columns), groups, words)
+    return Family(rate, GeneralizedPlays.joined([]), T, groups, words)
 
 
 def unknowns_of_bouc_wen(

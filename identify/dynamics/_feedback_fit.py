@@ -155,13 +155,10 @@ def fit_feedback(
     if names:
         model = search.polished(model)
     errors, before = search.errors(model), search.errors(linear)
-    fine = data.finer(search.fine)
-    if names:
-        found = gauss_newton(
-            model, fine, Unknowns(), steps=3, damping=5e-3, thin=4, until=search.late
-        )
-    else:
-        found = simulated(model, fine)
+    found = gauss_newton(
+        model, data.finer(search.fine), Unknowns(), steps=3 if names else 0, damping=5e-3, thin=4,
+        until=search.late,
+    )  # fmt: skip
     squares, levels = input_sizes(raw.U[steady], raw.lines) ** 2, np.unique(data.level).tolist()
     return FeedbackFit(
         scales.model(found.model), scales.model(linear),

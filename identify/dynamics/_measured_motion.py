@@ -77,11 +77,8 @@ class MeasuredMotion:
     @property
     def explained(self) -> float:
         """chi2 per row up to which noise explains what is left: more where its level is less certain."""
-        return (
-            EXPLAINED
-            if self.scatter is not None
-            else EXPLAINED + 10 / float(np.sqrt(len(self.force)))
-        )
+        unsure = 0.0 if self.scatter is not None else 10 / float(np.sqrt(len(self.force)))
+        return EXPLAINED + unsure
 
     @property
     def frequencies(self) -> Float[np.ndarray, " lines"]:

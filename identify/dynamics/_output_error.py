@@ -281,10 +281,7 @@ def levenberg_marquardt(
         still = still + 1 if before - cost < tolerance * before else 0
         q, here = new, there
         damping = max(damping * (1.0 if damping > least else 0.1), 1e-12)
-    effective = count
-    if len(family.groups):
-        held = np.concatenate([group for group, _ in family.groups])
-        effective = count - float(np.sum(np.diag(covariance_of(normal))[held] * root[held] ** 2))
+    effective = count - float(np.sum(np.diag(covariance_of(normal)) * root**2))
     chi = float(here.left @ here.left) / len(y)
     return Optimum(family, q, chi, normal, deviations, effective, converged, len(y), here)
 

@@ -2,10 +2,11 @@
 
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
+from scipy.linalg import block_diag
 
 from hysteresis import GeneralizedPlays, interpolated
 from hysteresis._precision import in_this_precision
@@ -47,7 +48,7 @@ class Equation(NamedTuple):
 def plays_family(
     reach: float, knots: int, stiffness: float, free_state: bool, plays: int = PLAYS
 ) -> Family:
-    """Unknowns: m, c, k and a constant force; y and v at first where free; slope and hinges of each curve.
+    """Unknowns: m, c, k; y and v at first where free; a constant force; slope and hinges of each curve.
 
     The curves are in units of the `stiffness`. The play of radius 0 is the displacement itself, whose slope
     is k.
@@ -58,30 +59,22 @@ def plays_family(
     if knots == 2:
         counts[:] = 2
     model = GeneralizedPlays(radii, ends, np.zeros(int(counts.sum())), counts.tolist())
-    count = PLANT + STATE + len(model.values)
-    columns = [*np.eye(count)[: 5 if free_state else 3]]
-    constant = np.zeros(count)
-    constant[PLANT + STATE :][: counts[0]] = 1.0  # of the play that is the displacement itself
-    columns.insert(PLANT, constant)
-    slopes, curves, first_curve = [], [], []
-    for j, (first, end) in enumerate(pairwise(model.first)):
-        at = np.linspace(-ends[j], ends[j], end - first)
-        shapes = [] if j == 0 else [(slopes, at)]
-        for x in at[1:-1]:
-            hinge = np.maximum(at - x, 0) if x >= 0 else np.maximum(x - at, 0)
-            shapes.append((first_curve if j == 0 else curves, hinge))
-        for group, shape in shapes:
-            column = np.zeros(count)
-            column[PLANT + STATE + first : PLANT + STATE + end] = stiffness * shape
-            group.append(len(columns))
-            columns.append(column)
-    groups = tuple(
-        (np.array(group), deviation)
-        for group, deviation in ((slopes, 0.1), (curves, 0.03), (first_curve, 0.1))
-        if group
-    )
+    blocks = []
+    for j, (end, count) in enumerate(zip(ends, counts, strict=True)):
+        at = np.linspace(-end, end, count)
+        hinges = [np.maximum(at - x, 0) if x >= 0 else np.maximum(x - at, 0) for x in at[1:-1]]
+        # Beside the play of radius 0, the displacement itself, is a constant force: its slope is k.
+        shapes = np.column_stack([at if j else np.full(count, 1 / stiffness), *hinges])
+        blocks.append(stiffness * shapes)
+    first = PLANT + (2 if free_state else 0)
+    T: Any = block_diag(np.eye(PLANT + STATE)[:, :first], *blocks)
+    begin = first + np.cumsum([0, *(block.shape[1] for block in blocks)])
+    slopes, first_curve = begin[1:-1], np.arange(begin[0] + 1, begin[1])
+    curves = np.setdiff1d(np.arange(begin[1], begin[-1]), slopes)
+    found = (slopes, 0.1), (curves, 0.03), (first_curve, 0.1)
+    groups = tuple(one for one in found if len(one[0]))
     words = {"reach": reach, "knots": knots}
-    return Family(None, model, np.column_stack(columns), groups, words)
+    return Family(None, model, T, groups, words)
 
 
 def equation_error(motion: MeasuredMotion, linear: LinearApproximation, family: Family) -> Equation:
@@ -107,7 +100,7 @@ def equation_error(motion: MeasuredMotion, linear: LinearApproximation, family: 
         columns += list(np.fft.rfft(hats(plays[:, j], reach[j], end - first), axis=0).T)
     A = np.column_stack(columns)[use] @ family.T
     free = 0 if motion.periodic else 2
-    if not motion.periodic:
+    if free:
         A = np.column_stack([A, np.ones(len(A)), 1j * w[use]])
     stiffness = -linear.mass * w[use] ** 2 + 1j * linear.damping * w[use] + linear.stiffness
     root = np.concatenate([family.prior_root([d for _, d in family.groups]), np.zeros(free)])
@@ -132,10 +125,9 @@ def equation_error(motion: MeasuredMotion, linear: LinearApproximation, family: 
     inverse = (vectors[:, keep] / values[keep]) @ vectors[:, keep].T / np.outer(size, size)
     effective = len(root) - float(np.sum(np.diag(inverse) * root**2))
     bic = rows * float(np.log(variance)) + effective * float(np.log(rows))
-    q = q[: len(q) - free] if free else q
-    if not motion.periodic:
-        q = q.copy()
-        q[4] = motion.displacement[0]
+    q = q[: len(q) - free]
+    if free:
+        q[PLANT] = motion.displacement[0]
     return Equation(bic, family, q)
 
 
