@@ -44,8 +44,8 @@ def decimated(
 
     **Example:**
 
-        >>> hysteresis.decimated(np.arange(41.0), (20,)).round(6).tolist()
-        [0.0, 20.0, 40.0]
+        >>> hysteresis.decimated(1 + np.arange(41.0), (20,)).round(6).tolist()
+        [1.0, 21.0, 41.0]
     """
     x, ends = np.asarray(fine, float), "wrap" if periodic else "antireflect"
     for factor in stages:
