@@ -126,11 +126,11 @@ def judged_to_compensate(fit: identify.FitResult) -> identify.FitResult:
     widened to hold the held-out inputs. The error of the compensator is the first reason.
     """
     first, others = fit, fit.candidates[1:]
-    found = judged_compensator(first)
-    reasons = [*found.reasons]
-    if not may_be_inverted(first):
-        reasons = [Note("not-invertible", "Its output need not rise with its input.")]
-    if found.document["refused"] == "not-invertible" or not may_be_inverted(first):
+    found, why = None, "Its output need not rise with its input."
+    if may_be_inverted(first):
+        found = judged_compensator(first)
+        why = found.reasons[0].text
+    if found is None or found.document["refused"] == "not-invertible":
         fits = (
             one for one in others if isinstance(one, identify.FitResult) and may_be_inverted(one)
         )
@@ -139,12 +139,14 @@ def judged_to_compensate(fit: identify.FitResult) -> identify.FitResult:
             other, found = made
             others = (first, *(one for one in others if one is not other))
             fit = replace(other, skipped=fit.skipped, seconds=fit.seconds)
-            said = f"{first.name} predicts better and is passed over. {reasons[0].text}"
-            reasons = [*found.reasons, Note("passed-over", said)]
+            note = Note("passed-over", f"{first.name} predicts better and is passed over. {why}")
+            found = found._replace(reasons=(*found.reasons, note))
+    found = found or judged_compensator(first)
+    reasons = found.reasons
     changes = "drift" in fit.verdict.codes
     verdict = fit.verdict.at_most(found.level).at_most("CAUTION" if changes else "PASS")
     if found.level != "FAIL" and (band := band_reason(error_of(fit).coverage_before)) is not None:
-        verdict, reasons = verdict.at_most("CAUTION"), [*reasons, band]
+        verdict, reasons = verdict.at_most("CAUTION"), (*reasons, band)
     verdict = verdict._replace(reasons=(*reasons, *verdict.reasons))
     kept = (fit.compensator or {}) | found.document
     fit = replace(fit, purpose="compensate", verdict=verdict, compensator=kept)

@@ -11,9 +11,6 @@ from hysteresis._registry import registered
 from ..results._fit_result import FitResult
 from ._training_data import TrainingData
 
-NEARLY = 1.1
-"""A simpler model may have so many times the held-out error of the best one."""
-
 Report = Callable[[str], None]
 Said = Mapping[str, Mapping[str, Any]]
 
@@ -22,7 +19,8 @@ class Options(NamedTuple):
     """What the user chose about a fit beside its models, see `fit`.
 
     `alone`: no other candidate is fitted. `say`: takes a line of progress. `keeps_drift`: what drifts in
-    the training rows stays in the model. `averages`: compositions are averaged with parts of either sign.
+    the training rows stays in the model. `averages`: compositions are averaged with simpler ones,
+    and with parts of `either_sign` if they may be.
     """
 
     initial: str
@@ -34,6 +32,7 @@ class Options(NamedTuple):
     say: Report
     keeps_drift: bool = False
     averages: bool = False
+    either_sign: bool = False
 
 
 class Trial(NamedTuple):

@@ -15,13 +15,13 @@ from hysteresis.records._abstract_record import KNOWN
 from hysteresis.records._csv import with_known
 
 from ..noise._reml import kinds
-from ..records._folds import as_good
+from ..records._folds import NEARLY, as_good
 from ..records._from_known import by_sequence, sequence_error, with_past
 from ..results._detail import Composition, FoldedState, GridWeights
 from ..results._fit_result import FitResult
 from ..results._known_rows import misfit_of
 from ..results._repeatability import with_repeatability
-from ._candidate import NEARLY, Candidate, Options, Report, Said, Trial
+from ._candidate import Candidate, Options, Report, Said, Trial
 from ._candidates import Asked, candidates
 from ._like import like as mixture_of
 from ._like import tells_little
@@ -198,7 +198,7 @@ def fit(
         asked = (mixture_of(like), *asked)
     options = Options(
         initial, starts, seed, noise, parameters or {}, len(asked) == 1, say, drift == "keep",
-        averages=model == "auto" and purpose == "predict",
+        averages=model == "auto", either_sign=purpose == "predict",
     )  # fmt: skip
     until = np.inf if budget is None else begin + budget
     tried, skipped = _tried(asked, data, options, until)

@@ -20,10 +20,10 @@ from ..baselines._contract import AbstractBaseline
 from ..baselines._curves import MonotoneBaseline, replay
 from ..baselines._input_memory import branches_of
 from ..baselines._linear import cubic_per_branch
-from ..records._folds import KIND
+from ..records._folds import KIND, NEARLY
 from ..records._run_model import predict
 from ..results._fit_result import FitResult
-from ._candidate import NEARLY, Options, Trial
+from ._candidate import Options, Trial
 from ._parametric import ParametricCandidate
 from ._training_data import TrainingData
 

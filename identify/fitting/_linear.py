@@ -9,10 +9,11 @@ from hysteresis import AbstractModel, InputError, Preisach
 from hysteresis._format import quantity
 from hysteresis.preisach import GridDensity
 
+from ..linear._average import averaged
+from ..linear._composition import CompositionUnknowns
 from ..linear._composition_fit import Problem, Tried, fitted, path_of
 from ..linear._composition_lag import fit_lagging
 from ..linear._conditioned_fit import fit_conditioned
-from ..linear._either_sign import Average, averaged
 from ..linear._linear_fit import LinearFit, outputs_together
 from ..linear._preisach_fit import GRIDS, fit_preisach
 from ..records._folds import earned
@@ -44,8 +45,9 @@ class CompositionCandidate(Candidate):
 
     def fitted(self, data: TrainingData, options: Options) -> list[Trial]:
         path = fit_composition(
-            data, options.initial, options.seed, options.say, options.keeps_drift, options.averages
-        )
+            data, options.initial, options.seed, options.say, options.keeps_drift, options.averages,
+            options.either_sign,
+        )  # fmt: skip
         return [Trial(fit) for fit in path]
 
 
@@ -75,12 +77,12 @@ def fit_composition(
     say: Report,
     keeps_drift: bool = False,
     averages: bool = False,
+    either_sign: bool = False,
 ) -> list[FitResult]:
-    """Compositions from a curve alone to the best one, see `fit_compositions`; with `averages` an average,
-    too, where it is better."""
+    """Compositions from a curve alone to the best one, see `fit_compositions`; with `averages` an average
+    in place of those that are better on held-out rows."""
     state = state_of(initial)
     path: tuple[LinearFit, ...]
-    mean: Average | None = None
     if data.condition is None:
         choices = path_of(data.record, data.parts, data.leadings, state, keeps_drift=keeps_drift)
         if data.seeks_lag:
@@ -91,16 +93,16 @@ def fit_composition(
                 choices, data = lagging.path, replace(data, record=lagging.record, clocks=clocks)
         choices, data = _of_latest(choices, data, state, keeps_drift)
         path = fitted(choices)
-        mean = averaged(choices[-1], path[-1]) if averages else None
-        path = path if mean is None else (*path, mean.fit)
+        if averages and (mean := averaged(choices[-1], either_sign)) is not None:
+            path = (*(one for one in path if one.held_out > mean.held_out), mean)
     else:
         path = fit_conditioned(data.record, data.parts, data.condition, data.leadings, state)
     outputs_together(path, data.record)
     results = []
     for linear in path:
         notes = [f"Prior strength {linear.strength:g}, chosen with the parts on {data.parts.how}."]
-        if mean is not None and linear is mean.fit:
-            notes = [_average_in_words(mean, path[-2].meaning.name)]
+        if getattr(linear.meaning, "members", ()):
+            notes = [_average_in_words(linear.meaning)]
         if data.clocks.lag:
             notes.append(_lag_in_words(data))
         notes += _condition_in_words(linear, data)
@@ -203,12 +205,12 @@ def _condition_in_words(linear: LinearFit, data: TrainingData) -> list[str]:
     return [str(found), said]
 
 
-def _average_in_words(mean: Average, rising: str) -> str:
-    return (
-        f"The average of {rising} (weight {1 - mean.share:.2f}) and of parts whose weights may have either"
-        f" sign ({mean.share:.2f}), by their held-out errors. Its output need not rise with the input;"
-        " --purpose compensate takes a model that does."
-    )
+def _average_in_words(mean: CompositionUnknowns) -> str:
+    members = " and ".join(f"{one.name} (weight {one.weight:.2f})" for one in mean.members)
+    said = f"The average of {members}, by their held-out errors."
+    if mean.shares:
+        said += " Its output need not rise with the input; --purpose compensate takes a model that does."
+    return said
 
 
 def _lag_in_words(data: TrainingData) -> str:

@@ -79,6 +79,14 @@ Columns = Float[np.ndarray, "samples unknowns"]
 Samples = Float[np.ndarray, " samples"]
 
 
+class Member(NamedTuple):
+    """What an average is made of: its name, its weight, and its rms error on held-out rows."""
+
+    name: str
+    weight: float
+    error: float
+
+
 class CompositionUnknowns(NamedTuple):
     """Which parts there are and what they are made of; unknowns in the order offset, then `parts`.
 
@@ -98,6 +106,7 @@ class CompositionUnknowns(NamedTuple):
     - `duration`: of the longest sequence, 0 without time.
     - `shares`: where unknowns may have either sign, how large those of a line and of each part are
       expected; () where none is negative.
+    - `members`: of an average; () where it is none.
     - `speed`, `step`: a usual speed of the input and the sampling step; 0 without time. `smoothing`: of the
       velocity, in steps.
     """
@@ -122,6 +131,7 @@ class CompositionUnknowns(NamedTuple):
     smoothing: float = SMOOTHING
     centre: float = 0.0
     shares: tuple[float, ...] = ()
+    members: tuple[Member, ...] = ()
 
     @property
     def sizes(self) -> tuple[int, ...]:
@@ -145,7 +155,8 @@ class CompositionUnknowns(NamedTuple):
         """What a composition of these parts is called."""
         if self.shares:
             return f"average with {len(self.parts)} parts of either sign"
-        return " + ".join(self.lasting) + (" of a mapped input" if self.first else "")
+        kind = "average: " if self.members else ""
+        return kind + " + ".join(self.lasting) + (" of a mapped input" if self.first else "")
 
     @property
     def lasting(self) -> tuple[str, ...]:

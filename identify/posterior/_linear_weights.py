@@ -126,8 +126,7 @@ class _Given:
     - `determined`: which of the design's sums the data know rather than the prior, at the likeliest noise
       and strength. At most half of the variance c'G c is the prior's, c'G (H - H_d) G c, with G the inverse
       of H and H_d the H without the prior; or, of `SUMS`, it is less than `KNOWN` of the prior's variance.
-    - `signed`: whether the fit is an average with weights of either sign, about which draws are made: it is
-      not the centre of their Gaussian.
+    - `is_average`: draws are made about an average, which is not the centre of their Gaussian.
     """
 
     def __init__(
@@ -146,8 +145,9 @@ class _Given:
         before = (along**2).sum(1) / strength
         narrow = np.isin(_bare(design.names), SUMS) & (variance < KNOWN * before)
         self.determined: Bool[np.ndarray, " sums"] = (of_prior <= 0.5 * variance) | narrow
-        self.signed = isinstance(linear.meaning, CompositionUnknowns) and bool(
-            linear.meaning.shares
+        meaning = linear.meaning
+        self.is_average = isinstance(meaning, CompositionUnknowns) and bool(
+            meaning.members or meaning.shares
         )
         firmly = FIRM / np.maximum(variance, 1e-300)
         self._held = self._holding(self.determined, firmly, place)
@@ -189,8 +189,8 @@ class _Given:
         """One draw, projected."""
         noise = random.normal(size=len(self.U)) * np.exp(point[0]) / np.sqrt(self.design.sums.rows)
         H, x = self._under(point) + self._held, self.U @ self._mean(point, noise)
-        if self.signed:
-            return self.linear.unknowns + x - self.U @ self._mean(point)
+        if self.is_average:
+            x += self.linear.unknowns - self.U @ self._mean(point)
         return self.linear.meaning.minimum(H, H @ x, x > 0)
 
     def _under(self, point: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "unknowns unknowns"]:

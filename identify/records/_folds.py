@@ -293,6 +293,10 @@ LEAST_GAIN = 0.05
 """Share of the squared held-out error that a further part of a model, or fewer rows, must take away."""
 
 
+NEARLY = 1.1
+"""A simpler model may have so many times the held-out error of the best one."""
+
+
 def earned(
     before: Float[np.ndarray, " blocks"],
     after: Float[np.ndarray, " blocks"],

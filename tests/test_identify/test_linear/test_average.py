@@ -1,8 +1,11 @@
-"""The average of a composition and of parts of either sign: where it is taken, and that it is one model."""
+"""Averages of compositions: where they are taken, and that each is one model."""
+
+from typing import Any
 
 import numpy as np
 import pytest
 
+from compensate import estimate, invert
 from hysteresis import Record
 from identify import FitResult, fit, predictive, sample
 
@@ -40,6 +43,32 @@ def test_an_average_is_taken_where_parts_of_one_sign_miss(average: FitResult):
     assert "either sign" in " ".join(average.notes)
     alone = fit(creeping_and_rubbing(), "Composition", test_tail=0.3)
     assert not any(one.name.startswith("average") for one in alone.candidates)
+
+
+def sticking(heights: tuple[float, ...], seed: int = 0) -> Record:
+    """A valve that sticks within a band, then jumps: relays do that at one amplitude, plays at any."""
+    k, stem, y = np.arange(120 * len(heights)), 0.0, []
+    for u in (inputs := np.array(heights)[k // 120] * (1 - np.cos(2 * np.pi * k / 120)) / 2):
+        if abs(u - stem) > 0.12:
+            stem = u - 0.05 * np.sign(u - stem)
+        y.append(stem)
+    noise = NOISE * np.random.default_rng(seed).normal(size=len(k))
+    return Record.from_arrays(inputs, np.array(y) + noise, 0.02 * k)
+
+
+def test_an_average_with_a_simpler_composition_rises(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(
+        "identify.fitting._candidates.AUTO", ("Composition",)
+    )  # a tenth of the time
+    found = fit(sticking((1.0,) * 6), purpose="compensate")
+    detail: Any = found.detail
+    members = detail.linear.meaning.members
+    assert [one.name for one in members][1:] == ["curve + plays + stops"]
+    assert sum(one.weight for one in members) == pytest.approx(1)
+    assert members[0].error < members[1].error
+    assert (detail.linear.unknowns[1:] >= 0).all()
+    estimated = estimate(invert(found.model, trained=found.trained), found.train)
+    assert np.isfinite(np.asarray(estimated.value)).all()
 
 
 @pytest.mark.thorough
