@@ -19,8 +19,8 @@ class Options(NamedTuple):
     """What the user chose about a fit beside its models, see `fit`.
 
     `alone`: no other candidate is fitted. `say`: takes a line of progress. `keeps_drift`: what drifts in
-    the training rows stays in the model. `averages`: compositions are averaged with simpler ones,
-    and with parts of `either_sign` if they may be.
+    the training rows stays in the model. `is_auto`: models that cannot be as good are left out, and
+    compositions averaged with simpler ones, with parts of `either_sign` if they may be.
     """
 
     initial: str
@@ -31,7 +31,7 @@ class Options(NamedTuple):
     alone: bool
     say: Report
     keeps_drift: bool = False
-    averages: bool = False
+    is_auto: bool = False
     either_sign: bool = False
 
 

@@ -23,9 +23,10 @@ SURFACE = "EverettSurface"
 BUTTERFLY = "Butterfly"
 """A composition of a state that the output is an even curve of, or nearly."""
 
-AUTO = ("LinearSponge", "Preisach", SURFACE, COMPOSITION, BUTTERFLY, "Burgers")
-"""What `model="auto"` tries, what tells most in least time first; a surface only where a record consists of
-such curves, a butterfly only where most branches have a valley or a peak."""
+AUTO = ("Preisach", SURFACE, COMPOSITION, BUTTERFLY, "LinearSponge", "Burgers")
+"""What `model="auto"` tries, what tells most in least time first: the last two take seconds to compile, and
+are left out where they cannot be as good. A surface is tried only where a record consists of such curves, a
+butterfly only where most branches have a valley or a peak."""
 
 OSCILLATOR = "Oscillator"
 """A mass on a hysteretic spring, fitted by a search of its own and never beside models without a mass."""

@@ -23,6 +23,7 @@ from ..results._known_rows import misfit_of
 from ..results._repeatability import with_repeatability
 from ._candidate import Candidate, Options, Report, Said, Trial
 from ._candidates import Asked, candidates
+from ._least_score import least_score
 from ._like import like as mixture_of
 from ._like import tells_little
 from ._oscillator import fit_oscillator, oscillator_asked
@@ -198,7 +199,7 @@ def fit(
         asked = (mixture_of(like), *asked)
     options = Options(
         initial, starts, seed, noise, parameters or {}, len(asked) == 1, say, drift == "keep",
-        averages=model == "auto", either_sign=purpose == "predict",
+        is_auto=model == "auto" and purpose != "constants", either_sign=purpose == "predict",
     )  # fmt: skip
     until = np.inf if budget is None else begin + budget
     tried, skipped = _tried(asked, data, options, until)
@@ -250,6 +251,11 @@ def _tried(
     tried: list[Trial] = []
     skipped: dict[str, str] = {}
     say = options.say
+
+    def skip(candidate: Candidate, why: str, done: int) -> None:
+        skipped[candidate.name] = why
+        say(ProgressNote("skipped", f"{candidate.name}: skipped. {why}", done, len(asked)))
+
     for done, candidate in enumerate(asked, 1):
         since = time.perf_counter()
         if tried and since > until:
@@ -257,14 +263,17 @@ def _tried(
                 (one.name for one in asked[done - 1 :]), "no time was left for it."
             )
             break
+        if tried and options.is_auto:
+            least = least_score(candidate.kind, data)
+            if least > NEARLY * min(one.fit.score for one in tried):
+                skip(candidate, f"None has a held-out error below {least:.3g} % here.", done)
+                continue
         try:
             new = candidate.fitted(data, options)
         except InputError as error:
             if options.alone:
                 raise
-            skipped[candidate.name] = str(error)
-            said = f"{candidate.name}: skipped. {error}"
-            say(ProgressNote("skipped", said, done, len(asked)))
+            skip(candidate, str(error), done)
             continue
         except KeyboardInterrupt:
             # What was found is worth more than a clean end: the best of it is the result.

@@ -45,7 +45,7 @@ class CompositionCandidate(Candidate):
 
     def fitted(self, data: TrainingData, options: Options) -> list[Trial]:
         path = fit_composition(
-            data, options.initial, options.seed, options.say, options.keeps_drift, options.averages,
+            data, options.initial, options.seed, options.say, options.keeps_drift, options.is_auto,
             options.either_sign,
         )  # fmt: skip
         return [Trial(fit) for fit in path]

@@ -130,6 +130,9 @@ def find_lag(record: Record, floor: float | None = None) -> Lag | None:
 
     found = {}
     for some, leading in itertools.product(MEMORIES, (False, True)):
+        none, *steps = (error(lag, some, leading) for lag in (0.0, -step, step))
+        if none <= min(steps):
+            continue  # and at whole steps a lag has to take away a fifth
         lag, curvature = least_at(lambda x, s=some, w=leading: error(x, s, w), step, 16 * step)
         if not curvature:
             continue

@@ -77,10 +77,14 @@ def sponge_fit(sponge: Record) -> FitResult:
     return fit(sponge, test_cycles=1, seed=0)
 
 
-def test_auto_finds_the_hysteresis(sponge_fit: FitResult) -> None:
+def test_auto_finds_the_hysteresis(sponge: Record, sponge_fit: FitResult) -> None:
     names = [c.name for c in sponge_fit.candidates]
     assert names[0] == "Preisach"  # a composition is no better beyond doubt, and less simple
-    assert {"Burgers", "LinearSponge", "curve"} < set(names)
+    # No line can be as good, which is known before one is fitted.
+    assert set(sponge_fit.skipped) & {"Burgers", "LinearSponge"} == {"LinearSponge"}
+    assert {"Burgers", "curve"} < set(names)
+    line = fit(sponge, "LinearSponge", test_cycles=1, noise="gaussian", starts=2)
+    assert line.score > 1.1 * sponge_fit.score
     assert isinstance(sponge_fit.model, Preisach)
     assert not sponge_fit.model.leading
     assert sponge_fit.verdict.level == "PASS"

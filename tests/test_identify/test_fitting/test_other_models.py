@@ -89,11 +89,11 @@ def test_a_name_is_given_once():
     assert class_of("hysteresis:Preisach") is hysteresis.Preisach
     assert "TheirPreisach" not in names()  # nothing says where its fit starts
     assert names()[:7] == (
-        "LinearSponge",
         "Preisach",
         "EverettSurface",
         "Composition",
         "Butterfly",
+        "LinearSponge",
         "Burgers",
         "FoamCurve",
     )
