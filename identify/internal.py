@@ -39,6 +39,7 @@ from .results._known_rows import told as told
 from .results._left_out import models_without_groups as models_without_groups
 from .results._metrics import metrics as metrics
 from .results._parameters import Parameter as Parameter
+from .results._questions import members_and_questions as members_and_questions
 from .results._repeatability import repeatability as repeatability
 from .spectra._of_record import MODULI as MODULI
 from .spectra._of_record import PARTS as PARTS

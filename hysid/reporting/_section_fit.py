@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from identify.internal import Parameter
+from identify.internal import Parameter, members_and_questions
 from identify.results._detail import GridWeights
 
 from ..figures import _base as f
@@ -48,7 +48,6 @@ def loops(case: Case) -> Section:
         section.draw(figure, alt, caption)
     if fit.test is None:
         section.notes.append("Nothing was held out, so there is only one panel.")
-    section.notes += _beyond(case)
     return section
 
 
@@ -62,25 +61,6 @@ def loop_figures(case: Case) -> Section:
     )
     shown = Table(caption, heads, [(*row[:-2], pretty(row[-2]), row[-1]) for row in rows])
     return Section("Figures of the loops", tables=[shown])
-
-
-def _beyond(case: Case) -> list[str]:
-    """A note on the held-out rows beyond each trained range, where there are some."""
-    if (found := case.fit.extrapolation) is None:
-        return []
-    words = {"input": "trained inputs", "rate": "trained rates", "time": "longest trained hold"}
-    said = [
-        f"{part.rows:,} held-out rows lie beyond the {words[name]}; the error there is"
-        f" {quantity(part.rmse, case.units[1])} rms."
-        for name, part in found._asdict().items()
-        if name in words and part.rmse is not None
-    ]
-    if said and found.inside.rmse is not None:
-        inside = f"{found.inside.rows:,} lie inside all trained ranges"
-        said.append(
-            f"{inside}; the error there is {quantity(found.inside.rmse, case.units[1])} rms."
-        )
-    return said
 
 
 def residuals(case: Case) -> Section:
@@ -255,6 +235,16 @@ def candidates(case: Case) -> Section:
             f" {number(tests[fit.name])} %). With more data the choice may change."
         )
     section.notes += [f"{name} was skipped: {why}" for name, why in fit.skipped.items()]
+    asked = [
+        (one.what, one.share, "not known" if one.error is None else quantity(one.error, unit))
+        for one in members_and_questions(fit)
+    ]
+    said = "What the model was asked on rows that it was not fitted to; of an average its members, too."
+    if ("another amplitude", "no row", "not known") in asked:
+        said += (
+            " Half of virtual rigs at one amplitude had 4 to 18 times that error at smaller ones."
+        )
+    section.tables.append(Table(said, ("Question or member", "Asked by", "Error, rms"), asked))
     return section
 
 

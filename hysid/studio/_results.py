@@ -119,6 +119,7 @@ class Fits:
             candidates, baselines = identify.internal.residuals_of_all(folder)
             found["candidates"] = _loops(fit, [one.name for one in fit.candidates], candidates)[1:]
             found["baselines"] = _loops(fit, [one.name for one in fit.baselines], baselines)
+            found["asked"] = [one._asdict() for one in identify.internal.members_and_questions(fit)]
             record, (u, y) = fit.train, axes_of(fit.train)
             x = f"time ({record.time_unit})" if record.time is not None else "row"
             units = {"u_unit": record.input_unit, "y_unit": record.output_unit}

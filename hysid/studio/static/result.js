@@ -117,6 +117,7 @@ export class ResultPanel {
       curves.candidates.length + curves.baselines.length > 0 && h("p", { class: "soft" }, "Tick a model or a baseline to draw its loop over the training rows above. Folds are training rows that were held out to choose among the models."),
       h("div", { class: "folds" }, table(`Errors${found.metrics.test ? " on held-out rows" : ""}; the best model first, baselines in italics`, ["Model", "folds, %", "of range, %", `rms${unit === "1" ? "" : `, ${unit}`}`, "verdict"], rows)),
       skipped.length > 0 && h("details", { class: "same" }, h("summary", {}, `${skipped.length} skipped`), h("ul", {}, skipped.map(([name, why]) => h("li", {}, `${name}: ${why}`)))),
+      h("div", { class: "folds" }, table("What it was asked on rows that it was not fitted to; of an average its members, too", ["Question or member", "asked by", `rms${unit === "1" ? "" : `, ${unit}`}`], curves.asked.map((one) => ({ cells: [one.what, one.share, one.error === null ? "not known" : number(one.error)] })))),
       h("h3", {}, "Residuals"),
       h("div", { class: "plots even" }, chart(`Over ${curves.axes.x}: a pattern shows what the model misses.`, this.residualAt), chart("Over the input.", this.residualInput)),
       sameLines(this.look.equivalents.fit));

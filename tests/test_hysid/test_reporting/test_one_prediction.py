@@ -90,8 +90,7 @@ def test_every_number_of_a_report_is_in_fit_json(folder: Path, document: dict[st
         f"held-out error, largest {quantity(test['max_abs'], 'mm')}",
         f"held-out error, of the range {quantity(test['nrmse_percent'], '%')}",
         f"fitted rows, of the range {quantity(train['nrmse_percent'], '%')}",
-        f"{beyond['rows']} held-out rows lie beyond the trained inputs; the error there is "
-        f"{quantity(beyond['rmse'], 'mm')} rms.",
+        f"an input beyond the trained ones {beyond['rows']} held-out rows {quantity(beyond['rmse'], 'mm')}",
         f"compensator on held-out rows, rms {off}",
         f"an error of {off} rms",
         *(

@@ -11,7 +11,7 @@ import pytest
 from hysteresis import InputError, LinearSponge, Record
 from identify import FitResult, Verdict, fit, fit_step
 from identify.fitting._verdict import judge
-from identify.internal import estimate_noise, root_difference
+from identify.internal import estimate_noise, members_and_questions, root_difference
 from identify.noise._model import NoiseModel
 
 QUICK: dict[str, Any] = {"model": LinearSponge(K=1.0, b=0.0), "noise": "gaussian", "starts": 1}
@@ -136,6 +136,18 @@ def test_rows_beyond_what_was_trained_are_counted_and_scored(loops: FitResult):
     assert there == pytest.approx(rms(error[beyond]), rel=0.006)
     assert inside == []  # it moves faster too, in every row
     assert (found.rate.rows, found.inside.rows) == (test.mask.sum(), 0)
+
+
+def test_questions_are_asked_by_folds_and_by_rows_beyond(loops: FitResult):
+    asked = {one.what: one for one in members_and_questions(loops)}
+    assert loops.blocks is not None
+    assert asked["a later time"].error == pytest.approx(np.sqrt(loops.blocks.mean()))
+    assert (asked["another amplitude"].share, asked["another amplitude"].error) == ("no row", None)
+    assert loops.extrapolation is not None
+    assert asked["an input beyond the trained ones"].error == loops.extrapolation.input.rmse
+    other = fit(record((10.0, 10.0, 5.0, 10.0), 0.5), test_tail=0.25, **QUICK)
+    (found,) = (x for x in members_and_questions(other) if x.what == "another amplitude")
+    assert found.error is not None
 
 
 def test_held_out_loops_of_another_size_are_told():
