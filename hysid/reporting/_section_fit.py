@@ -235,16 +235,17 @@ def candidates(case: Case) -> Section:
             f" {number(tests[fit.name])} %). With more data the choice may change."
         )
     section.notes += [f"{name} was skipped: {why}" for name, why in fit.skipped.items()]
-    asked = [
-        (one.what, one.share, "not known" if one.error is None else quantity(one.error, unit))
-        for one in members_and_questions(fit)
-    ]
+    asked = members_and_questions(fit)
     said = "What the model was asked on rows that it was not fitted to; of an average its members, too."
-    if ("another amplitude", "no row", "not known") in asked:
+    if any(one.key == "amplitude" and one.error is None for one in asked):
         said += (
             " Half of virtual rigs at one amplitude had 4 to 18 times that error at smaller ones."
         )
-    section.tables.append(Table(said, ("Question or member", "Asked by", "Error, rms"), asked))
+    rows = [
+        (one.what, one.share, "not known" if one.error is None else quantity(one.error, unit))
+        for one in asked
+    ]
+    section.tables.append(Table(said, ("Question or member", "Asked by", "Error, rms"), rows))
     return section
 
 

@@ -19,31 +19,15 @@ class AbstractBaseline(Protocol):
 
         seen = prepared(record);  unknowns = fitted(seen, output, rows, weights);  predicted(seen, unknowns)
 
-    It is causal: a prediction depends on the inputs up to its row, and never on an output there.
+    `rows` are the numbers of those it is fitted to; each error is taken times the row's weight. It is
+    causal: a prediction depends on the inputs up to its row, and never on an output there.
     """
 
     @property
-    def name(self) -> str:
-        """As tables show it."""
-        ...
-
-    def prepared(self, record: Record) -> Any:
-        """What it reads of the inputs of a record."""
-        ...
-
-    def fitted(
-        self,
-        seen: Any,
-        output: Float[np.ndarray, " samples"],
-        rows: np.ndarray,
-        weights: Float[np.ndarray, " samples"],
-    ) -> Any:
-        """Its unknowns, from these rows (their numbers), each error times the row's weight."""
-        ...
-
-    def predicted(self, seen: Any, unknowns: Any) -> Float[np.ndarray, " samples"]:
-        """Its output in every row."""
-        ...
+    def name(self) -> str: ...
+    def prepared(self, record: Record) -> Any: ...
+    def fitted(self, seen: Any, output: Any, rows: np.ndarray, weights: np.ndarray) -> Any: ...
+    def predicted(self, seen: Any, unknowns: Any) -> np.ndarray: ...
 
 
 class Scored(NamedTuple):

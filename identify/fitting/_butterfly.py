@@ -118,18 +118,12 @@ def fit_butterfly(name: str, data: TrainingData, initial: Initial) -> FitResult:
             for k, value in enumerate(np.asarray(curve.coefficients))
         ),
         covariance=np.zeros((0, 0)),
-        residuals=judged.residuals,
-        used=judged.used,
-        metrics=judged.metrics,
+        **judged._asdict(),
         success=True,
-        score=judged.score,
         blocks=blocks,
-        noise=judged.noise,
-        train=record,
         notes=(note,),
         detail=FoldedState(linear, curve),
-        clocks=data.clocks,
-        channels=data.channels,
+        **data.shown,
     )
 
 

@@ -23,7 +23,7 @@ from ..results._detail import Composition, GridWeights
 from ..results._fit_result import FitResult, Parameter
 from ..results._goodness_of_fit import evidence
 from ..results._trained_condition import trained_condition
-from ._candidate import Candidate, Options, Report, Trial
+from ._candidate import Candidate, Options, Trial
 from ._training_data import TrainingData
 
 DRAWS, FEW_DRAWS = 64, 16
@@ -44,10 +44,7 @@ class CompositionCandidate(Candidate):
     """Curves, relays and relaxations, as many as the record shows: every step from a curve alone."""
 
     def fitted(self, data: TrainingData, options: Options) -> list[Trial]:
-        path = fit_composition(
-            data, options.initial, options.seed, options.say, options.keeps_drift, options.is_auto,
-            options.either_sign,
-        )  # fmt: skip
+        path = fit_composition(data, options)
         return [Trial(fit) for fit in path]
 
 
@@ -70,30 +67,23 @@ def fit_grid(
     return _result(name, linear, GridWeights(linear), data, (note,), seed)
 
 
-def fit_composition(
-    data: TrainingData,
-    initial: str,
-    seed: int,
-    say: Report,
-    keeps_drift: bool = False,
-    averages: bool = False,
-    either_sign: bool = False,
-) -> list[FitResult]:
-    """Compositions from a curve alone to the best one, see `fit_compositions`; with `averages` an average
-    in place of those that are better on held-out rows."""
-    state = state_of(initial)
+def fit_composition(data: TrainingData, options: Options) -> list[FitResult]:
+    """Compositions from a curve alone to the best one, see `path_of`; for `auto` an average in place of
+    those that are better on held-out rows."""
+    seed, keeps_drift = options.seed, options.keeps_drift
+    state = state_of(options.initial)
     path: tuple[LinearFit, ...]
     if data.condition is None:
         choices = path_of(data.record, data.parts, data.leadings, state, keeps_drift=keeps_drift)
         if data.seeks_lag:
             chosen = choices[-1].problem.whole.of(*choices[-1].parts)
-            say(f"{chosen.name}; is there a lag between the clocks?")
+            options.say(f"{chosen.name}; is there a lag between the clocks?")
             if (lagging := fit_lagging(choices, data.record, data.parts, state)) is not None:
                 clocks = data.clocks._replace(lag=lagging.lag, lag_error=lagging.error)
                 choices, data = lagging.path, replace(data, record=lagging.record, clocks=clocks)
         choices, data = _of_latest(choices, data, state, keeps_drift)
         path = fitted(choices)
-        if averages and (mean := averaged(choices[-1], either_sign)) is not None:
+        if options.is_auto and (mean := averaged(choices[-1], options.either_sign)) is not None:
             path = (*(one for one in path if one.held_out > mean.held_out), mean)
     else:
         path = fit_conditioned(data.record, data.parts, data.condition, data.leadings, state)
@@ -158,18 +148,12 @@ def _result(
         model=model,
         parameters=_parameters(linear, totals, errors, data.record.output_unit),
         covariance=covariance,
-        residuals=judged.residuals,
-        used=judged.used,
-        metrics=judged.metrics,
+        **judged._asdict(),
         success=True,
-        score=judged.score,
         blocks=linear.blocks * linear.meaning.scale**2,
-        noise=judged.noise,
-        train=data.record,
         notes=notes,
         detail=detail,
-        clocks=data.clocks,
-        channels=data.channels,
+        **data.shown,
         seed=seed,
     )
 

@@ -87,18 +87,12 @@ def fit_surface(name: str, data: TrainingData) -> FitResult:
             Parameter(name, value, unit, None, "inseparable") for name, value in sums.items()
         ),
         covariance=np.zeros((0, 0)),
-        residuals=judged.residuals,
-        used=judged.used,
-        metrics=judged.metrics,
+        **judged._asdict(),
         success=True,
-        score=judged.score,
         blocks=blocks,
-        noise=judged.noise,
-        train=record,
         notes=(note,),
         detail=ReversalCurves(count),
-        clocks=data.clocks,
-        channels=data.channels,
+        **data.shown,
     )
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -50,6 +51,11 @@ class TrainingData:
     warnings: tuple[Note, ...]
     may_leave_out: bool
     condition: str | None = None
+
+    @property
+    def shown(self) -> dict[str, Any]:
+        """What a fit of these data says of them."""
+        return {"train": self.record, "clocks": self.clocks, "channels": self.channels}
 
     @property
     def rising(self) -> Record:

@@ -67,21 +67,6 @@ EQUATIONS = 100_000
 """Equations from which on those of neighbouring rows are averaged."""
 
 
-def fit_compositions(
-    record: Record, parts: Parts, leadings: tuple[bool, ...], initial: Initial = "negative"
-) -> tuple[LinearFit[CompositionUnknowns], ...]:
-    """Compositions from a curve alone to the best one, each with one part more.
-
-    Parts join one by one: each time the one that lowers the held-out error most, as long as it does so
-    by more than the standard error of the difference, paired by blocks of rows. In the end a drift may
-    explain how the fitted rows change in the course of a run: it gains where the model without it, as it
-    was at the end of the rows that it is fitted to, predicts held-out ones better. Then the input is mapped
-    by half of the static curve if that gains as much as a part. All that is chosen on some thousand rows;
-    the unknowns are fitted to all of them.
-    """
-    return fitted(path_of(record, parts, leadings, initial))
-
-
 def path_of(
     record: Record,
     parts: Parts,
@@ -90,7 +75,13 @@ def path_of(
     weights: Samples | None = None,
     keeps_drift: bool = False,
 ) -> "list[Tried]":
-    """The choices of `fit_compositions`, one for each of its fits.
+    """Compositions from a curve alone to the best one, each with one part more.
+
+    Parts join one by one: each time the one that lowers the held-out error most, as long as it does so by
+    more than the standard error of the difference, paired by blocks of rows. In the end a drift may explain
+    how the fitted rows change in the course of a run: it gains where the model without it, as it was at
+    their end, predicts held-out ones better. Then the input is mapped by half of the static curve if that
+    gains as much as a part. All that is chosen on some thousand rows; `fitted` takes all of them.
 
     `weights` (samples,): of each row's error, by default the record's.
     `keeps_drift`: see `CompositionUnknowns`.

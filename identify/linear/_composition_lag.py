@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool
 
-from hysteresis import Record
+from hysteresis import Note, Record
 from hysteresis.preisach import Initial
 
 from ..records._clocks import least_at, shifted
@@ -30,6 +30,9 @@ LAG_PRIOR = 1e-5
 
 WORTH = 0.2
 """Share of the mean squared error that a lag must remove before the fit takes it into account."""
+
+
+STRETCH = Note("rows", "Rows with which a lag is looked for.")
 
 
 class Lagging(NamedTuple):
@@ -164,23 +167,12 @@ def _stretch(record: Record) -> tuple[Record, int]:
             rows.append(np.arange(begin, end))
         else:
             rows.append(np.arange(here.start, here.stop))
-    return _only(replace(few, mask=mask), rows), thin
+    return replace(few, mask=mask)._in_order(np.concatenate(rows), STRETCH), thin
 
 
 def _every(record: Record, thin: int) -> Record:
     """Every so many rows of each sequence."""
     if thin == 1:
         return record
-    return _only(record, [np.arange(s.start, s.stop, thin) for _, s in record.sequences()])
-
-
-def _only(record: Record, each: list[np.ndarray]) -> Record:
-    """Only these rows of each sequence."""
-    rows = np.concatenate(each)
-    if len(rows) == len(record):
-        return record
-    fields = ("input", "output", "mask", "line", "time")
-    taken = {name: getattr(record, name)[rows] for name in fields}
-    columns = {name: column[rows] for name, column in record.columns.items()}
-    starts = np.cumsum([0, *map(len, each[:-1])])
-    return replace(record, **taken, columns=columns, starts=starts)
+    rows = [np.arange(s.start, s.stop, thin) for _, s in record.sequences()]
+    return record._in_order(np.concatenate(rows), STRETCH)

@@ -55,7 +55,7 @@ def fit_conditioned(
 
     `parts` hold one value of the condition each, see `condition_parts`. A curve with every number of
     knots on every axis is tried first; with the best of them parts join one by one as in
-    `fit_compositions`; with those the number of knots is chosen again: the fewest that are as good as the
+    `path_of`; with those the number of knots is chosen again: the fewest that are as good as the
     best. Where two choices are the same on all held-out parts, more knots are taken: each trained value is
     then met by a knot of its own.
     """

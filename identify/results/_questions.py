@@ -20,10 +20,16 @@ BEYOND = {
 }  # fmt: skip
 
 
+FOLDS = {
+    "run": "a new run", "time": "a later time", "amplitude": "another amplitude", "rate": "another rate",
+}  # fmt: skip
+
+
 class Asked(NamedTuple):
     """A member of an average with its weight, or a question with the rows that ask it; the rms `error`
-    there, in the unit of the output, None where no row asks it."""
+    there, in the unit of the output, None where no row asks it. `key`: of `FOLDS` or `BEYOND`, or other."""
 
+    key: str
     what: str
     share: str
     error: float | None
@@ -38,14 +44,16 @@ def members_and_questions(fit: FitResult) -> list[Asked]:
     """
     linear = fit.detail.linear if isinstance(fit.detail, Composition) else None
     found = [
-        Asked(one.name, f"member, {100 * one.weight:.0f} %", one.error)
+        Asked("member", one.name, f"member, {100 * one.weight:.0f} %", one.error)
         for one in getattr(getattr(linear, "meaning", None), "members", ())
     ]
     if fit.blocks is not None:
         found += _of_folds(fit, fit.blocks)
     if fit.extrapolation is not None:
         beyond = fit.extrapolation._asdict().items()
-        found += [Asked(BEYOND[k], f"{x.rows} held-out rows", x.rmse) for k, x in beyond if x.rows]
+        found += [
+            Asked(k, BEYOND[k], f"{x.rows} held-out rows", x.rmse) for k, x in beyond if x.rows
+        ]
     return found
 
 
@@ -56,24 +64,24 @@ def _of_folds(fit: FitResult, blocks: Float[np.ndarray, " blocks"]) -> Iterator[
         return
     errors = blocks.reshape(-1, BLOCKS_OF_FOLD).mean(1)
     asked = [_asked(fit, cut, fold) for fold in cut.folds]
-    words = ["a new run", "a later time", "another amplitude", "another rate"]
+    words = dict(FOLDS)
     if condition is not None:
-        words.append(f"another {condition}")
+        words["condition"] = f"another {condition}"
         inner = inner_folds(trained_values(record, condition))
-        asked = [{words[-1]} if k < inner else own for k, own in enumerate(asked)]
-    for what in words:
-        own = [error for error, every in zip(errors, asked, strict=True) if what in every]
+        asked = [{"condition"} if k < inner else own for k, own in enumerate(asked)]
+    for key, what in words.items():
+        own = [error for error, every in zip(errors, asked, strict=True) if key in every]
         error = float(np.sqrt(np.mean(own))) if own else None
-        yield Asked(what, "folds of training rows" if own else "no row", error)
+        yield Asked(key, what, "folds of training rows" if own else "no row", error)
 
 
 def _asked(fit: FitResult, cut: Parts, fold: Fold) -> set[str]:
-    found = {"a new run" if len(fit.train.labels) > 1 else "a later time"}
+    found = {"run" if len(fit.train.labels) > 1 else "time"}
     seen, new = (_moves(fit, np.isin(cut.label, side)) for side in fold)
-    for k, (what, factor) in enumerate((("another amplitude", 1 + KIND), ("another rate", VARIED))):
+    for k, (key, factor) in enumerate((("amplitude", 1 + KIND), ("rate", VARIED))):
         if len(seen) and len(new):
             apart = np.abs(new[:, k, None] - seen[:, k]).min(1)  # NaN without a clock
-            found |= {what} if (apart > np.log(factor)).all() else set()
+            found |= {key} if (apart > np.log(factor)).all() else set()
     return found
 
 
