@@ -266,7 +266,7 @@ def _tried(
         if tried and options.is_auto:
             least = least_score(candidate.kind, data)
             if least > NEARLY * min(one.fit.score for one in tried):
-                skip(candidate, f"None has a held-out error below {least:.3g} % here.", done)
+                skip(candidate, f"None can have a held-out error below {least:.3g} %.", done)
                 continue
         try:
             new = candidate.fitted(data, options)

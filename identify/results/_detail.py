@@ -103,8 +103,10 @@ class Composition:
 
     def words(self) -> Words:
         meaning = self.linear.meaning
-        plain = meaning.words() if isinstance(meaning, ConditionedUnknowns) else meaning._asdict()
-        return {self.key: plain}
+        if isinstance(meaning, ConditionedUnknowns):
+            return {self.key: meaning.words()}
+        members = [one._asdict() for one in meaning.members]
+        return {self.key: meaning._asdict() | {"members": members}}
 
     def arrays(self) -> dict[str, Any]:
         return _linear_arrays(self.linear) | {"rows": self.linear.rows}

@@ -1,5 +1,6 @@
 """Averages of compositions: where they are taken, and that each is one model."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 
 from compensate import estimate, invert
 from hysteresis import Record
-from identify import FitResult, fit, predictive, sample
+from identify import FitResult, fit, load, predictive, sample, save
 
 NOISE = 0.002
 
@@ -56,7 +57,9 @@ def sticking(heights: tuple[float, ...], seed: int = 0) -> Record:
     return Record.from_arrays(inputs, np.array(y) + noise, 0.02 * k)
 
 
-def test_an_average_with_a_simpler_composition_rises(monkeypatch: pytest.MonkeyPatch):
+def test_an_average_with_a_simpler_composition_rises(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+):
     monkeypatch.setattr(
         "identify.fitting._candidates.AUTO", ("Composition",)
     )  # a tenth of the time
@@ -69,6 +72,8 @@ def test_an_average_with_a_simpler_composition_rises(monkeypatch: pytest.MonkeyP
     assert (detail.linear.unknowns[1:] >= 0).all()
     estimated = estimate(invert(found.model, trained=found.trained), found.train)
     assert np.isfinite(np.asarray(estimated.value)).all()
+    again: Any = load(save(found, tmp_path / "fit")).detail
+    assert again.linear.meaning == detail.linear.meaning
 
 
 @pytest.mark.thorough
