@@ -154,12 +154,17 @@ def run_parts(
 
 
 def options(
-    module: str, about: str | None, arguments: Sequence[str] | None, **others: str
+    module: str,
+    about: str | None,
+    arguments: Sequence[str] | None,
+    flags: Mapping[str, str] | None = None,
+    **others: str,
 ) -> argparse.Namespace:
-    """`--quick` and `--json` of `python -m benchmarks.NAME`, and `others` that take a value."""
+    """`--quick` and `--json` of `python -m benchmarks.NAME`, `flags`, and `others` that take a value."""
     parser = argparse.ArgumentParser(prog=f"python -m {module}", description=about)
-    parser.add_argument("--quick", action="store_true", help="fewer rounds")
-    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
+    own = {"quick": "fewer rounds", "json": "one JSON object on stdout"}
+    for name, meaning in (own | dict(flags or {})).items():
+        parser.add_argument(f"--{name}", action="store_true", help=meaning)
     for name, meaning in others.items():
         parser.add_argument(f"--{name}", help=meaning)
     return parser.parse_args(arguments)

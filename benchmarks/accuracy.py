@@ -1,11 +1,14 @@
 """Held-out error of `hysid fit --model auto` on measured data by third parties.
 
-python -m benchmarks.accuracy [--quick] [--json] [--only TEXT]
+python -m benchmarks.accuracy [--quick] [--json] [--only TEXT] [--freeze]
 
 Each row is said on stderr as soon as it is known, because all of them take 45 minutes of processor time.
 At the end stand the verdicts beside what the fits are worth: of each level the range of the errors, and how
 many fits a baseline beats on the test rows beyond the standard error of the difference. Virtual rigs under
 other motions follow, with verdicts of their own.
+
+Beside ours stands the error of a recurrent network trained on the same rows (`_accuracy/network.py`),
+which `--freeze` trains anew, a minute a row, instead of fitting.
 
 The data are not in the repository: they lie in the folder that HYSID_DATA names, or beside the
 checkout in ../shared/data. Every figure comes from the same code as the command line.
@@ -22,13 +25,14 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
+import identify
 from hysid.commands._asked import Fit
 from hysid.intake._selection import Selection
-from hysteresis import InputError
+from hysteresis import InputError, Record
 
 from . import _measured_data as data
 from . import _other_rigs
-from ._accuracy import creep, known, lags, motions, specimens
+from ._accuracy import creep, known, lags, motions, network, specimens
 from ._accuracy.verdicts import Judged, calibration, is_beaten
 from ._measure import Row, judged, noted, options, report, said
 
@@ -237,15 +241,32 @@ def _verdicts(task: Task, document: dict[str, Any]) -> tuple[Judged, ...]:
     return tuple(found)
 
 
+def _file(task: Task, folder: Path, out: str) -> Path:
+    """The file of a task, made in `out` where it is not there as it is."""
+    return folder / task.file if isinstance(task.file, str) else task.file(folder, Path(out))
+
+
+def frozen(task: Task, folder: Path) -> Row:
+    """Train the networks on a task's rows, and keep their error."""
+
+    def error(record: Record, predicted: np.ndarray) -> float:
+        found = identify.internal.metrics(record.output, predicted, record.mask)
+        return found.nrmse_percent if task.span is None else 100 * found.rmse / task.span
+
+    with tempfile.TemporaryDirectory() as out:
+        file = _file(task, folder, out)
+        pairs = task.selection.records(task.selection.read(file))[0].values()
+    entry = network.freeze(task.what, pairs, error)
+    return noted(f"{task.what} (network of {entry['parameters']} parameters)", entry["error"])
+
+
 def fitted(task: Task, folder: Path) -> Fitted:
     """Fit one task and judge its error; the model chosen and what else there is stand in the name."""
     with tempfile.TemporaryDirectory() as out:
-        file = folder / task.file if isinstance(task.file, str) else folder
-        if not file.exists():
+        if not (folder / task.file if isinstance(task.file, str) else folder).exists():
             missing = noted(task.what, float("nan"), reason="the data are not here")
             return Fitted(missing)
-        if not isinstance(task.file, str):
-            file = task.file(folder, Path(out))
+        file = _file(task, folder, out)
         begin = time.process_time()
         try:
             document: dict[str, Any] = (
@@ -269,6 +290,8 @@ def fitted(task: Task, folder: Path) -> Fitted:
     best = min(document["baselines"], key=lambda one: one["nrmse_percent"], default=None)
     if best is not None and task.span is None and task.part == "test":
         beside += f", {best['name']} {best['nrmse_percent']:.3g}"
+    if (rival := network.frozen().get(task.what)) is not None:
+        beside += f", network of {rival['parameters']} parameters {rival['error']:.3g}"
     beside += f"; {document['verdict']['level']}; {seconds:.0f} s of processor time"
     row = judged(f"{task.what} ({beside})", value, task.bar)
     return Fitted(row, _verdicts(task, document))
@@ -277,11 +300,16 @@ def fitted(task: Task, folder: Path) -> Fitted:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Fit every data set and print the table."""
     chosen = options(
-        "benchmarks.accuracy", __doc__, arguments, only="tasks with this in their name"
-    )
+        "benchmarks.accuracy", __doc__, arguments,
+        {"freeze": "train the rival networks and keep their errors"},
+        only="tasks with this in their name",
+    )  # fmt: skip
     jax.config.update("jax_enable_x64", True)
     tasks = [task for task in TASKS if (chosen.only or "") in task.what]
     found: list[Row] = []
+    if chosen.freeze:
+        report([said(frozen(task, data_folder())) for task in tasks], chosen.json)
+        return
     verdicts: list[Judged] = []
     for task in tasks:
         one = fitted(task, data_folder())
