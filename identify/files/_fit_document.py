@@ -8,6 +8,7 @@ from hysteresis._verdict import Level
 from ..noise._residual_statistics import Noise
 from ..parameters._settings import SettingWords
 from ..records._clocks import Clocks
+from ..records._sequence_terms import SequenceTerms
 from ..results._extrapolation import Extrapolation
 from ..results._fit_result import Parameter
 from ..results._metrics import Metrics
@@ -159,6 +160,7 @@ class ResultWords(FigureWords):
     purpose: NotRequired[Literal["predict", "compensate", "constants"]]
     skipped: dict[str, str]
     clocks: NotRequired[Clocks]
+    sequences: NotRequired[SequenceTerms | None]
     settings: NotRequired[dict[str, SettingWords]]
     seed: int
     data: DataWords

@@ -182,6 +182,7 @@ def _load(document: dict[str, Any], files: dict[str, Path]) -> FitResult:
         skipped=document["skipped"],
         clocks=document.get("clocks", Clocks()),
         channels=rebuilt(document["channels"], arrays) if "channels" in document else None,
+        sequences=document.get("sequences"),
         seed=document["seed"],
     )
 
@@ -252,6 +253,7 @@ def to_json(fit: FitResult) -> dict[str, Any]:
             "history": list(record.history),
         },
         "clocks": fit.clocks._asdict(),
+        "sequences": None if fit.sequences is None else fit.sequences._asdict(),
         "settings": in_words(fit.settings),
         "seed": fit.seed,
         "versions": versions(),

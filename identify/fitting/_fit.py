@@ -17,6 +17,7 @@ from hysteresis.records._csv import with_known
 from ..noise._reml import kinds
 from ..records._folds import NEARLY, as_good
 from ..records._from_known import by_sequence, sequence_error, with_past
+from ..records._sequence_terms import SequenceTerms, learnt, sequence_rms
 from ..results._detail import Composition, FoldedState, GridWeights
 from ..results._fit_result import FitResult
 from ..results._known_rows import misfit_of
@@ -32,6 +33,10 @@ from ._verdict import check_purpose, judge
 
 PASTS = 2
 """Times that the pasts before known rows are told anew, at most."""
+
+BY_SEQUENCE = (
+    "Behind known rows terms that were learnt from the sequences predict, not the model's states."
+)
 
 INTERRUPTED = "interrupted"
 """Code of the note on a candidate that Ctrl-C ended."""
@@ -170,12 +175,13 @@ def fit(
             f"{', '.join(parameters)}: parameters of which model?",
             fix="name one model of few parameters.",
         )
+    sequences = None
     if record.known is not None and not record.channels:
         again = partial(
             fit, initial=initial, conditioning=conditioning, clocks=clocks, drift=drift, noise="gaussian",
             parameters=parameters, starts=starts, seed=seed, progress=progress,
         )  # fmt: skip
-        record = _behind_pasts(record, model, again)
+        record, sequences = _behind_pasts(record, model, again)
     data = training_data(
         record,
         test,
@@ -183,6 +189,7 @@ def fit(
         keep_clocks=clocks == "keep",
         say=say,
     )
+    data = replace(data, sequences=sequences)
     left: dict[str, str] = {}
     if model == "auto":
         suited = tuple(one for one in asked if one.suits(data, purpose))
@@ -209,6 +216,8 @@ def fit(
     del tried, chosen, others  # the searches, which hold every row
     baselines = data.baselines()
     fits = [replace(one, baselines=baselines, purpose=purpose) for one in fits]
+    if sequences is not None:
+        fits[0] = replace(fits[0], notes=(*fits[0].notes, BY_SEQUENCE))
     if score == "sre" and test is not None:
         error = sequence_error(test, fits[0].predict(test))
         said = f"Held-out sequences: {error:.3g} % of the rms of each one's output, on average."
@@ -225,11 +234,16 @@ def fit(
 
 def _behind_pasts(
     record: Record, model: Asked | Sequence[Asked], fitted: Callable[..., FitResult]
-) -> Record:
+) -> tuple[Record, SequenceTerms | None]:
     """The record behind the pasts that its known rows tell: by a fit from the virgin state, then by one of
-    the same kind behind those pasts, and so on while that takes away a tenth of the error."""
-    virgin = {name: x for name, x in record.columns.items() if name != KNOWN}
-    found = fitted(replace(record, columns=virgin), model)
+    the same kind behind those pasts, and so on while that takes away a tenth of the error. Or the virgin
+    record, and terms that predict held-out sequences better than the fit does those it has seen."""
+    columns = {name: x for name, x in record.columns.items() if name != KNOWN}
+    virgin = replace(record, columns=columns)
+    found = fitted(virgin, model)
+    terms = learnt(found.clocks.applied(record))
+    if terms is not None and NEARLY * terms.error < sequence_rms(record, found.predict(record)):
+        return virgin, terms
     behind = with_past(found.model, record, misfit_of(found))
     for _ in range(PASTS):
         kind = "Composition" if isinstance(found.detail, Composition) else found.name
@@ -237,7 +251,7 @@ def _behind_pasts(
         if NEARLY * misfit_of(again).rms > misfit_of(found).rms:
             break
         found, behind = again, with_past(again.model, record, misfit_of(again))
-    return behind
+    return behind, None
 
 
 def _tried(

@@ -15,6 +15,7 @@ from ..records._clocks import Clocks, is_held
 from ..records._conditions import condition_parts, name_of_condition
 from ..records._folds import Parts, block_errors, parts
 from ..records._orientation import initial_states, orientations, output_falls
+from ..records._sequence_terms import SequenceTerms
 from ..records._speeds import rates_differ
 from ..records._thinned import thinned
 from ..results._baseline import Baseline
@@ -37,6 +38,7 @@ class TrainingData:
     - `seeks_lag`: whether a constant lag between the clocks may be looked for.
     - `warnings`: what is wrong with the data though a fit is possible.
     - `condition`: the name of the condition that the output depends on; None without one.
+    - `sequences`: what predicts the rows behind known ones in place of the model.
     """
 
     record: Record
@@ -51,6 +53,7 @@ class TrainingData:
     warnings: tuple[Note, ...]
     may_leave_out: bool
     condition: str | None = None
+    sequences: SequenceTerms | None = None
 
     @property
     def shown(self) -> dict[str, Any]:
@@ -64,6 +67,7 @@ class TrainingData:
 
     def tested(self, fit: FitResult) -> FitResult:
         """The fit with its figures on the test record, if there is one, all of `FitResult.predict`."""
+        fit = replace(fit, sequences=self.sequences)
         (low, high), u = fit.trained, fit.train.input
         if ((u < low) | (u > high)).any():
             # Rows that do not count drive the model beyond the inputs it was fitted to, where the model

@@ -25,6 +25,7 @@ from ..records._channel_map import beyond, combine
 from ..records._clocks import Clocks
 from ..records._new_record import new_record
 from ..records._run_model import predict
+from ..records._sequence_terms import SequenceTerms
 from ._baseline import Baseline
 from ._characteristics import Characteristic, characteristics, fitted_loops
 from ._detail import Composition, Detail, Parametric
@@ -111,6 +112,7 @@ class FitResult:
     - `train`, `test`: the records it was fitted to and judged on, as the model saw them.
     - `clocks`: what was done to their input before; `predict` does the same.
     - `channels`: what combined several channels into that input, None where there is one.
+    - `sequences`: terms that predict behind known rows better than states of the model do, None without.
 
     **Example:**
 
@@ -146,6 +148,7 @@ class FitResult:
     skipped: dict[str, str] = field(default_factory=dict)
     clocks: Clocks = Clocks()
     channels: ChannelMap | None = None
+    sequences: SequenceTerms | None = None
     noise_model: NoiseModel | None = None
     noise_evidence: dict[str, float] = field(default_factory=dict)
     settings: Settings = field(default_factory=dict)

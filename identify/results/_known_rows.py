@@ -23,6 +23,8 @@ def told(fit: Any, record: Record) -> FromKnown:
     Raises `InputError` `wrong-unit` where the output has another unit than the fit's.
     """
     check_unit(record.output_name, record.output_unit, fit.train.output_unit)
+    if fit.sequences is not None:
+        return FromKnown(*fit.sequences.predicted(record))
     low, high = float(np.nanmin(record.input)), float(np.nanmax(record.input))
     return from_known(extended(fit.model, low, high), record, misfit_of(fit))
 

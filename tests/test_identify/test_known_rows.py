@@ -1,11 +1,14 @@
 """Records whose first rows are known: fits behind their pasts, predictions from there, relative errors."""
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import identify
 from hysid import Record
-from hysteresis import InputError, StandardLinearSolid, with_units
+from hysteresis import InputError, PrandtlIshlinskii, StandardLinearSolid, with_units
 from identify.records._from_known import by_sequence, sequence_error
 
 KNOWN, LENGTH, SEQUENCES = 20, 60, 5
@@ -49,6 +52,37 @@ def test_known_rows_tell_where_a_sequence_begins(fit: identify.FitResult):
         for known in (KNOWN, None)
     )
     assert told < 0.1 * alone
+
+
+def cut_from_loops(seed: int = 0, sequences: int = 40) -> Record:
+    """Friction with eddies, whose sequences begin in the middle of a history that nobody has seen."""
+    random = np.random.default_rng(seed)
+    rows = sequences * LENGTH
+    u = np.interp(
+        np.arange(rows) / 8, np.arange(rows // 8 + 2), random.uniform(0, 3, rows // 8 + 2)
+    )
+    law = PrandtlIshlinskii([0.2, 0.5, 1.2], [1.0, 1.0, 1.0], 0.5)
+    y = np.asarray(law.simulate(None, u)) + 2 * np.gradient(u)
+    return Record.from_arrays(
+        u, y + 0.01 * random.normal(size=rows), np.arange(rows), np.arange(rows) // LENGTH,
+        line=np.arange(2, rows + 2),
+    )  # fmt: skip
+
+
+def test_terms_of_each_sequence_are_taken_where_states_tell_less(tmp_path: Path):
+    record = cut_from_loops()
+    fit = identify.fit(record, "PrandtlIshlinskii", known=KNOWN, starts=2, noise="gaussian")
+    assert fit.sequences is not None
+    identify.save(fit, tmp_path / "fit")
+    other = cut_from_loops(1, 5)
+    found = identify.load(tmp_path / "fit").predict(other, known=KNOWN)
+    assert found == pytest.approx(fit.predict(other, known=KNOWN))
+    unknown = np.arange(len(other)) % LENGTH >= KNOWN
+    off, alone = ((one - other.output)[unknown] for one in (found, fit.predict(other)))
+    assert np.std(off) < 0.7 * np.std(alone)  # 0.60
+    known = replace(other, columns={**other.columns, "known_rows": ~unknown})
+    z = off / fit.sequences.predicted(known)[1][unknown]
+    assert 0.4 < np.sqrt(np.mean(z**2)) < 2.5
 
 
 def test_what_is_no_number_of_rows_is_told(fit: identify.FitResult):

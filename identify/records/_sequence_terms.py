@@ -1,0 +1,264 @@
+"""What known rows tell of a sequence, learnt from many: a linear model, some of whose weights are its own.
+
+    y = F x + R z + c + e,    z ~ N(0, V),  c ~ N(0, v exp(-|t - t'| / T)),  e ~ N(0, s^2)
+
+x is shared by all sequences: a curve and powers of the input, stops, the same by the distance from the
+middle of the range, and the input's rate, and its root, behind low-pass filters of 0 to 64 sampling steps
+(eddies, ringing). z is of each sequence: an offset, the first state of every stop, which the rows before
+the first one have left there, the strength of the stops and of some rates. So a sequence is predicted from
+its known rows k by
+
+    y = F x + K_k (K_kk + s^2)^-1 (y_k - F_k x),    K = R V R' + cov(c)
+
+which is linear in x: x is the least squares solution of the errors of unknown rows, with a ridge. V, v, T,
+s and the ridge are those that predict the unknown rows of sequences held out best. The mean error of these
+says whether the terms are worth more than the states of a model.
+
+Source: Robinson, That BLUP is a good thing: the estimation of random effects, Statistical Science 6 (1991).
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+import scipy.linalg
+from jaxtyping import Float
+
+from hysteresis import Record
+from hysteresis.numerics._blocked_recurrences import clamped, relaxed
+from hysteresis.numerics._hats import hats_of
+
+LEAST, FOLDS = 12, 6
+"""Sequences with known and with unknown rows, and groups of them that are held out in turn."""
+
+THRESHOLDS = 2.0 ** np.arange(-8, -1)
+"""Of the stops, in parts of the input's range."""
+
+CUTOFFS = 2.0 ** np.arange(7)
+"""Time constants of the low-pass filters, in sampling steps."""
+
+OWN_RATES = [0, 3, 5]
+"""Which rates a sequence has strengths of its own for: unfiltered, behind 4 and behind 16 steps."""
+
+CELLS, PLACES, POWERS = np.linspace(-1, 1, 21), np.array([0.0, 0.5, 1.0]), np.arange(1, 8)
+"""Knots of the curve, and of the distance from the middle, in halves of the range; powers of the place."""
+
+LOOSE = {"rates": 10.0, "roots": 0.03, "stops": 0.1, "curve": 0.1, "places": 0.1, "powers": 1.0}
+"""How large shared weights of each kind are expected, in parts of one another; squares."""
+
+START = np.array([3e-4, 1e-2, 3e-3, 3e-3, 1e-3, 30.0, 3e-3, 3e-4])
+"""Variances of offset, first states, stops, rates and what fades out; its time in sampling steps; variance
+of the error; the ridge. Outputs are in units of the rms of a usual sequence."""
+
+VARIANCES = [0, 1, 2, 3, 4, 6]
+"""Which of these are."""
+
+MOVES, ROUNDS = (0.1, 10.0, 0.3, 3.0), 2
+"""By which each of these is multiplied in turn, and how often."""
+
+SEARCHED, FITTED = 100, 200
+"""Rows of a sequence in the search, and afterwards: evenly spread, and the last known one."""
+
+
+Equations = tuple[np.ndarray, np.ndarray, float]
+
+
+class SequenceTerms(NamedTuple):
+    """The terms that were learnt from the sequences of a record.
+
+    - `low`, `high`: the input's range. `step`: the usual sampling step, 1 without a clock; `speed`: the rms
+      of the input's rate. `centre`, `scale`: of the output.
+    - `settings`: as `START` has them. `shared`: the weights x.
+    - `error`: mean over held-out sequences of the rms error of unknown rows, each times its weight.
+    """
+
+    low: float
+    high: float
+    step: float
+    speed: float
+    centre: float
+    scale: float
+    settings: tuple[float, ...] = ()
+    shared: tuple[float, ...] = ()
+    error: float = float("nan")
+
+    def predicted(
+        self, record: Record
+    ) -> tuple[Float[np.ndarray, " samples"], Float[np.ndarray, " samples"]]:
+        """Outputs, and their standard deviation where the known rows leave it open, 0 in these."""
+        values, deviation = np.empty(len(record)), np.zeros(len(record))
+        for rows, one in self._sequences(record):
+            known = one.known[_some(len(one.known), FITTED)]
+            gain, left = one.gain(known, np.arange(len(one.y)), np.array(self.settings))
+            fixed = one.F @ np.array(self.shared)
+            y = fixed + gain @ (one.y - fixed)[known]
+            values[rows] = self.centre + self.scale * y
+            deviation[rows] = self.scale * np.sqrt(np.maximum(left, 0))
+        if record.known is not None:
+            deviation[record.known] = 0.0
+        return values, deviation
+
+    def _sequences(self, record: Record) -> Iterator[tuple[slice, "_Sequence"]]:
+        known = np.zeros(len(record), bool) if record.known is None else record.known
+        for _, rows in record.sequences():
+            t = None if record.time is None else record.time[rows]
+            y = (record.output[rows] - self.centre) / self.scale
+            F, R, clock = self._columns(record.input[rows], t)
+            told = np.flatnonzero(known[rows] & np.isfinite(y))
+            counted = np.flatnonzero(record.mask[rows] & ~known[rows])
+            yield rows, _Sequence(F, R, clock, y, told, counted, record.weights[rows] * self.scale)
+
+    def _columns(
+        self, u: np.ndarray, t: np.ndarray | None
+    ) -> tuple[np.ndarray, list[np.ndarray], np.ndarray]:
+        """Shared columns, those of the sequence by their variance, and the time in sampling steps."""
+        clock = np.arange(len(u), dtype=float) if t is None else (t - t[0]) / self.step
+        place = (2 * u - self.low - self.high) / (self.high - self.low)
+        thresholds = (self.high - self.low) * THRESHOLDS
+        n, thrice = len(thresholds), np.tile(thresholds, 3)
+        begun = np.concatenate([0 * thresholds, thresholds, -thresholds])
+        middle = clamped(u[:, None] - thrice, u[:, None] + thrice, u[0] - begun)
+        strained = (u[:, None] - middle) / thrice
+        stops, first = strained[:, :n], strained[:, n:] - np.tile(strained[:, :n], 2)
+        dt = np.diff(clock, prepend=clock[0] - 1)
+        v = np.diff(u, prepend=u[0]) / np.where(dt > 0, dt, 1) / self.speed
+        decay = np.exp(-dt[:, None] / CUTOFFS)
+        filtered = relaxed(
+            decay, (1 - decay)[..., None] * v[:, None, None], np.zeros((len(CUTOFFS), 1))
+        )
+        rates = np.column_stack([v, filtered[..., 0]])
+        far = hats_of(np.abs(place), PLACES)[:, 1:]
+        inside = np.clip(place, -1, 1)
+        powers = np.where(POWERS > 1, inside[:, None] ** POWERS, place[:, None])
+        by_place = (stops[:, :, None] * far[:, None]).reshape(len(u), -1)
+        roots = np.sign(rates) * np.sqrt(np.abs(rates))
+        curve = hats_of(inside, CELLS)
+        kinds = {"rates": rates, "roots": roots, "stops": stops, "curve": curve, "places": by_place,
+                 "powers": powers}  # fmt: skip
+        F = np.hstack([np.sqrt(LOOSE[kind]) * columns for kind, columns in kinds.items()])
+        wide = np.tile(THRESHOLDS / THRESHOLDS[-1], 2) ** 0.5
+        return F, [np.ones((len(u), 1)), first * wide, stops, rates[:, OWN_RATES]], clock
+
+
+class _Sequence(NamedTuple):
+    """A sequence in units of the terms: its columns, and which rows are known and which count."""
+
+    F: np.ndarray
+    R: list[np.ndarray]
+    clock: np.ndarray
+    y: np.ndarray
+    known: np.ndarray
+    counted: np.ndarray
+    weights: np.ndarray
+
+    def gain(
+        self, known: np.ndarray, rows: np.ndarray, settings: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """What each of these rows takes from the errors of known ones, and the variance that is left."""
+        *variances, fading, lasts, noise = settings[:-1]
+        R = np.hstack([np.sqrt(v) * columns for v, columns in zip(variances, self.R, strict=True)])
+
+        def covariance(rows: np.ndarray) -> np.ndarray:
+            apart = np.abs(self.clock[rows][:, None] - self.clock[known])
+            return R[rows] @ R[known].T + fading * np.exp(-apart / lasts)
+
+        across = covariance(rows)
+        own = covariance(known) + noise * np.eye(len(known))
+        gain = scipy.linalg.solve(own, across.T, assume_a="pos").T if len(known) else across
+        return gain, (R[rows] ** 2).sum(1) + fading - (gain * across).sum(1)
+
+    def equations(self, settings: np.ndarray, most: int) -> Equations:
+        """Of the errors of the rows that count, times their weights: H, b and the mean square of y."""
+        known = self.known[_some(len(self.known), most)]
+        rows = self.counted[_some(len(self.counted), most)]
+        gain, _ = self.gain(known, rows, settings)
+        w = self.weights[rows] / np.sqrt(len(rows))
+        A = w[:, None] * (self.F[rows] - gain @ self.F[known])
+        y = w * (self.y[rows] - gain @ self.y[known])
+        return A.T @ A, A.T @ y, float(y @ y)
+
+
+def _some(count: int, most: int) -> np.ndarray:
+    """So many places at most, evenly spread, with the last one."""
+    return np.arange(count - 1, -1, -max(1, -(-count // most)))[::-1]
+
+
+def sequence_rms(record: Record, predicted: Float[np.ndarray, " samples"]) -> float:
+    """The mean over sequences of the rms error of the rows that count, each times its weight."""
+    error = (record.weights * (predicted - record.output)) ** 2
+    counted = [np.flatnonzero(record.mask[rows]) + rows.start for _, rows in record.sequences()]
+    return float(np.mean([np.sqrt(np.mean(error[rows])) for rows in counted if len(rows)]))
+
+
+def learnt(record: Record) -> SequenceTerms | None:
+    """The terms of a record whose sequences begin with known rows; None where these are too few."""
+    if record.known is None or record.input.ndim > 1:
+        return None
+    low, high = float(record.input.min()), float(record.input.max())
+    step = 1.0
+    if record.time is not None:
+        step = float(
+            np.median(np.concatenate([np.diff(record.time[r]) for _, r in record.sequences()]))
+        )
+    seen = np.isfinite(record.output) & (record.mask | record.known)
+    sizes = [
+        np.mean(record.output[r][seen[r]] ** 2) for _, r in record.sequences() if seen[r].any()
+    ]
+    moved = np.concatenate([np.diff(record.input[rows]) for _, rows in record.sequences()])
+    empty = SequenceTerms(
+        low, high, step, float(np.sqrt(np.mean(moved**2))) or 1.0, float(record.output[seen].mean()),
+        float(np.sqrt(np.median(sizes))) or 1.0,
+    )  # fmt: skip
+    if not high > low:
+        return None
+    each = [one for _, one in empty._sequences(record) if len(one.known) and len(one.counted)]
+    if len(each) < LEAST:
+        return None
+    search = _Search(each)
+    settings = search.best()
+    shared = search.solved([one.equations(settings, FITTED) for one in each], settings)
+    found = empty._replace(
+        settings=tuple(settings.tolist()), shared=tuple(shared.tolist()),
+        error=search.error(settings, FITTED),
+    )  # fmt: skip
+    # Variances that are all larger give the same values: the search leaves their size open.
+    values, deviation = found.predicted(record)
+    off = ((values - record.output) / np.where(deviation > 0, deviation, np.inf))[record.mask]
+    seen = sequence_rms(record, values)
+    settings[VARIANCES] *= np.mean(off**2) * (found.error / seen) ** 2
+    return found._replace(settings=tuple(settings.tolist()))
+
+
+class _Search:
+    def __init__(self, each: list[_Sequence]) -> None:
+        self.each = each
+        # Not by their order: levels and rates often follow it.
+        self.fold = np.random.default_rng(0).permutation(len(each)) % FOLDS
+
+    def solved(self, equations: list[Equations], settings: np.ndarray) -> np.ndarray:
+        H = np.mean([one[0] for one in equations], 0)
+        b = np.mean([one[1] for one in equations], 0)
+        scale = np.mean([one.weights.mean() for one in self.each]) ** 2
+        return scipy.linalg.solve(H + scale * settings[-1] * np.eye(len(b)), b, assume_a="pos")
+
+    def error(self, settings: np.ndarray, most: int = SEARCHED) -> float:
+        """The mean rms error of the unknown rows of held-out sequences."""
+        equations = [one.equations(settings, most) for one in self.each]
+        found = []
+        for fold in range(FOLDS):
+            own = [one for one, k in zip(equations, self.fold, strict=True) if k != fold]
+            x = self.solved(own, settings)
+            held = [one for one, k in zip(equations, self.fold, strict=True) if k == fold]
+            found += [np.sqrt(max(x @ H @ x - 2 * b @ x + y, 0)) for H, b, y in held]
+        return float(np.mean(found))
+
+    def best(self) -> np.ndarray:
+        """Settings by moves of one at a time, each kept where the error falls."""
+        best, least = START.copy(), self.error(START)
+        for k in [*range(len(START))] * ROUNDS:
+            for move in MOVES:
+                tried = best.copy()
+                tried[k] *= move
+                if (error := self.error(tried)) < least:
+                    best, least = tried, error
+        return best
