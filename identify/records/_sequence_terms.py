@@ -56,6 +56,9 @@ VARIANCES = [0, 1, 2, 3, 4, 6]
 MOVES, ROUNDS = (0.1, 10.0, 0.3, 3.0), 2
 """By which each of these is multiplied in turn, and how often."""
 
+NORMAL = 2.71
+"""Nine of ten squares of a normal number are less: a sequence that is far off does not widen the others."""
+
 SEARCHED, FITTED = 100, 200
 """Rows of a sequence in the search, and afterwards: evenly spread, and the last known one."""
 
@@ -225,7 +228,7 @@ def learnt(record: Record) -> SequenceTerms | None:
     values, deviation = found.predicted(record)
     off = ((values - record.output) / np.where(deviation > 0, deviation, np.inf))[record.mask]
     seen = sequence_rms(record, values)
-    settings[VARIANCES] *= np.mean(off**2) * (found.error / seen) ** 2
+    settings[VARIANCES] *= np.quantile(off**2, 0.9) / NORMAL * (found.error / seen) ** 2
     return found._replace(settings=tuple(settings.tolist()))
 
 
