@@ -308,7 +308,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     tasks = [task for task in TASKS if (chosen.only or "") in task.what]
     found: list[Row] = []
     if chosen.freeze:
-        report([said(frozen(task, data_folder())) for task in tasks], chosen.json)
+        found += [said(frozen(task, data_folder())) for task in tasks]
+        if (chosen.only or "") in known.KNOWN:
+            found.append(said(known.frozen(data_folder())))
+        report(found, chosen.json)
         return
     verdicts: list[Judged] = []
     for task in tasks:

@@ -13,12 +13,15 @@ import numpy as np
 import hysid
 from compensate import Past, Status, invert
 from hysid.intake._selection import Selection
-from hysteresis import InputError, read_csv, with_units
-from identify.records._from_known import sequence_error
+from hysteresis import InputError, Record, read_csv, with_units
+from hysteresis.records._csv import with_known
+from identify.records._from_known import by_sequence, sequence_error
 from tests.problems import PROBLEMS, Problem, random_histories
 
 from .._measure import Row, judged, noted
+from . import network
 
+SEQUENCES = "ferrite, mean SRE, %"
 KNOWN = "known pasts"
 """What `--only` has to be part of for these rows."""
 
@@ -46,7 +49,7 @@ def rows(folder: Path) -> Iterator[Row]:
     if file.exists():
         yield from _ferrite(file)
     else:
-        yield noted("ferrite, mean SRE", float("nan"), reason="the data are not here")
+        yield noted(SEQUENCES, float("nan"), reason="the data are not here")
 
 
 def _history(problem: Problem, seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -83,7 +86,17 @@ def _is_sound(problem: Problem) -> bool | None:
         return None
 
 
-def _ferrite(file: Path) -> Iterator[Row]:
+def frozen(folder: Path) -> Row:
+    """Train the networks on the ferrite's training sequences, and keep their error behind known samples."""
+    train, test, begun = _sequences(folder / "magnet-3c90" / "tidy.csv")
+    later = test.noted("later", "after the known samples", mask=~_rows(begun[1]))
+    pairs = [(by_sequence(train), with_known(begun[1], "known"))]
+    entry = network.freeze(SEQUENCES, pairs, lambda _, found: sequence_error(later, found))
+    return noted(f"{SEQUENCES}: network of {entry['parameters']} parameters", entry["error"])
+
+
+def _sequences(file: Path) -> tuple[Record, Record, list[Record]]:
+    """Training and test sequences, and the same with a column of their known samples."""
     counts = read_csv(file.with_name("sequences.csv"), "sequence", "known samples")
     known = dict(zip(counts.input.astype(int).astype(str), counts.output, strict=True))
     selection = Selection(
@@ -97,15 +110,23 @@ def _ferrite(file: Path) -> Iterator[Row]:
         )
         for record in (train, test)
     ]
+    return train, test, begun
+
+
+def _ferrite(file: Path) -> Iterator[Row]:
+    _, test, begun = _sequences(file)
+    if (rival := network.frozen().get(SEQUENCES)) is not None:
+        what = f"{SEQUENCES}: network of {rival['parameters']} parameters"
+        yield noted(what, rival["error"])
     virgin = hysid.fit(begun[0], "auto")
     later = test.noted("later", "after the known samples", mask=~_rows(begun[1]))
     without = sequence_error(later, virgin.predict(test))
-    yield noted("ferrite, mean SRE, %: auto from the virgin state", without)
+    yield noted(f"{SEQUENCES}: auto from the virgin state", without)
     told = sequence_error(later, virgin.predict(begun[1], known="known"))
-    yield noted("ferrite, mean SRE, %: the same fit, the past told from the known samples", told)
+    yield noted(f"{SEQUENCES}: the same fit, the past told from the known samples", told)
     found = hysid.fit(begun[0], "auto", test=begun[1], known="known", score="sre")
     value = sequence_error(later, found.predict(begun[1], known="known"))
-    yield judged(f"ferrite, mean SRE, %: fitted so, --score sre ({found.name})", value, SRE)
+    yield judged(f"{SEQUENCES}: fitted so, --score sre ({found.name})", value, SRE)
 
 
 def _of(record: hysid.Record, known: dict[str, float]) -> np.ndarray:
