@@ -16,7 +16,7 @@ Design = Callable[[Record], Float[np.ndarray, "samples columns"]]
 RADII = np.geomspace(0.01, 0.5, 10)
 """Of stop operators, of the trained input's range."""
 
-LAGS = (1, 2, 4, 8, 16, 32)
+LAGS = tuple(2**k for k in range(6))
 """Rows back."""
 
 STATES = 4

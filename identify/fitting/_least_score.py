@@ -3,7 +3,7 @@
     y = a + b u + c t + d integral(u) + sum_k (e_k average_k(u) + f_k exp(-t / tau_k))
 
 fitted to the held-out rows of each fold themselves: every linear viscoelastic model has an output of this
-form, with relaxation times near those of a grid. A curve is a polygon of 20 pieces.
+form, with relaxation times near those of a grid. A curve is a polygon of 100 pieces.
 
 `auto` needs not try a model that cannot be as good as one that it has found: each takes seconds to compile.
 """
@@ -19,7 +19,7 @@ from ..records._relaxation_times import longest_sequence
 from ..records._speeds import usual_speed
 from ._training_data import TrainingData
 
-PIECES = 20
+PIECES = 100
 """Of a curve."""
 
 TIMES = 12
