@@ -28,6 +28,8 @@ from hysteresis import Record
 from hysteresis.numerics._blocked_recurrences import clamped, relaxed
 from hysteresis.numerics._hats import hats_of
 
+from ._speeds import usual_speed
+
 LEAST, FOLDS = 12, 6
 """Sequences with known and with unknown rows, and groups of them that are held out in turn."""
 
@@ -198,11 +200,7 @@ def learnt(record: Record) -> SequenceTerms | None:
     if record.known is None or record.input.ndim > 1:
         return None
     low, high = float(record.input.min()), float(record.input.max())
-    step = 1.0
-    if record.time is not None:
-        step = float(
-            np.median(np.concatenate([np.diff(record.time[r]) for _, r in record.sequences()]))
-        )
+    step = usual_speed(record)[1] or 1.0
     seen = np.isfinite(record.output) & (record.mask | record.known)
     sizes = [
         np.mean(record.output[r][seen[r]] ** 2) for _, r in record.sequences() if seen[r].any()
@@ -227,8 +225,8 @@ def learnt(record: Record) -> SequenceTerms | None:
     # Variances that are all larger give the same values: the search leaves their size open.
     values, deviation = found.predicted(record)
     off = ((values - record.output) / np.where(deviation > 0, deviation, np.inf))[record.mask]
-    seen = sequence_rms(record, values)
-    settings[VARIANCES] *= np.quantile(off**2, 0.9) / NORMAL * (found.error / seen) ** 2
+    optimism = found.error / sequence_rms(record, values)
+    settings[VARIANCES] *= np.quantile(off**2, 0.9) / NORMAL * optimism**2
     return found._replace(settings=tuple(settings.tolist()))
 
 
