@@ -44,8 +44,10 @@ Numbers = dict[str, np.ndarray]
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Make the numbers, and write or compare them."""
-    wanted = {"only": "names with this in them", "freeze": "yes: write the numbers again"}
-    chosen = options("benchmarks.corpus", __doc__, arguments, **wanted)
+    chosen = options(
+        "benchmarks.corpus", __doc__, arguments, only="names with this in them",
+        freeze="yes: write the numbers again",
+    )  # fmt: skip
     jax.config.update("jax_enable_x64", True)
     frozen = dict(np.load(NUMBERS)) if NUMBERS.exists() else {}
     made: Numbers = {}
