@@ -11,7 +11,7 @@ NEXT_TO_END = (0.02, 0.03, 0.05)
 """Of the way to the other end: places beside the end of a loop, where its legs have hardly parted."""
 
 
-PIECES, PIECE = 100, 10_000
+PIECES, PIECE = 20, 10_000
 """Of a long signal: how many pieces of it tell its noise, and of how many samples."""
 
 
@@ -22,8 +22,8 @@ def noise_level(u: np.ndarray) -> float:
 
     White noise gives its own level at every order `k`; a smooth signal fades as `k` grows, so the
     smallest is the one least fooled by coarse sampling. Fewer than three samples: 0. Quantised and
-    piecewise linear signals give 0 or nearly so. Of more than a million samples, a hundred pieces of ten
-    thousand are looked at: their medians are known to a thousandth.
+    piecewise linear signals give 0 or nearly so. Of more than 200,000 samples, twenty pieces of ten
+    thousand are looked at: their medians are known to a third of a per cent.
     """
     if len(u) > PIECES * PIECE:
         begins = np.linspace(0, len(u) - PIECE, PIECES).astype(int)

@@ -1,6 +1,6 @@
 """Loops of a record: the rows at which each begins, turns and ends, and the noise of those rows."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -26,6 +26,12 @@ converter are wider than the noise. A hold is one such place, not many."""
 
 BLOCK = 500_000
 """Rows of loops that are evaluated at once: a row takes 175 bytes."""
+
+AGREE = 2.0
+"""Standard errors of an estimate from fewer rows by which one from more may differ and still be taken."""
+
+Pair = tuple[np.ndarray, np.ndarray]
+"""Values and their standard errors."""
 
 
 class LoopRows(NamedTuple):
@@ -176,3 +182,43 @@ def step_of(x: np.ndarray) -> float:
     if np.sum(rests[:-1] & ~rests[1:]) <= STAIRS * max(len(moves), 1):
         return 0.0
     return float(np.median(moves))
+
+
+def widest(found: Iterable[Pair]) -> Pair:
+    """Of estimates from more and more rows the last but one of those that agree with all before them, or
+    the last one of all.
+
+    An estimate that is about to differ hides so much. What it differs by from one of fewer rows, beyond the
+    noise of that difference, its error has as well.
+    """
+    estimates = iter(found)
+    narrower = [next(estimates)]
+    value, error = more, wrong = narrower[0]
+    agree = np.ones(len(value), bool)
+    for new, own in estimates:
+        beyond = np.zeros(len(new))
+        for one, its in narrower:
+            off = np.abs(new - one)
+            agree = agree & (off <= AGREE * its)
+            beyond = np.maximum(beyond, off**2 - np.maximum(its**2 - own**2, 0.0))
+        value, error = np.where(agree, more, value), np.where(agree, wrong, error)
+        more, wrong = np.where(agree, new, more), np.where(agree, np.sqrt(own**2 + beyond), wrong)
+        narrower.append((new, own))
+    return np.where(agree, more, value), np.where(agree, wrong, error)
+
+
+def largest_row(x: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarray:
+    """The first row of the largest value between two rows, both included, for each pair."""
+    lengths = last + 1 - first
+    rows = ranges(first, last + 1)
+    begins = np.cumsum(lengths) - lengths
+    if not len(rows):
+        return first
+    top = np.maximum.reduceat(x[rows], begins)
+    hit = np.where(x[rows] == np.repeat(top, lengths), rows, len(x))
+    return np.minimum.reduceat(hit, begins)
+
+
+def parabola(places: np.ndarray) -> np.ndarray:
+    """Weights (3, n) of values at these places in their least-squares parabola: at 0, slope, and square."""
+    return np.linalg.pinv(np.vander(places, 3, increasing=True).astype(float))

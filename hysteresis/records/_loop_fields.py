@@ -8,8 +8,8 @@ import numpy as np
 from .._quantities import conversion
 from ._abstract_record import AbstractRecord
 from ._loads import over
-from ._loop_cut import ranges
-from ._loop_figures import TIP_ROWS, Loops, Pair, largest_row, widest
+from ._loop_cut import Pair, largest_row, ranges, widest
+from ._loop_figures import Loops
 
 HIGH, HIGHER = 0.7, 0.85
 """Of the largest field: from here on the slope counts as that of what does not saturate."""
@@ -18,7 +18,7 @@ SETTLED = 0.05
 """Of the saturation: by so much the two ranges of high fields may disagree."""
 
 SINGULAR = 1e12
-"""Condition of a parabola from which on its rows do not tell it."""
+"""Condition of a cubic from which on its rows do not tell it."""
 
 NOT_CROSSED = "a branch does not cross zero"
 NO_ZERO = "a branch does not pass zero input"
@@ -82,8 +82,8 @@ def field_figures(
     """Name, value with error, unit and reason of each figure of loops over a field."""
     unit_u, unit_y = record.input_unit, record.output_unit
     slope_unit = over(unit_y, unit_u)
-    crossings, _ = map(_by_branch, _at_zero(loops, loops.y, loops.u))
-    at_zero, tangents = map(_by_branch, _at_zero(loops, loops.u, loops.y))
+    crossings, _ = map(_by_branch, _at_zero(loops, over_input=False))
+    at_zero, tangents = map(_by_branch, _at_zero(loops, over_input=True))
     why = np.where(np.isfinite(crossings[0][0] + crossings[1][0]), "", NOT_CROSSED)
     for way, pair in zip(("rising", "falling"), crossings, strict=True):
         own = np.where(np.isfinite(pair[0]), "", NOT_CROSSED)
@@ -131,43 +131,74 @@ def _halves(pairs: Sequence[Pair], sign: int) -> Pair:
     return (a + sign * b) / 2, np.hypot(ea, eb) / 2
 
 
-def _at_zero(loops: Loops, x: np.ndarray, y: np.ndarray) -> tuple[Pair, Pair]:
-    """The level of `y` where `x` crosses zero, and its slope over `x` there: (k, 2) each, with errors.
+class _Single(NamedTuple):
+    """Rows of all branches one after the other: input, output, the noise of each branch, (2 k,), the branch
+    of each row, and where each begins."""
+
+    u: np.ndarray
+    y: np.ndarray
+    su: np.ndarray
+    sy: np.ndarray
+    branch: np.ndarray
+    begins: np.ndarray
+
+
+def _single(loops: Loops) -> _Single:
+    """The branches row by row, before means were taken."""
+    rows, sequence = loops.many, np.repeat(loops.cut.sequence, 2)
+    first, last = (
+        loops.begins[sequence] + (at - loops.cut.bounds[sequence]) * rows + rows // 2
+        for at in (loops.leg_first, loops.leg_last)
+    )
+    lengths = last + 1 - first
+    su, sy = (np.repeat(s, 2) * np.sqrt(rows) for s in (loops.su, loops.sy))
+    at = ranges(first, last + 1)
+    u, y = (x[at] for x in loops.rows)
+    branch = np.repeat(np.arange(len(lengths)), lengths)
+    return _Single(u, y, su, sy, branch, np.cumsum(lengths) - lengths)
+
+
+def _at_zero(loops: Loops, over_input: bool) -> tuple[Pair, Pair]:
+    """The output where the input crosses zero, or the input where the output does, and its slope over that:
+    (k, 2) each, with errors.
 
     On the rising and the falling branch, NaN where a branch does not cross zero.
     """
-    at, branch, begins = loops.legs
-    own, level = x[at], y[at]
-    number = np.arange(len(at))
-    crosses = (branch[1:] == branch[:-1]) & ((own[1:] >= 0) != (own[:-1] >= 0))
+    rows = _single(loops)
+    own, level, sigma_x, sigma_y = rows[:4] if over_input else (rows.y, rows.u, rows.sy, rows.su)
+    begins, stop = rows.begins, np.append(rows.begins[1:], len(own))
+    number = np.arange(len(own))
+    crosses = (np.diff(rows.branch) == 0) & ((own[1:] >= 0) != (own[:-1] >= 0))
     crosses = np.append(crosses, False)
     # Noise crosses several times: between the first and the last of them.
-    first = np.minimum.reduceat(np.where(crosses, number, len(at)), begins)
+    first = np.minimum.reduceat(np.where(crosses, number, len(own)), begins)
     last = np.maximum.reduceat(np.where(crosses, number, -1), begins)
     there = last >= 0
     first, last = np.where(there, first, 0), np.where(there, last, 0)
-    last = np.minimum(last + 1, max(len(at) - 1, 0))
+    last = np.minimum(last + 1, max(len(own) - 1, 0))
     slope = (level[last] - level[first]) / (own[last] - own[first])
     middle = (level[first] - own[first] * slope + level[last] - own[last] * slope) / 2
-    sigma_x, sigma_y = (np.repeat(loops.noise_of(z)[0], 2) for z in (x, y))
-    error = np.hypot(sigma_y, slope * sigma_x)
+    # A chord lies off a curve by an eighth of its bend.
+    before, after = (np.clip(k, begins, stop - 1) for k in (first - 1, last + 1))
+    bend = np.abs(level[before] - level[first] - level[last] + level[after]) / 2
+    error = np.hypot(np.hypot(sigma_y, slope * sigma_x), bend / 8)
     size = np.abs(own[last] - own[first])
     found = [(middle, error), (slope, np.sqrt(2) * error / np.where(size > 0, size, np.nan))]
-    centre, stop = (first + last + 1) // 2, begins + loops.lengths
-    widths = [w for w in (3, TIP_ROWS // 4, TIP_ROWS // 2, TIP_ROWS) if w <= loops.tip_rows]
+    centre, most = (first + last + 1) // 2, loops.many * loops.tip_rows
+    widths = [w for w in (3, *(2 ** np.arange(2, most.bit_length()))) if w <= most]
     fits = [found]
     for w in widths if loops.noisy else ():
-        rows = centre[:, None] + np.arange(-w, w)
-        inside = (rows >= begins[:, None]) & (rows < stop[:, None])
-        rows = np.where(inside, rows, 0)
-        scale = np.abs(np.where(inside, own[rows], 0.0)).max(1)
+        near = centre[:, None] + np.arange(-w, w)
+        inside = (near >= begins[:, None]) & (near < stop[:, None])
+        near = np.where(inside, near, 0)
+        scale = np.abs(np.where(inside, own[near], 0.0)).max(1)
         scale[scale == 0] = 1.0
-        powers = inside[..., None] * (own[rows] / scale[:, None])[..., None] ** np.arange(3)
+        powers = inside[..., None] * (own[near] / scale[:, None])[..., None] ** np.arange(4)
         square = np.swapaxes(powers, 1, 2) @ powers
         good = there & inside.all(1) & (np.linalg.cond(square) < SINGULAR)
-        square[~good] = np.eye(3)
+        square[~good] = np.eye(4)
         inverse = np.linalg.inv(square)
-        line = (inverse @ np.swapaxes(powers, 1, 2) @ (level[rows] * inside)[..., None])[..., 0]
+        line = (inverse @ np.swapaxes(powers, 1, 2) @ (level[near] * inside)[..., None])[..., 0]
         sigma = np.hypot(sigma_y, line[:, 1] / scale * sigma_x)
         sizes = np.ones_like(scale), scale
         fits.append(

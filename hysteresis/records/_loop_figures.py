@@ -3,13 +3,12 @@
 Errors are propagated from the noise of input and output, which counts as white, and from the sampling step.
 """
 
-from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
 
 from ._abstract_record import AbstractRecord
-from ._loop_cut import LoopRows, loop_rows, ranges
+from ._loop_cut import LoopRows, Pair, largest_row, loop_rows, parabola, ranges, widest
 
 FULL = 0.95
 """Of the widest loop's range of inputs: loops that pass so much of it are compared."""
@@ -32,16 +31,11 @@ TIP_ROWS = 16
 MAY_BE = 4.0
 """Standard deviations of the noise: rows so close to the largest value may be where a series turns."""
 
-AGREE = 2.0
-"""Standard errors of an estimate from fewer rows by which one from more may differ and still be taken."""
-
 MOST_ROWS = 400
 """Rows of a branch that are enough: the means of further ones lose a hundred-thousandth of a round tip."""
 
 QUIET = 1e-7
 """Of a series' range: noise below this is rounding."""
-
-Pair = tuple[np.ndarray, np.ndarray]
 
 
 class Rows(NamedTuple):
@@ -85,7 +79,10 @@ class Loops:
         legs = np.column_stack([cut.turn - cut.first, cut.last - cut.turn]).ravel() + 1
         # A short leg keeps four of its means.
         many = min(int(np.median(legs)) // MOST_ROWS, int(legs.min()) // 4) if self.size else 0
+        self.rows, self.begins, self.many = (self.u, self.y), cut.bounds, 1
+        self.before = self.after = np.zeros(self.size)
         if self.noisy and many > 1:
+            self.many = many
             self._average(many)
             legs = legs // many
         cut = self.cut
@@ -136,16 +133,17 @@ class Loops:
     def _average(self, rows: int) -> None:
         """Take the means of so many rows each, which have less noise and lose nothing of a branch."""
         cut, bounds = self.cut, self.cut.bounds
-        counts = -(-np.diff(bounds) // rows)
-        new = np.cumsum([0, *counts])
-        begins = np.repeat(bounds[:-1] - rows * new[:-1], counts) + rows * np.arange(new[-1])
-        size = np.diff(begins, append=len(self.u))
-        self.u, self.y = (np.add.reduceat(x, begins) / size for x in (self.u, self.y))
+        counts, rest = np.divmod(np.diff(bounds), rows)
+        new, sequence = np.cumsum([0, *counts]), cut.sequence
+        whole = ranges(bounds[:-1], bounds[1:] - rest).reshape(-1, rows)
+        self.u, self.y = (x[whole].mean(1) for x in (self.u, self.y))
         if self.t is not None:
-            self.t = np.add.reduceat(self.t, begins) / size
+            self.t = self.t[whole].mean(1)
         self.su, self.sy = self.su / np.sqrt(rows), self.sy / np.sqrt(rows)
+        self.before = np.full(self.size, (rows - 1) / 2) / rows
+        self.after = self.before + rest[sequence] / rows
         first, turn, last = (
-            new[cut.sequence] + (at - bounds[cut.sequence]) // rows
+            new[sequence] + np.minimum((at - bounds[sequence]) // rows, counts[sequence] - 1)
             for at in (cut.first, cut.turn, cut.last)
         )
         self.cut = cut._replace(
@@ -170,13 +168,13 @@ class Loops:
         steps = np.arange(-w, w + 1)
         window = x[np.clip(centre[:, None] + steps, 0, len(x) - 1)]
         window = window - window[:, w : w + 1]
-        mean, lean, bend = (window @ row for row in _parabola(steps))
+        mean, lean, bend = (window @ row for row in parabola(steps))
         top = (x[at] - x[centre])[:, None]
         near = np.sign(top - mean[:, None]) * (top - window) <= MAY_BE * sigma[:, None]
         first = centre - w + near.argmax(1)
         last = centre + w - near[:, ::-1].argmax(1)
         vertex = np.nan_to_num(-lean / (2 * bend))
-        error = sigma * np.linalg.norm(_parabola(steps)[1]) / np.abs(2 * bend)
+        error = sigma * np.linalg.norm(parabola(steps)[1]) / np.abs(2 * bend)
         found = np.clip(np.rint(centre + vertex), first, last).astype(int)
         rounded = np.hypot(np.nan_to_num(error, nan=np.inf), 1 / np.sqrt(12))
         return found, np.minimum(rounded, np.maximum(last - first, 1) / np.sqrt(12))
@@ -208,6 +206,11 @@ class Loops:
         begin, end = (self.cut.bounds[self.cut.sequence + k] for k in (0, 1))
         return begin, end - 1
 
+    def past(self, at: np.ndarray) -> np.ndarray:
+        """How far beyond these rows the first or last reading of a sequence lies, where they are means."""
+        begin, end = self._ends()
+        return np.where(at == end, self.after, np.where(at == begin, self.before, 0.0))
+
     def _beside(
         self, x: np.ndarray, at: np.ndarray, off: np.ndarray | float, both: bool, w: int
     ) -> Pair:
@@ -215,15 +218,23 @@ class Loops:
         sigma, _ = self.noise_of(x)
         begin, end = self._ends()
         steps = np.arange(w) + both
-        level, lean, _ = _parabola(steps)
+        _, lean, _ = weights = parabola(steps)
         sides = [x[np.clip(at[:, None] + k * steps, 0, len(x) - 1)] for k in (-1, 1)]
-        (left, right), slopes = ([side @ row for side in sides] for row in (level, lean))
         has_before, has_after = at - w >= begin, at + w <= end
+        level = (-self.past(at)[:, None]) ** np.arange(3) @ weights
+        left, right = ((side * level).sum(1) for side in sides)
+        slopes = [side @ lean for side in sides]
         two = has_before & has_after & both
         found = np.where(two, (left + right) / 2, np.where(has_before, left, right))
-        # Half a row beside a corner, or so many rows along the slope.
-        moved = (slopes[0] + slopes[1]) / 8 * two if both else np.where(has_before, *slopes) * off
-        error = np.hypot(sigma * np.linalg.norm(level) / np.where(two, np.sqrt(2), 1), moved)
+        # A corner between two rows, whose sides are not equally steep; or so many rows along the slope.
+        moved = (
+            (slopes[0] - slopes[1]) / np.sqrt(48) * two
+            if both
+            else np.where(has_before, *slopes) * off
+        )
+        error = np.hypot(
+            sigma * np.linalg.norm(level, axis=1) / np.where(two, np.sqrt(2), 1), moved
+        )
         told = has_before | has_after
         return np.where(told, found, x[at]), np.where(told, error, sigma)
 
@@ -269,7 +280,7 @@ class Loops:
         wanted = 2.0 * number + (each - own_low[:, None]) / width[:, None]
         key, sorted_y = key[order], y[order]
         found = np.interp(wanted, key, sorted_y) if len(key) else wanted
-        part = np.ones_like(found)
+        part, left = np.ones_like(found), np.zeros_like(found)
         if binned:
             size = np.where(high > low, high - low, 1.0)
             place = (u - low[loop]) / size[loop] * self.levels
@@ -278,28 +289,44 @@ class Loops:
             off = place - cell - 0.5
             cell = (cell + branch * self.levels)[inside]
             off, y = off[inside], y[inside]
-            count, s1, s2, sy, s1y = (
+            square = off * off
+            count, s1, s2, s3, sy, s1y = (
                 np.bincount(cell, weights, found.size).reshape(found.shape)
-                for weights in (np.ones(len(off)), off, off**2, y, off * y)
+                for weights in (np.ones(len(off)), off, square, square * off, y, off * y)
             )
             det = count * s2 - s1**2
             # Rows on one side of a level alone would be extrapolated from.
             good = (count >= 3) & (s1**2 < 0.5 * det)
             found = np.where(good, (s2 * sy - s1 * s1y) / det, found)
             part = np.where(good, np.sqrt(s2 / det), part)
-            # The line through a bin lies off a curve by a 24th of its bend.
-            found[:, 1:-1] -= np.diff(found, 2, axis=1) / 24
+            # The line through a bin lies off a curve by a part of its bend, of even rows a 24th; what that
+            # leaves, a bend over twice the distance tells.
+            share = np.where(good, (s2**2 - s1 * s3) / det, 0.0) / 2
+            bend = np.diff(found, 2, axis=1)
+            wider = (found[:, 4:] - 2 * found[:, 2:-2] + found[:, :-4]) / 4
+            apart = np.pad(np.abs(bend[:, 1:-1] - wider), ((0, 0), (3, 3)), "edge")
+            left = np.lib.stride_tricks.sliding_window_view(apart, 3, axis=1).max(2) * np.abs(share)
+            found[:, 1:-1] -= bend * share[:, 1:-1]
         # Noise of the input counts as noise of the output, by the slope there.
         slope = np.gradient(found, axis=1) * self.levels / np.repeat(high - low, 2)[:, None]
         sigma_u, sigma_y = (np.repeat(x, 2)[:, None] for x in (self.su, self.sy))
         error = np.hypot(sigma_y, slope * sigma_u)
         if binned:
-            # A branch that bends within a bin is read between rows, of which one that is off is none.
-            rows = np.lib.stride_tricks.sliding_window_view(np.pad(sorted_y, 1, "edge"), 3)
-            at_level = np.interp(wanted, key, np.median(rows, axis=1))
-            bent = np.abs(at_level - found) > MAY_BE * error
+            # A branch that bends within a bin is read between rows, of which one that is off is none. A
+            # chord lies off a curve by an eighth of its bend, means of rows by up to a 24th.
+            a, b, c = (np.pad(sorted_y, 1, "edge")[k : len(key) + k] for k in range(3))
+            smooth = np.maximum(np.minimum(a, b), np.minimum(np.maximum(a, b), c))
+            at_level = np.interp(wanted, key, smooth)
+            off = np.abs(at_level - found)
+            beyond = np.sqrt(np.maximum(off**2 - error**2, 0.0))
+            bent = off > MAY_BE * error
             found, part = np.where(bent, at_level, found), np.where(bent, 1.0, part)
-        error = error * part
+            bend = np.interp(wanted, key, np.pad(np.abs(np.diff(smooth, 2)), 1))
+            left = np.where(bent, bend / 6, np.hypot(left, beyond))
+            rise, run = (np.pad(x[2:] - x[:-2], 1, "edge") for x in (smooth, key))
+            steep = np.interp(wanted, key, rise / np.where(run > 0, run, np.inf)) / width[:, None]
+            error = np.where(bent, np.hypot(sigma_y, steep * sigma_u), error)
+        error = np.hypot(error * part, left)
         shape = self.size, 2, self.levels
         found, error = (self.by_way(x.reshape(shape)) for x in (found, error))
         self.branches, self.branch_errors = found, error
@@ -334,12 +361,12 @@ class Loops:
     def _smoothed(self, w: int) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
         """Level, slope and bend of the width by parabolas over `2 w + 1` levels, and its mean there."""
         windows = np.lib.stride_tricks.sliding_window_view(self.gap, 2 * w + 1, axis=1)
-        return tuple(windows @ row for row in _parabola(np.arange(-w, w + 1))), windows.mean(2)
+        return tuple(windows @ row for row in parabola(np.arange(-w, w + 1))), windows.mean(2)
 
     def _largest(self, w: int) -> Pair:
         (smooth, _, _), mean = self._smoothed(w)
         errors = self.gap_error[:, w : self.levels - w] * np.linalg.norm(
-            _parabola(np.arange(-w, w + 1))[0]
+            parabola(np.arange(-w, w + 1))[0]
         )
         # A parabola through a corner would be too high; the mean is high beside no corner.
         height, row = np.abs(mean), np.arange(self.size)
@@ -417,31 +444,3 @@ class Loops:
         error = sigma / np.sqrt(suu)
         centre = mean_u, mean_y, sigma / np.sqrt(n)
         return np.where(np.isfinite(slope), slope, np.nan), error, centre
-
-
-def widest(found: Iterable[Pair]) -> Pair:
-    """Of estimates from more and more rows the last one that agrees with those before it."""
-    estimates = iter(found)
-    value, error = next(estimates)
-    best, agree = (value, error), np.ones(len(value), bool)
-    for more, wrong in estimates:
-        agree = agree & (np.abs(more - best[0]) <= AGREE * best[1])
-        best = np.where(agree, more, best[0]), np.where(agree, wrong, best[1])
-    return best
-
-
-def largest_row(x: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarray:
-    """The first row of the largest value between two rows, both included, for each pair."""
-    lengths = last + 1 - first
-    rows = ranges(first, last + 1)
-    begins = np.cumsum(lengths) - lengths
-    if not len(rows):
-        return first
-    top = np.maximum.reduceat(x[rows], begins)
-    hit = np.where(x[rows] == np.repeat(top, lengths), rows, len(x))
-    return np.minimum.reduceat(hit, begins)
-
-
-def _parabola(places: np.ndarray) -> np.ndarray:
-    """Weights (3, n) of values at these places in their least-squares parabola: at 0, slope, and square."""
-    return np.linalg.pinv(np.vander(places, 3, increasing=True).astype(float))

@@ -13,9 +13,9 @@ from .._format import plain
 from .._show import aligned, at_most
 from ._abstract_record import AbstractRecord
 from ._loads import kind_of_units, over, times
-from ._loop_cut import loop_rows
+from ._loop_cut import Pair, loop_rows
 from ._loop_fields import area, field_figures, field_unit, given_back
-from ._loop_figures import FULL, Loops, Pair
+from ._loop_figures import FULL, Loops
 
 KINDS = ("mechanical", "magnetic", "ferroelectric", "plain")
 
@@ -300,7 +300,9 @@ def _figures(record: AbstractRecord, kind: str, loops: Loops) -> Iterator[Told]:
     u, y, su, sy = loops.u, loops.y, loops.su, loops.sy
     if loops.t is not None:
         step = np.full(loops.size, cut.clock / np.sqrt(6))
-        yield "duration", (loops.t[cut.last] - loops.t[cut.first], step), record.time_unit, ""
+        past = cut.clock * (loops.past(cut.first) + loops.past(cut.last))
+        lasted = loops.t[cut.last] - loops.t[cut.first] + past
+        yield "duration", (lasted, step), record.time_unit, ""
     peaks: dict[Any, Peak] = {}
     for name, x, unit in (("input", u, unit_u), ("output", y, unit_y)):
         for which in ("lowest", "highest"):

@@ -11,8 +11,8 @@ from hysteresis._drawing import html_of, plot_of
 from hysteresis._format import number_of, plain, quantity
 from hysteresis._show import aligned
 from hysteresis.records._loads import over
-from hysteresis.records._loop_cut import step_of
-from hysteresis.records._loop_figures import Loops, Pair
+from hysteresis.records._loop_cut import Pair, step_of
+from hysteresis.records._loop_figures import Loops
 
 from ._characteristics import HELD_ROWS, holds_of
 

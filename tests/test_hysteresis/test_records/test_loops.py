@@ -120,25 +120,29 @@ def test_a_magnetic_loop_is_known_by_its_units():
     assert "damping ratio" not in table.names
 
 
-@pytest.mark.parametrize("dense", [0.6, 0.3, 0.1])
+@pytest.mark.parametrize("dense", [1.0, 0.3, 0.1])
 @pytest.mark.parametrize("steep", [3, 30])
-def test_a_field_that_goes_in_uneven_steps(dense, steep):
-    """Ten times as many rows where the loop is steep; it begins at its largest field, and waits there.
+def test_intervals_of_a_field_that_goes_in_uneven_steps(dense, steep):
+    """Ten times as many rows where the loop is steep; it begins and ends at its largest field.
 
-    A parabola over even steps told 1.47 for that field, and means over bins 2 to 50 % less width. Noise of
-    the field makes 0.3 % of each steep branch: four standard deviations of the width are 1.6 %.
+    A parabola over even steps told 1.47 for that field, means of two rows 0.9988, and intervals held the
+    coercive field of steep loops once in ten. Of 40 loops 90 % intervals hold 36, less 6 by chance.
     """
-    field, random = np.linspace(1, -1, 801), np.random.default_rng(0)
-    field = field[(np.abs(field) < dense) | (np.arange(801) % 10 == 0)]
-    field = np.concatenate([[1.0, 1.0, 1.0], field, field[-2::-1]])
-    way = np.where(np.arange(len(field)) <= field.argmin(), -1, 1)
-    moment = np.tanh(steep * field - 0.6 * way)
-    noise = random.normal(size=(2, len(field)))
-    table = record_of(field + 1e-4 * noise[0], moment + 1e-3 * noise[1], ("T", "A*m²")).loops()
-    assert one(table, "highest input") == pytest.approx(1, abs=1e-3)
-    assert one(table, "lowest input") == pytest.approx(-1, abs=1e-3)
-    for name in ("width at mid-range", "largest width"):
-        assert one(table, name) == pytest.approx(2 * np.tanh(0.6), rel=0.016)
+    fall = np.linspace(1, -1, 801)
+    fall = fall[(np.abs(fall) < dense) | (np.arange(801) % 10 == 0)]
+    field = np.concatenate([fall, fall[-2::-1]])
+    moment = np.tanh(steep * field + np.where(np.arange(len(field)) <= field.argmin(), 0.6, -0.6))
+    truth = {
+        "highest input": 1, "lowest input": -1, "coercive field": 0.6 / steep, "remanence": np.tanh(0.6),
+        "width at mid-range": 2 * np.tanh(0.6), "largest width": 2 * np.tanh(0.6),
+    }  # fmt: skip
+    held = dict.fromkeys(truth, 0)
+    for seed in range(40):
+        noise = np.random.default_rng(seed).normal(size=(2, len(field)))
+        table = record_of(field + 1e-4 * noise[0], moment + 1e-3 * noise[1], ("T", "A*m²")).loops()
+        for name, value in truth.items():
+            held[name] += abs(one(table, name) - value) < 1.645 * table[name].error[-1]
+    assert min(held.values()) >= 30, held
 
 
 def test_what_a_loop_does_not_tell_has_a_reason():
