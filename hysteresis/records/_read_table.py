@@ -27,8 +27,9 @@ from .importers import (
     clock_in,
     decode,
     fault,
+    feet_left_out,
+    feet_of,
     file_bytes,
-    is_number,
     json_lines,
     labview,
     noted_units,
@@ -45,12 +46,12 @@ CLOCK = re.compile(
     r"(?i:time|zeit|stamp|clock|date|datum|temps\b|tiempo|czas|时间|時間|время)|^t\b"
 )
 """The name of a column that is a clock."""
-MOST_FEET = 4
-"""Lines below a table."""
 MOST_NOTES = 200
 """Lines above a table that may tell of it."""
 HEAD, LEAST_LINES = 2**18, 1000
 """Bytes and lines of a large text that are read carefully and say how its rows go on."""
+TAIL = 2**16
+"""Bytes at its end that are looked at for what a program says below its table."""
 
 
 def read_table(
@@ -136,6 +137,9 @@ def _by_its_head(
     try:
         sheet = _sheet(path, data[:cut], *ways)
         if sheet.layout is None or data[:cut].count(b'"') % 2:  # a cell may go on below
+            return None
+        last = data[max(cut, len(data) - TAIL) :].decode("latin-1").splitlines()[1:]
+        if feet_of([one.split(sheet.layout.separator or None) for one in last], len(sheet.columns)):
             return None
         asked = ways[1]
         begun = _table(path, data, size, sheet, asked, na_values)
@@ -253,10 +257,9 @@ def _plain(
     if blank := len(body) - full:
         body, line = body[:full], line[: full + 1]
         notes.append(Note("skipped", f"Left out {blank} empty rows at the end."))
-    if feet := _feet(body, len(header)):
-        said = f"Left out {len(feet)} lines at the end that are no rows, first line {line[1:][-len(feet)]}."
-        body, line = body[: -len(feet)], line[: -len(feet)]
-        notes.append(Note("skipped", said))
+    if feet := feet_of(body, len(header)):
+        notes.append(feet_left_out(line[1:][-feet:]))
+        body, line = body[:-feet], line[:-feet]
     if not body:
         raise fault("no-rows", path, "a header and no rows.")
     line = np.array(line[1:])
@@ -264,18 +267,6 @@ def _plain(
     columns = dict(zip(header, zip(*body, strict=True), strict=False))
     layout = None if blank or feet else Layout(sep, plain=True)
     return Sheet(columns, line, units, tuple(notes), decimal, layout)
-
-
-def _feet(body: list[list[str]], width: int) -> list[list[str]]:
-    """The last rows of words alone, shorter than the header: what a program says below its table."""
-    first = len(body)
-    while (
-        first
-        and len(trimmed(body[first - 1])) < min(width, 3)
-        and not any(map(is_number, trimmed(body[first - 1])))
-    ):
-        first -= 1
-    return body[first:] if len(body) - first <= MOST_FEET else []
 
 
 def _table(

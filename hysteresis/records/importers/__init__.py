@@ -18,6 +18,8 @@ from ._notes import units_behind_blanks as units_behind_blanks
 from ._notes import without_settings as without_settings
 from ._sheet import Layout as Layout
 from ._sheet import Sheet as Sheet
+from ._sheet import feet_left_out as feet_left_out
+from ._sheet import feet_of as feet_of
 from ._sheet import is_number as is_number
 from ._sheet import trimmed as trimmed
 from ._text import arranged as arranged

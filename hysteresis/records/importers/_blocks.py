@@ -16,7 +16,7 @@ from .._cells import MISSING
 from .._units import is_unit, written_unit
 from ._dialects import Dialect
 from ._notes import is_numbered, listed_names
-from ._sheet import Sheet, chosen_table, decimal_of, distinct, is_number, trimmed, units_of
+from ._sheet import Sheet, chosen_table, decimal_of, distinct, feet_of, is_number, trimmed, units_of
 
 Rows = Sequence[tuple[int, list[str]]]
 """Rows of cells, each with its line number."""
@@ -136,6 +136,10 @@ def blocks(rows: Rows) -> list[Block]:
             block.rows.append(_padded(rows[k][1], width))
             block.line.append(rows[k][0])
             k += 1
+    for block in found:
+        if feet := feet_of(block.rows, len(block.header)):
+            block.skipped.extend(block.line[-feet:])
+            del block.rows[-feet:], block.line[-feet:]
     return [block for block in found if block.rows]
 
 

@@ -9,7 +9,11 @@ import numpy as np
 
 from ..._errors import InputError
 from ..._note import Note
+from .._cells import MISSING
 from .._units import bare_unit, is_unit, spelled
+
+MOST_FEET = 8
+"""Lines below a table: a mean, a deviation, extremes."""
 
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eEdD][+-]?\d+)?|nan", re.IGNORECASE)
 
@@ -60,6 +64,35 @@ def trimmed(cells: Sequence[str]) -> list[str]:
     while end and not cells[end - 1].strip():
         end -= 1
     return list(cells[:end])
+
+
+def feet_of(rows: Sequence[Sequence[str]], width: int) -> int:
+    """How many of the last rows below a header of so many columns are none.
+
+    Words alone, fewer than the columns: what a program says below its table. Or numbers behind a word, such
+    as a mean or a maximum, in a column that holds numbers in all rows above.
+    """
+    first, labelled = len(rows), False
+    while first:
+        cells = trimmed(rows[first - 1])
+        numbers = sum(map(is_number, cells))
+        label = cells[0] if numbers and not is_number(cells[0]) else ""
+        if numbers and (label.lower() in MISSING or not re.search(r"[^\W\d_]", label)):
+            break
+        if not numbers and len(cells) >= min(width, 3):
+            break
+        first, labelled = first - 1, labelled or numbers > 0
+    count = len(rows) - first
+    if count > min(MOST_FEET, first) or (
+        labelled and not all(is_number(row[0]) for row in rows[:first])
+    ):
+        return 0
+    return count
+
+
+def feet_left_out(lines: Sequence[int]) -> Note:
+    said = f"Left out {len(lines)} lines at the end that are no rows, first line {lines[0]}."
+    return Note("skipped", said)
 
 
 def chosen_table(sizes: Sequence[int], table: int | None) -> int:

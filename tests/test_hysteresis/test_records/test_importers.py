@@ -135,6 +135,23 @@ def test_tables_side_by_side_come_under_one_another(table):
     assert record.labels == ("gel 1", "gel 2")
 
 
+@pytest.mark.parametrize("above", ["", "Valve test\nOperator,me\n\n"])
+@pytest.mark.parametrize("count", [N, 30_000])
+def test_a_mean_below_the_table_is_no_reading(table, above, count):
+    """A program's statistics; the second of them went into the readings, and took the clock away."""
+    t = 0.5 * np.arange(count)
+    text = above + "Time (s),Force (N)\n" + rows(t, np.sin(t))
+    for below in ("Mean,0.5\n", "Mean,0.5\nMaximum,3.1\nEnd of test\n"):
+        found = table(text + below)
+        assert len(found.line) == count
+        assert found.columns["Time (s)"][-1] == t[-1]
+        assert any(f"first line {text.count(chr(10)) + 1}" in note for note in found.notes)
+    phases = table("Phase,Force (N)\n" + "".join(f"rise,{y:.3f}\n" for y in F))
+    assert len(phases.line) == N
+    missing = table(above + "Time (s),Force (N)\n" + rows(T, F) + "nan,0.5\n")
+    assert len(missing.line) == N + 1
+
+
 def test_a_line_that_is_no_row_does_not_end_the_table(table):
     lines = TESTWORKS.splitlines(keepends=True)
     broken = table("".join([*lines[:9], "operator went for lunch\n", *lines[9:]]))
