@@ -9,7 +9,7 @@ from .._unit_grammar import LIMITS, LONGEST, is_within_grammar
 # What a header's last word after an underscore may mean. `force_pos` and `x_location` mean none.
 _UNITS = """
 N mN uN kN gf kgf lbf mm um nm cm m inch s ms us min h V mV uV kV A mA uA Pa kPa MPa GPa bar mbar psi T mT
-Oe emu deg rad percent uC nC pC Hz kHz Ohm ohm kohm Mohm g mg kg degC K J mJ W V/V mm/mm count counts
+Oe emu deg rad percent uC nC pC Hz kHz Ohm ohm kohm Mohm g mg kg degC K J mJ W V/V mV/V mm/mm count counts
 """
 RIG_UNITS = tuple(_UNITS.split())
 FORCES = ("N", "mN", "uN", "kN", "gf", "kgf", "lbf")

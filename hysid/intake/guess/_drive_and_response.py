@@ -292,10 +292,13 @@ def _step(seen: Seen, columns: list[Column], still: list[Column]) -> Choice:
         raise NothingDrivenError("no column beside the clock drives or answers another")
     numbers = [name for name, x in table.columns.items() if x.dtype.kind == "f"]
     if time is None or not found:
+        what = f"{len(found) or 'None'} of them can be an input or an output"
+        if len(found) > 1:
+            what = f"{' and '.join(repr(c.name) for c in found[:4])} hold one quantity"
         raise InputError(
             "cannot-decide",
             f"Columns of numbers: {', '.join(map(repr, numbers)) or 'none'}."
-            f" {len(found) or 'None'} of them can be an input or an output; a loop needs two that change.",
+            f" {what}; a loop needs two that change.",
             place=table.path,
             cause="A single column, words instead of numbers, or a separator other than , ; tab |.",
             fix="Export input and output side by side; for creep give --step VALUE.",
@@ -304,6 +307,11 @@ def _step(seen: Seen, columns: list[Column], still: list[Column]) -> Choice:
     why = {"output": "the only column that changes over time"}
     value, unit, sure = given.get("step"), given.get("input_unit"), "sure"
     kept = next((c for c in still if c.kind.name in HELD), None)
+    once = [c for c in every.values() if c.kind.name in HELD and c is not kept and _steps_once(c.x)]
+    once = [c for c in once if c.name != output.name]
+    if value is None and kept is None and len(once) == 1:
+        why = {"input": f"it steps to {once[0].x[-1]:g} and stays there", "output": "it goes on changing"}
+        return Choice(once[0], output, "likely", why, {}, [])
     if value is not None:
         why["step"] = "given"
     elif kept is not None and float(np.nanmax(kept.x)):
@@ -326,6 +334,14 @@ def _step(seen: Seen, columns: list[Column], still: list[Column]) -> Choice:
         raise InputError("cannot-decide", said, place=table.path, fix=fix)
     options = {"step": value} | ({"input_unit": unit} if unit else {})
     return Choice(None, output, sure, why, options, [])
+
+
+def _steps_once(x: np.ndarray) -> bool:
+    """Whether a column moves one way, and then stays for more than half of its rows."""
+    moves = np.diff(x)
+    return bool(
+        moves.any() and np.mean(x == x[-1]) > 0.5 and ((moves >= 0).all() or (moves <= 0).all())
+    )
 
 
 def _channels(

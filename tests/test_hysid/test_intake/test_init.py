@@ -224,6 +224,14 @@ def test_creep_has_a_step():
     assert found["selection"] | {"time": "t (s)", "output": "strain"} == found["selection"]
     assert (found["selection"]["step"], found["selection"]["input_unit"]) == (10.0, "Pa")
     assert usable(found)
+    loaded = guessed(
+        text([["0", "0", "0"], *rows], ("t (s)", "strain", "stress (Pa)")), "--overwrite"
+    )
+    assert (columns(loaded), loaded["selection"]["hold"]) == (
+        ("t (s)", "stress (Pa)", "strain"),
+        True,
+    )
+    assert usable(loaded)
     alone = put(text([row[:2] for row in rows], ("t (s)", "strain")), "alone.csv")
     refused(run("init", alone), "'strain'", "--step VALUE", "[cannot-decide]")
     assert run("init", alone, "--step", "10").code == 0
@@ -335,6 +343,17 @@ def test_a_copy_of_a_column_is_no_pair(digits: int):
     assert columns(found) == (T, X, F)
     two = guessed(text([row[:3] for row in rows], names[:3]), "--step", "1", name="two.csv")
     assert "input" not in two["selection"]
+
+
+@pytest.mark.parametrize("unit", ["mV", "mV/V"])
+def test_weights_in_whole_tens_are_no_copy_of_what_a_load_cell_reads(unit: str):
+    """A calibration: set values of few digits, and readings within half a per cent of a line."""
+    load = np.concatenate([np.arange(0, 60, 10), np.arange(40, -10, -10)])
+    read = 0.04 * load + 1e-5 * load**2 + 0.004 * np.sin(np.pi * load / 50) * (np.arange(11) > 5)
+    rows = [[str(k), str(x), f"{y:.5f}"] for k in (1, 2) for x, y in zip(load, read, strict=True)]
+    found = guessed(text([["", "N", unit], *rows], ("Run", "Load", "Reading")))
+    assert columns(found) == (None, "Load", "Reading")
+    assert found["selection"]["group"] == ["Run"]
 
 
 def test_whole_numbers_at_which_the_clock_begins_again_are_specimens_of_a_relaxation():
