@@ -1,6 +1,8 @@
 """Exported headers, compiled and run from Python."""
 
 import ctypes
+import hashlib
+import json
 import shutil
 import subprocess
 from pathlib import Path
@@ -9,6 +11,15 @@ from typing import Any
 import numpy as np
 
 STRICT = ("-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror")
+
+
+def checksum(document: dict[str, Any]) -> str:
+    """Of a runtime file: SHA-256 of its JSON in order and without blanks, but for the checksum itself."""
+    rest = {key: value for key, value in document.items() if key != "checksum"}
+    text = json.dumps(rest, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
 COMPILERS = [name for name in ("gcc", "clang") if shutil.which(name)]
 
 SOURCE = """\

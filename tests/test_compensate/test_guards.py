@@ -10,7 +10,6 @@ import pytest
 from compensate import Past, Status, export_c, export_runtime, invert
 from compensate.export._export import Origin
 from compensate.runtime import load
-from compensate.runtime._file import checksum
 from hysteresis import (
     AbstractModel,
     Burgers,
@@ -21,7 +20,7 @@ from hysteresis import (
     Sum,
 )
 from hysteresis.preisach import GridDensity
-from tests.c_harness import COMPILERS, Compiled
+from tests.c_harness import COMPILERS, Compiled, checksum
 from tests.problems import PROBLEMS, random_histories, weights
 from tests.thorough import rest_thorough
 

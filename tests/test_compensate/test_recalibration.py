@@ -12,7 +12,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from compensate import Advice, adaptive, export_c, export_runtime, invert
-from compensate.recalibration._parts import split
 from compensate.runtime import FileError, load
 from hysteresis import (
     AbstractModel,
@@ -290,12 +289,3 @@ def test_it_runs_in_any_loop():
 
 
 every = pytest.mark.parametrize("name", MODELS)
-
-
-@every
-def test_parts_make_the_model(name: str):
-    """sign y is a constant and the sum of the parts, each times its weight."""
-    found, parts = run(MODELS[name]), split(MODELS[name])
-    each = [p.nominal * np.asarray(p.model.simulate(found.t, found.u)) for p in parts.parts]
-    left = parts.sign * found.y - sum(each)
-    np.testing.assert_allclose(left, left[0], atol=1e-9 * np.ptp(found.y))

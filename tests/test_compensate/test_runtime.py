@@ -26,7 +26,7 @@ from hysteresis import (
     Sum,
 )  # fmt: skip
 from hysteresis.preisach import GaussianDensity, GridDensity
-from tests.c_harness import COMPILERS, STRICT, Compiled
+from tests.c_harness import COMPILERS, STRICT, Compiled, checksum
 from tests.problems import (
     INVERTIBLE,
     Problem,
@@ -318,8 +318,6 @@ def test_files_that_cannot_be_trusted_are_refused(case: Spoil, tmp_path: Path):
     ],
 )
 def test_an_entry_of_another_type_is_named(change: Any, words: str, tmp_path: Path):
-    from compensate.runtime._file import checksum
-
     model, y = relays()
     path = tmp_path / "it.json"
     export_runtime(model, path, y, depth=DEPTH * 4)

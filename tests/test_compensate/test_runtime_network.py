@@ -12,7 +12,6 @@ import pytest
 from compensate import Quantity, Status, invert
 from compensate.microchannel import BackwardsModel, EverettNetwork, ForceEstimator, export_force
 from compensate.runtime import FileError, load, load_force
-from compensate.runtime._file import checksum
 from hysteresis import (
     AbstractModel,
     GeneralizedMaxwell,
@@ -26,6 +25,7 @@ from hysteresis.curves import PolynomialCurve
 from hysteresis.networks import StaircaseNetwork
 from hysteresis.preisach import GridDensity
 from hysteresis.rigs import MicrochannelRig
+from tests.c_harness import checksum
 
 RECORD = MicrochannelRig(seed=11).cnc_loops(300)
 T, F = RECORD.time, RECORD.force[:, 0]

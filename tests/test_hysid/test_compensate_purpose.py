@@ -9,8 +9,8 @@ import pytest
 
 import hysid
 from compensate import estimate, invert
-from hysid._compensator import judged_to_compensate
 from hysteresis import LinearSponge, Record
+from hysteresis.curves import PolynomialCurve
 from identify import FitResult
 from tests.test_hysid.command import run
 
@@ -29,9 +29,11 @@ def record(loop: float) -> Record:
 
 @pytest.fixture(scope="module")
 def fitted() -> FitResult:
-    return hysid.fit(
-        record(0.1), LinearSponge(K=1.0, b=0.0), test_cycles=1, purpose="compensate", **QUICK
-    )
+    return compensating(LinearSponge(K=1.0, b=0.0))
+
+
+def compensating(model: Any, **options: Any) -> FitResult:
+    return hysid.fit(record(0.1), model, test_cycles=1, purpose="compensate", **QUICK, **options)
 
 
 def rms(error: np.ndarray) -> float:
@@ -63,20 +65,22 @@ def test_the_error_of_the_compensator_comes_first(fitted: FitResult):
 
 
 def test_a_compensator_that_is_worse_than_a_line_fails(fitted: FitResult):
-    worse = judged_to_compensate(replace(fitted, model=LinearSponge(K=0.9, b=0.0)))
+    steep = {"K": {"start": 0.9, "fixed": True}}
+    worse = compensating("LinearSponge", parameters=steep)
     assert worse.verdict.level == "FAIL"
     assert worse.verdict.codes[:2] == ("compensator-error", "worse-than-line")
     assert f"{rms(line_error(fitted)):.3g} rms" in worse.verdict.reasons[1]
-    falling = judged_to_compensate(replace(fitted, model=LinearSponge(K=-1.0, b=0.0)))
-    assert falling.verdict.level == "FAIL"
 
 
-def test_a_candidate_without_an_inverse_is_passed_over(fitted: FitResult):
-    level = replace(fitted, model=LinearSponge(K=0.0, b=0.0), candidates=())
-    found = judged_to_compensate(replace(level, candidates=(level, fitted)))
-    assert found.model == fitted.model
-    assert found.candidates[1] is level or found.candidates[1].verdict == level.verdict
-    assert found.verdict.level == fitted.verdict.level
+def test_a_candidate_without_an_inverse_is_passed_over():
+    """A parabola falls on one side of its domain, wherever it was fitted."""
+    bent, parabola = record(0.1), PolynomialCurve(np.array([1.0, 1.0, 1.0]), -50.0, 50.0)
+    bent = replace(bent, output=bent.output + 0.02 * bent.input**2)
+    found = hysid.fit(bent, [parabola, LinearSponge(K=1.0, b=0.0)], purpose="compensate", **QUICK)
+    assert [one.name for one in found.candidates] == ["LinearSponge", "PolynomialCurve"]
+    assert found.candidates[1].score < found.score
+    assert found.compensator is not None
+    assert found.compensator["refused"] is None
     assert "passed-over" in found.verdict.codes
 
 

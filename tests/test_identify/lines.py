@@ -8,7 +8,6 @@ from hysteresis import LinearSponge, Record
 from identify import FitResult
 from identify.internal import Parameter, block_errors, estimate_noise, metrics
 from identify.noise._model import NoiseModel
-from identify.parameters._settings import Setting
 
 THRESHOLD = 1.5
 
@@ -60,7 +59,6 @@ def line(train: Record, test: Record, slope: float | None = None) -> FitResult:
         blocks=blocks,
         used=train.mask,
         noise_model=NoiseModel(noise.sigma),
-        settings={} if slope is None else {"K": Setting(fixed=True)},
     )
     figures = metrics(test.output, fit.predict(test), test.mask)
     return replace(fit, metrics={**fit.metrics, "test": figures})

@@ -11,7 +11,6 @@ import pytest
 from hysteresis import InputError, Record
 from identify import fit, load, save
 from identify import load as load_fit
-from identify.linear._channel_map_fit import fit_channel_map
 from tests.thorough import rest_thorough
 
 CYCLES, SAMPLES = 6, 60
@@ -55,7 +54,8 @@ def rig(
 
 def test_channels_whose_loops_cancel_give_the_output():
     record = rig()
-    map, combined = fit_channel_map(record)
+    found = line(record)
+    map, combined = found.channels, found.train
     error = combined.input - combined.output
     # Its channels carry a thousandth of noise each, and count up to five times the output's slope.
     assert np.sqrt(np.mean(error[combined.mask] ** 2)) < 0.005 * np.ptp(record.output)
@@ -101,18 +101,18 @@ def test_only_training_rows_are_seen(runs: int):
     other = replace(
         train, output=np.where(held, 99.0, train.output), columns=changed, input=train.input
     )
-    (map, _), (same, _) = fit_channel_map(train), fit_channel_map(other)
+    map, same = line(train).channels, line(other).channels
     np.testing.assert_array_equal(same.values, map.values)
     np.testing.assert_array_equal(same.nodes, map.nodes)
 
 
 def test_first_cycles_of_a_sample_that_settles_are_left_out():
     settling = rig(settling=0.3)
-    _, combined = fit_channel_map(settling)
+    combined = line(settling).train
     assert combined.mask.all()  # the map leaves them out, the model and the baselines do not
     (said,) = [note for note in combined.history if note.code == "settled"]
     assert said.values["rows"] in [(settling.cycle <= n).sum() for n in (1, 2)]
-    _, kept = fit_channel_map(settling, keep_conditioning=True)
+    kept = line(settling, conditioning="keep").train
     assert kept.mask.all()
     late = settling.cycle == CYCLES
     off, worse = (one.input - settling.output for one in (combined, kept))
@@ -128,7 +128,7 @@ def test_what_cannot_be_fitted_is_refused():
         (replace(rig(), mask=few), "too-few-rows"),
     ):
         with pytest.raises(InputError) as caught:
-            fit_channel_map(record)
+            line(record)
         assert caught.value.code == code
 
 

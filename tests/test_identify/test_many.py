@@ -12,7 +12,6 @@ import pytest
 
 import identify
 from hysteresis import Burgers, InputError, LinearSponge, Record
-from identify.batch._executor import Unit, done_by
 from tests.thorough import rest_thorough
 
 SAME = {"conditioning": "keep", "clocks": "keep", "noise": "gaussian"}
@@ -205,11 +204,13 @@ def test_threads_and_dask_give_the_same_and_a_killed_worker_loses_nothing(one_fi
     assert len(batch) == 6
 
 
-def test_work_that_raises_is_told_from_work_that_was_lost():
-    def fails() -> None:
+def odd(record: Record, *, test: Record | None) -> identify.FitResult:
+    if record.source == "run 0":
         raise ValueError("no")
+    return identify.fit(record, SPONGE, **SAME)
 
-    units = [Unit(("a",), fails, ()), Unit(("b",), int, ("7",))]
-    outcomes = {unit.names[0]: outcome for unit, outcome in done_by(units)}
-    assert isinstance(outcomes["a"], ValueError)
-    assert outcomes["b"] == 7
+
+def test_work_that_raises_is_told_from_work_that_was_lost():
+    batch = identify.fit_many([sponge(0), sponge(1)], function=odd)
+    assert (batch.failed["0"].code, list(batch.fits)) == ("fit-broke", ["1"])
+    assert "ValueError: no" in batch.failed["0"].problem

@@ -10,8 +10,6 @@ import scipy.stats
 
 from hysteresis import Burgers, GeneralizedMaxwell, InputError, LinearSponge, Record
 from identify import fit, load, save
-from identify.parameters._priors import prior
-from identify.parameters._settings import with_settings
 from identify.parameters._transform import transform
 
 BURGERS = Burgers(2.0, 100.0, 1.0, 8.0, 0.3)
@@ -35,11 +33,13 @@ def record(noise: float = 0.02) -> Record:
     ],
 )
 def test_priors_are_scipys(said: str, scipys: Any) -> None:
-    made = prior(said)
+    flat = LinearSponge(1.0, 1.0, -np.inf)
+    found = fit(record(), flat, parameters={"b": {"prior": said}}, noise="gaussian", starts=1)
+    made = found.settings["b"].prior
     assert str(made) == said
     x = scipys.ppf(np.linspace(0.1, 0.9, 9))
-    found = [float(made.log_density(jnp.asarray(value))) for value in x]
-    np.testing.assert_allclose(found, scipys.logpdf(x), rtol=1e-10)
+    densities = [float(made.log_density(jnp.asarray(value))) for value in x]
+    np.testing.assert_allclose(densities, scipys.logpdf(x), rtol=1e-10)
     drawn = made.draws(np.random.default_rng(0), 4000)
     assert scipy.stats.kstest(drawn, scipys.cdf).pvalue > 1e-3
 
@@ -51,7 +51,7 @@ def test_priors_are_scipys(said: str, scipys: Any) -> None:
 )  # fmt: skip
 def test_no_prior(said: str) -> None:
     with pytest.raises(InputError, match="E1") as caught:
-        prior(said, "E1")
+        fit(record(), BURGERS, parameters={"E1": {"prior": said}})
     assert caught.value.code == "bad-prior"
 
 
@@ -69,8 +69,10 @@ def test_no_prior(said: str) -> None:
 def test_a_prior_is_a_density_of_the_free_number(said: dict[str, Any]) -> None:
     """Its integral over z is 1, whichever bounds the parameter has."""
     other = "b" if "K" in said or not said else "K"
-    model, settings = with_settings(LinearSponge(1.0, 0.2, 1.5), said | {other: {"fixed": True}})
-    bounds = transform(model, 5.0, settings=settings)
+    known = said | {other: {"fixed": True}}
+    line = LinearSponge(1.0, 0.2, 1.5)
+    found = fit(record(), line, parameters=known, noise="gaussian", starts=1)
+    bounds = transform(found.model, 5.0, settings=found.settings)
     z = np.linspace(-60.0, 60.0, 200_001)[:, None]
     density = np.exp(np.asarray(jax.vmap(bounds.log_prior)(jnp.asarray(z))))
     # The trapezoids are 0.02 of the narrowest prior wide.
@@ -136,7 +138,7 @@ def test_a_prior_pulls_as_its_weight_says(tmp_path: Any) -> None:
 )
 def test_what_cannot_be_meant(said: dict[str, Any], code: str) -> None:
     with pytest.raises(InputError) as caught:
-        with_settings(BURGERS, said)
+        fit(record(), BURGERS, parameters=said)
     assert caught.value.code == code
 
 
@@ -162,11 +164,11 @@ def test_one_entry_of_an_array_is_fixed_and_the_others_move(tmp_path: Any) -> No
         ({"E.1": {"tied": "2 * E.0"}}, {"E.1"}),
         ({"tau.0": {"fixed": 3.0}, "E.1": {"fixed": 0.0}}, {"tau.0", "E.1"}),
     ):
-        model, settings = with_settings(chain, said)
-        names = transform(model, 1.0, settings=settings).names
-        assert {"E_inf", "E.0", "E.1", "tau.0", "tau.1", "offset"} - set(names) == gone
+        found = fit(record(), chain, parameters=said, noise="gaussian", starts=1)
+        bounds = transform(found.model, 1.0, settings=found.settings)
+        assert {"E_inf", "E.0", "E.1", "tau.0", "tau.1", "offset"} - set(bounds.names) == gone
         # Other starts join where what is free here moves there too.
-        assert len(transform(model, 1.0, settings=settings).points_of(model, chain)) == 2
+        assert len(bounds.points_of(found.model, chain)) == 2
     t = np.linspace(0.0, 30.0, 120)
     u = np.interp(t, np.linspace(0, 30, 9), [0, 5, 5, 1, 1, 4, 4, 0, 0])
     truth = GeneralizedMaxwell(3.0, [4.0], [6.0])

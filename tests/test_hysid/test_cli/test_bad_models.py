@@ -2,16 +2,15 @@
 
 import json
 import shutil
+from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from hysteresis import (
-    Burgers,
-)
-from hysteresis._serialisation import described
+import hysid
+from hysteresis import Burgers
 from identify.internal import read_document, sealed
 from tests.test_hysid.command import COLUMNS, put, refused, run, sponge, text
 
@@ -66,11 +65,13 @@ def test_time_constants_that_the_record_cannot_show(constant, words):
 def test_a_saved_model_with_a_negative_modulus_is_refused(line):
     """Edited by hand, checksum and all."""
     shutil.copytree(line, ".", dirs_exist_ok=True)
-    structure, arrays = described(Burgers(2.0, 40.0, 1.0, 5.0))
-    arrays["E2"] = np.array(-1.0)
+    fit = replace(hysid.load("out"), model=Burgers(2.0, 40.0, 1.0, 5.0))
+    hysid.save(fit, "other")
+    with np.load("other/model.npz") as kept:
+        arrays = dict(kept) | {"E2": np.array(-1.0)}
     np.savez("out/model.npz", allow_pickle=False, **arrays)
     digest = sha256(Path("out/model.npz").read_bytes()).hexdigest()
-    document = read_document("out") | {"structure": structure}
+    document = read_document("out") | {"structure": read_document("other")["structure"]}
     document["files"]["model.npz"] = digest
     Path("out/fit.json").write_text(json.dumps(sealed(document)))
     words = ("E2 = -1.0", "a sign or a unit slipped", "give E2 > 0", "[parameter-out-of-bounds]")

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from hysid.intake._selection import Selection
+from hysteresis import read_table
 from tests.test_hysid.command import (
     COLUMNS,
     ENVIRONMENT,
@@ -100,15 +100,13 @@ def test_every_file_is_fitted_and_the_bad_one_named():
 
 
 def test_what_was_stopped_goes_on(monkeypatch):
-    whole = Selection.read
-
-    def stopped(selection: Selection, file: Path):
+    def stopped(file: Path, *rest, **named):
         if file.name == "b.csv":
             raise KeyboardInterrupt
-        return whole(selection, file)
+        return read_table(file, *rest, **named)
 
     with monkeypatch.context() as patch:
-        patch.setattr(Selection, "read", stopped)
+        patch.setattr("hysid.intake._selection.read_table", stopped)
         ended = batch()
     assert ended.code == 130
     assert "batch.csv" in ended.err

@@ -6,12 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import typer
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hysid.cli._app import app
-from hysid.cli._config_file import options_of
 from tests.test_hysid.command import F, Result, T, X, put, refused, run, sponge, text
 from tests.thorough import rest_thorough
 
@@ -280,7 +277,8 @@ def test_any_table_gives_a_configuration_or_a_fault(header, rows, separator):
         assert done.code in (0, 2), done.err
         if done.code:
             return
-        options_of(Path(done.json()["file"]), typer.main.get_command(app).commands["fit"])  # type: ignore[attr-defined]
+        checked = run("check", file, "--config", done.json()["file"])
+        assert "config" not in checked.err or checked.code == 0, checked.err
 
 
 @pytest.mark.parametrize(

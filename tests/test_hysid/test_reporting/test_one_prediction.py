@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import identify
-from hysid.figures._format import quantity
 from hysteresis import Preisach, Record
 from hysteresis.preisach import GridDensity
 from identify import FitResult, load, predictive, sample
@@ -17,6 +16,13 @@ from tests.test_hysid.command import run
 from tests.test_hysid.test_reporting.test_report import Page
 
 FORCE, PATH, TIME = "force (N)", "path (mm)", "time (s)"
+
+
+def quantity(x: float, unit: str) -> str:
+    mantissa, power = f"{x:.2e}".split("e")
+    raised = str(int(power)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    shown = f"{x:#.3g}".rstrip(".") if x >= 1e-4 else f"{mantissa} × 10{raised}"
+    return f"{shown} {unit}"
 
 
 @pytest.fixture(scope="module")

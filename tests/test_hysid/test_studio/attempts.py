@@ -1,6 +1,7 @@
 """Changes side by side, and what somebody at another port of this machine can use."""
 
 import threading
+import tomllib
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -9,7 +10,6 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
-from hysid.studio import _configuration
 from hysid.studio._server import Prepared
 
 from .served import ask, entered
@@ -38,7 +38,7 @@ def lost_changes(ready: Prepared, secret: str, count: int = 50) -> int:
 
     with ThreadPoolExecutor(count) as pool:
         list(pool.map(change, range(count)))
-    kept = _configuration.read(ready.studio.folder.root / "run.toml")["fit"]
+    kept = tomllib.loads((ready.studio.folder.root / "run.toml").read_text("utf-8"))["fit"]
     return sum(kept.get(f"entry_{k}") != k for k in range(count))
 
 

@@ -9,14 +9,14 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from urllib.parse import urlsplit
 
-from hysid.intake._fit_options import MODELS
 from hysid.studio._server import Prepared, prepared
+from hysteresis import model_names
 
 
 @contextmanager
 def serving(files: Sequence[Path], said: Callable[[str], None] | None = None) -> Iterator[Prepared]:
     """The studio of these files, until the block ends."""
-    ready = prepared(files, 0, MODELS, said)
+    ready = prepared(files, 0, model_names(), said)
     thread = threading.Thread(target=ready.run)
     thread.start()
     try:
@@ -25,6 +25,17 @@ def serving(files: Sequence[Path], said: Callable[[str], None] | None = None) ->
         ready.server.should_exit = True
         thread.join(20)
     assert not thread.is_alive()
+
+
+@contextmanager
+def studio_of(*files: Path) -> Iterator[Any]:
+    """The studio of these files, which answers nobody."""
+    ready = prepared(files, 0, model_names())
+    try:
+        yield ready.studio
+    finally:
+        ready.studio.jobs.close()
+        ready.listening.close()
 
 
 class Answer(NamedTuple):

@@ -2,8 +2,10 @@
 
 import ast
 import re
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,14 +13,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import identify
-from hysid.figures._sliders import moved, sliders_of
 from hysid.studio._controls import on_page, worded
-from hysid.studio._shapes import STIFFNESS, WIDTH, handles_of, reshaped
-from hysteresis import Burgers, InputError, Record, parameters
+from hysteresis import Burgers, InputError, Record
 from hysteresis.rigs import SpongeRig
+from tests.test_hysid.test_studio.served import studio_of
 
 ROOT = Path(__file__).parents[3]
+NAMES = ("E1", "eta1", "E2", "eta2", "offset")
+STIFFNESS, WIDTH = "stiffness", "loop width"
 OPTION = re.compile(r"(?<![\w-])--[a-z]")
+
+
+@pytest.fixture
+def studio(tmp_path: Path) -> Iterator[Any]:
+    with studio_of(tmp_path) as found:
+        yield found
 
 
 def said() -> list[str]:
@@ -66,35 +75,44 @@ def test_names_are_left_as_they_are(document):
     }  # fmt: skip
 
 
-def test_sliders_stay_within_bounds():
-    model = Burgers(E1=1.0, eta1=2.0, E2=3.0, eta2=4.0)
-    found = sliders_of(model, {"input": "N", "output": "mm", "time": "s"})
-    assert {"E1", "eta1", "E2", "eta2"} <= {one.name for one in found}
-    for one in found:
-        assert one.low < one.value < one.high
-        for end in (one.low, one.high):
-            there = moved(model, {one.name: end})
-            y = there.simulate(np.arange(5.0), np.arange(5.0))
-            values = {name: value for name, _, value in parameters(there)}
-            assert float(values[one.name]) == pytest.approx(end)
-            assert np.isfinite(np.asarray(y)).all()
+def kept(studio: Any, fit: identify.FitResult, name: str) -> Path:
+    """The folder of a fit in that of a studio."""
+    return identify.save(fit, studio.folder.root / name)
 
 
-def test_sliders_move_the_figures_that_they_name():
+def sponge() -> Record:
     t, force, displacement, _ = SpongeRig().five_cycles(noise=0.05, seed=50)
-    record = Record.from_arrays(force, displacement, t, input_unit="N", output_unit="mm")
-    fit = identify.fit(record, "Preisach", test_cycles=1)
-    known = {one["name"]: one["value"] for one in handles_of(fit)}
+    return Record.from_arrays(force, displacement, t, input_unit="N", output_unit="mm")
+
+
+def test_sliders_stay_within_bounds(studio):
+    model = Burgers(E1=1.0, eta1=2.0, E2=3.0, eta2=4.0)
+    fit = replace(identify.fit(sponge(), "LinearSponge", noise="gaussian"), model=model)
+    place = kept(studio, fit, "burgers")
+    found = studio.fits.curves(place)["sliders"]
+    assert {"E1", "eta1", "E2", "eta2"} <= {one["name"] for one in found}
+    for one in found:
+        assert one["low"] < one["value"] < one["high"]
+        for end in (one["low"], one["high"]):
+            there = Burgers(**{n: float(getattr(model, n)) for n in NAMES} | {one["name"]: end})
+            wanted = np.asarray(there.simulate(fit.train.time, fit.train.input))
+            drawn = studio.fits.redrawn(place, {one["name"]: end}, {})["model"]
+            np.testing.assert_allclose(drawn, wanted)
+
+
+def test_sliders_move_the_figures_that_they_name(studio):
+    fit = identify.fit(sponge(), "Preisach", conditioning="keep")
+    place = kept(studio, fit, "relays")
+    known = {one["name"]: one["value"] for one in studio.fits.curves(place)["shapes"]}
     assert {STIFFNESS, WIDTH} <= known.keys()
-    plain = np.asarray(fit.predict(fit.train))
-    np.testing.assert_allclose(reshaped(fit, fit.train, {}), plain, atol=1e-9)
 
     def figures(factors: dict[str, float]) -> dict[str, float | None]:
-        residuals = reshaped(fit, fit.train, factors) - fit.train.output
+        residuals = studio.fits.redrawn(place, {}, factors)["residual"]
         moved = replace(fit, residuals=residuals)
         return {one.name: one.value for one in moved.characteristics}
 
     before = figures({})
+    assert before == pytest.approx({one.name: one.value for one in fit.characteristics})
     wide, stiff = figures({WIDTH: 2.0}), figures({STIFFNESS: 2.0})
     assert wide[WIDTH] == pytest.approx(2 * before[WIDTH], rel=1e-3)
     assert wide[STIFFNESS] == pytest.approx(before[STIFFNESS], rel=0.1)
@@ -102,5 +120,5 @@ def test_sliders_move_the_figures_that_they_name():
     assert stiff[WIDTH] == pytest.approx(before[WIDTH], rel=1e-3)
     for wrong in ({"offset": 1.0}, {STIFFNESS: 0.0}, {WIDTH: -1.0}, {WIDTH: 1e300}):
         with pytest.raises(InputError) as caught:
-            reshaped(fit, fit.train, wrong)
+            studio.fits.redrawn(place, {}, wrong)
         assert caught.value.code == "unknown-parameter"

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import hysid
-from hysid._plots_script import script, styles
 from hysteresis.rigs import SpongeRig
 
 pytest.importorskip("anywidget", reason="anywidget is not installed")
@@ -65,14 +64,15 @@ def test_a_record_whose_clock_begins_again_is_shown_by_its_rows():
 
 
 def test_the_script_draws_and_sends_what_is_chosen(browser):
-    about, content = sent(hysid.explore(sponge()), {})
+    explorer = hysid.explore(sponge())
+    about, content = sent(explorer, {})
     faults: list[str] = []
     page = browser.new_page()
     page.on("pageerror", lambda error: faults.append(str(error)))
     page.set_content("<!DOCTYPE html><html><body></body></html>")
-    code = script("explorer.js").replace("export default {", "window.explorer = {")
+    code = explorer.widget._esm.replace("export default {", "window.explorer = {")
     page.add_script_tag(content=code, type="module")
-    page.add_style_tag(content=styles())
+    page.add_style_tag(content=explorer.widget._css)
     page.wait_for_function("window.explorer")
     page.evaluate(MODEL, [json.loads(json.dumps(about)), base64.b64encode(content).decode()])
     assert page.locator("canvas").count() == 2

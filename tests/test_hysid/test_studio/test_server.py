@@ -14,13 +14,11 @@ from urllib.parse import quote, urlsplit
 import pytest
 
 from hysid.studio import _server
-from hysid.studio._app import Studio
-from hysid.studio._folder import Folder
 from hysteresis import InputError
 from tests.test_hysid.command import COLUMNS, ENVIRONMENT, run
 from tests.test_hysid.test_studio.attempts import lost_changes, snapshot, usable_elsewhere
 from tests.test_hysid.test_studio.malformed import READ, tried
-from tests.test_hysid.test_studio.served import ask, entered, serving
+from tests.test_hysid.test_studio.served import ask, entered, serving, studio_of
 
 SPONGE = Path(__file__).parents[3] / "datasets" / "sponge-50mm-cycles.csv"
 FIT = ("--model", "LinearSponge", "--noise", "gaussian", "--starts", 2)
@@ -311,8 +309,8 @@ def test_uploads_of_one_name_at_the_same_time_are_all_kept(folder):
 @pytest.mark.parametrize("name", ["a" * 300 + ".csv", "\ud800", "loop", "run.csv\0"])
 def test_names_that_no_file_can_have_are_refused(folder, name):
     (folder / "loop").symlink_to(folder / "loop")
-    with pytest.raises(InputError) as caught:
-        Folder(folder).file(name)
+    with studio_of(folder) as studio, pytest.raises(InputError) as caught:
+        studio.look(name)
     assert caught.value.code in ("outside-folder", "file-not-found")
 
 
@@ -321,15 +319,15 @@ def test_no_value_of_a_fit_leads_out_of_the_folder(folder, value):
     (folder / "run").mkdir()
     (folder.parent / "outside").mkdir()
     (folder / "run" / "link").symlink_to(folder.parent / "outside")
-    with pytest.raises((InputError, OSError)) as caught:
-        Studio(Folder(folder), []).place("run.csv", value)
+    with studio_of(folder) as studio, pytest.raises((InputError, OSError)) as caught:
+        studio.place("run.csv", value)
     assert getattr(caught.value, "code", "outside-folder") == "outside-folder"
 
 
 def test_a_configuration_is_no_measurement(folder):
     (folder / "run.toml").write_text("[fit]\n")
-    with pytest.raises(InputError) as caught:
-        Studio(Folder(folder), []).measurement("run.toml")
+    with studio_of(folder) as studio, pytest.raises(InputError) as caught:
+        studio.look("run.toml")
     assert caught.value.code == "bad-option"
 
 

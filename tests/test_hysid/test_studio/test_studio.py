@@ -5,35 +5,33 @@ import json
 import shlex
 import shutil
 import time
+import tomllib
 import zipfile
-from dataclasses import replace
+from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 import typer
 
+import hysid
 import identify
 from hysid.cli._app import app
-from hysid.intake._fit_options import MODELS
-from hysid.intake._selection import Selection
-from hysid.studio import _configuration
-from hysid.studio._app import Studio
-from hysid.studio._equivalents import equivalents
-from hysid.studio._folder import Folder, zipped
-from hysid.studio._processes import Job, Jobs
-from hysid.studio._server import prepared
 from hysteresis import InputError
-from tests.test_hysid.command import run
+from tests.test_hysid.command import refused, run
+from tests.test_hysid.test_studio.served import ask, entered, serving, studio_of
 
 SPONGE = Path(__file__).parents[3] / "datasets" / "sponge-50mm-cycles.csv"
 COLUMNS = ("--input", "force (N)", "--output", "displacement (mm)", "--time", "time (s)")
 
 
 @pytest.fixture
-def studio(tmp_path: Path) -> Studio:
+def studio(tmp_path: Path) -> Iterator[Any]:
     shutil.copy(SPONGE, tmp_path / "run.csv")
-    return Studio(Folder(tmp_path), MODELS)
+    with studio_of(tmp_path) as found:
+        yield found
 
 
 @pytest.mark.parametrize(
@@ -43,8 +41,8 @@ def test_names_do_not_lead_out_of_the_folder(tmp_path: Path, name: str):
     inner = tmp_path / "inner"
     inner.mkdir()
     (inner / "link").symlink_to(tmp_path)
-    with pytest.raises(InputError) as caught:
-        Folder(inner).inside(name)
+    with studio_of(inner) as studio, pytest.raises(InputError) as caught:
+        studio.look(name)
     assert caught.value.code == "outside-folder"
 
 
@@ -52,8 +50,8 @@ def test_names_do_not_lead_out_of_the_folder(tmp_path: Path, name: str):
     "name",
     ["../../up.csv", "C:\\x\\up.csv", "a\nb.csv", "-o.csv", "", "...", 500 * "x", 200 * "\u4e00"],
 )
-def test_uploads_get_a_free_name_in_the_folder(tmp_path: Path, name: str):
-    folder = Folder(tmp_path)
+def test_uploads_get_a_free_name_in_the_folder(studio, tmp_path: Path, name: str):
+    folder = studio.folder
     with folder.new_file(name) as first, folder.new_file(name) as second:
         first.write_text("1")
     assert first.parent == second.parent == tmp_path
@@ -85,7 +83,7 @@ def test_a_configuration_is_the_one_of_init_and_changes_leave_the_rest_alone(stu
     text = config.read_text()
     assert "# mine" in text
     assert "E1 = {start = 2.0}" in text
-    tables = _configuration.read(config)
+    tables = tomllib.loads(text)
     assert tables["selection"] == {
         "input": "force (N)",
         "output": "displacement (mm)",
@@ -112,18 +110,18 @@ def test_brushing_writes_lines_that_the_command_line_reads(studio, tmp_path):
     studio.change(
         "run.csv", {"selection": one.brush("hold-out", 400.0, None, [5.0, 30.0, -1.0, 99.0])}
     )
-    selection = _configuration.selection(one.config)
-    ((train, test),) = selection.records(selection.read(one.file))[0].values()
+    selection = tomllib.loads(one.config.read_text("utf-8"))["selection"]
+    ((train, test),) = hysid.records(one.file, **selection).values()
     t, u = train.time, train.input
     left_out, held = (t >= 60) & (t <= 120), (t >= 400) & (u >= 5)
     np.testing.assert_array_equal(test.mask, held)
     np.testing.assert_array_equal(train.mask, ~left_out & ~held)
-    assert selection.test_cycles is None
+    assert "test_cycles" not in selection
     shown = one.series()[0].state % 8
     np.testing.assert_array_equal(shown, np.where(left_out, 1, np.where(held, 2, 0)))
     studio.change("run.csv", {"selection": one.brush("include", None, None, None)})
-    again = _configuration.selection(one.config)
-    assert (again.exclude_lines, again.test_lines) == ((), ())
+    again = tomllib.loads(one.config.read_text("utf-8"))["selection"]
+    assert not again.keys() & {"exclude_lines", "test_lines"}
 
 
 def test_python_lines_make_the_records_and_the_fit_of_the_commands(studio, tmp_path, monkeypatch):
@@ -175,25 +173,22 @@ def test_python_lines_make_the_records_and_the_fit_of_the_commands(studio, tmp_p
 @pytest.mark.parametrize(
     "asked",
     [
-        {"test_where": ("cycle=5",)},
-        {"test_where": ("cycle=1,2,3,4",), "group": ("cycle",)},
-        {"each": "cycle", "where": ("cycle=2,3",), "test_tail": 0.3},
-        {"test_cycles": 1, "branch": "loading", "range": (2.0, 40.0)},
-        {"test_cycles": 1, "turn": ("displacement (mm)",)},
+        {"test_where": ["cycle=5"]},
+        {"test_where": ["cycle=1,2,3,4"], "group": ["cycle"]},
+        {"each": "cycle", "where": ["cycle=2,3"], "test_tail": 0.3},
+        {"test_cycles": 1, "branch": "loading", "range": [2.0, 40.0]},
+        {"test_cycles": 1, "turn": ["displacement (mm)"]},
     ],
 )
-def test_python_lines_hold_out_what_the_command_holds_out(tmp_path, monkeypatch, asked):
+def test_python_lines_hold_out_what_the_command_holds_out(studio, tmp_path, monkeypatch, asked):
     monkeypatch.chdir(tmp_path)
-    shutil.copy(SPONGE, tmp_path / "run.csv")
-    selection = Selection(
-        input="force (N)", output="displacement (mm)", time="time (s)", test_cycles=None
-    )
-    selection = replace(selection, **asked)
-    told = equivalents(tmp_path / "run.csv", tmp_path / "run", selection, {})
+    studio.change("run.csv", {"selection": {"test_cycles": None} | asked})
+    told = studio.look("run.csv")["equivalents"]
     lines = told["data"]["python"]
     space: dict = {}
     exec(lines, space)
-    *_, (train, test) = selection.records(selection.read(tmp_path / "run.csv"))[0].values()
+    selection = tomllib.loads((tmp_path / "run.toml").read_text("utf-8"))["selection"]
+    *_, (train, test) = hysid.records(tmp_path / "run.csv", **selection).values()
     for ours, commands in ((space["train"], train), (space["test"], test)):
         np.testing.assert_array_equal(ours.line[ours.mask], commands.line[commands.mask])
         np.testing.assert_array_equal(ours.starts, commands.starts)
@@ -208,7 +203,8 @@ def test_warnings_name_the_lines_that_they_mean(tmp_path):
     rows = zip(t, force, shown, strict=True)
     text = "time (s),force (N),x (mm)\n" + "".join(f"{a:.2f},{b:.4f},{c:.4f}\n" for a, b, c in rows)
     (tmp_path / "clipped.csv").write_text(text)
-    one = Studio(Folder(tmp_path), MODELS).measurement("clipped.csv")
+    with studio_of(tmp_path) as studio:
+        one = studio.measurement("clipped.csv")
     one.configured()
     found = {warning["code"]: warning for warning in one.judged()["warnings"]}
     first, last = map(int, found["saturation"]["lines"][0].split("-"))
@@ -216,11 +212,10 @@ def test_warnings_name_the_lines_that_they_mean(tmp_path):
     assert "saturation" in run("check", one.file, "--config", one.config, "--json").out
 
 
-def test_a_command_is_cancelled_and_another_one_about_the_file_waits(tmp_path, monkeypatch):
+def test_a_command_is_cancelled_and_another_one_about_the_file_waits(studio, tmp_path, monkeypatch):
     monkeypatch.setattr("hysid.studio._processes.PATIENCE", 0.2)
     (tmp_path / "json.py").write_text("raise SystemExit('code of the folder was run')")
-    shutil.copy(SPONGE, tmp_path / "run.csv")
-    jobs = Jobs(tmp_path)
+    jobs = studio.jobs
     job = jobs.start("fit", "run.csv", ["fit", "run.csv", *COLUMNS])
     with pytest.raises(InputError) as caught:
         jobs.start("fit", "run.csv", ["fit", "run.csv"])
@@ -246,7 +241,7 @@ def test_every_command_of_the_page_is_one_of_the_command_line(studio, tmp_path, 
     monkeypatch.setattr(
         studio.jobs,
         "start",
-        lambda kind, name, words, *_: given.append(list(words)) or Job(1, kind, name, words),
+        lambda kind, name, words, *_: given.append(list(words)) or SimpleNamespace(document={}),
     )
     monkeypatch.chdir(tmp_path)
     targets = studio.state()["targets"]
@@ -272,7 +267,10 @@ def test_a_folder_is_sent_as_zip_without_what_links_lead_to(tmp_path):
     (folder / "src" / "a.h").write_text("int a;")
     (tmp_path / "secret").write_text("secret")
     (folder / "link").symlink_to(tmp_path / "secret")
-    archive = zipfile.ZipFile(io.BytesIO(zipped(folder)))
+    with serving([tmp_path]) as ready:
+        session = entered(ready.address)
+        link = ask(ready.address, "/api/link?name=made", X_Hysid=session).document["address"]
+        archive = zipfile.ZipFile(io.BytesIO(ask(ready.address, f"/{link}&download=1").body))
     assert archive.namelist() == ["made/src/a.h"]
 
 
@@ -280,6 +278,5 @@ def test_files_of_several_folders_are_refused(tmp_path):
     for name in ("a", "b"):
         (tmp_path / name).mkdir()
         (tmp_path / name / "run.csv").write_text("x")
-    with pytest.raises(InputError) as caught:
-        prepared([tmp_path / "a" / "run.csv", tmp_path / "b" / "run.csv"], 0, MODELS)
-    assert caught.value.code == "outside-folder"
+    files = [tmp_path / name / "run.csv" for name in "ab"]
+    refused(run("studio", *files), "[outside-folder]")

@@ -19,7 +19,6 @@ from scipy.io import savemat
 from benchmarks._ruggedness import bombs
 from hysteresis import InputError, read_table
 from hysteresis._limits import DAMAGE, load_arrays
-from hysteresis.records.importers._matlab import opened_hdf5
 from tests.workbooks import binary_workbook, old_workbook
 
 ROWS = "".join(f"{k},{k * k}\n" for k in range(30))
@@ -229,16 +228,6 @@ def test_values_in_other_files_are_not_read(tmp_path: Path, way: str, matlab: bo
         assert list(read_table(file).columns) == ["u"]
     else:
         refused(file, "damaged-file", "y lie in other files")
-
-
-@pytest.mark.parametrize("way", ["external", "virtual", "link"])
-def test_an_array_by_its_name_is_not_followed_either(tmp_path: Path, way: str):
-    pytest.importorskip("h5py")
-    file = hdf5(tmp_path, matlab=False, make=outside(tmp_path)[way])
-    with opened_hdf5(file.read_bytes()) as own:
-        assert len(own.array("u")) == 30
-        with pytest.raises(ValueError, match=r"link|other files"):
-            own.array("y")
 
 
 def test_arrays_of_a_small_file_that_declare_gigabytes(tmp_path: Path):

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 import hysid
-from hysteresis import InputError, Record, check_identifiable
+from hysteresis import InputError, Record, check_identifiable, read_csv
 from hysteresis.records._change import change
-from hysteresis.records._csv import turned
 
 
 def cycled(per_cycle: float, cycles: int = 8, noise: float = 0.01) -> Record:
@@ -43,14 +42,16 @@ def test_a_zero_that_moves_far_is_told_first():
     assert all(note.code != "zero-moves" for note in check_identifiable(cycled(0.05)))
 
 
-def test_a_sign_is_turned_and_said():
-    record = cycled(0.0)
-    back = turned(record, "force")
+def test_a_sign_is_turned_and_said(tmp_path):
+    record, file = cycled(0.0), tmp_path / "run.csv"
+    rows = zip(record.input, record.output, strict=True)
+    file.write_text("x,force\n" + "".join(f"{float(u)!r},{float(y)!r}\n" for u, y in rows))
+    back = read_csv(file, "x", "force", turn=["force"])
     np.testing.assert_array_equal(back.output, -record.output)
     np.testing.assert_array_equal(back.input, record.input)
     assert "Turned the sign of 'force'." in back.history
     with pytest.raises(InputError, match="'torque' is not used"):
-        turned(record, ["torque"])
+        read_csv(file, "x", "force", turn=["torque"])
     columns = {"x (mm)": record.input, "F (N)": record.output}
     fit = hysid.fit(
         columns, input="x (mm)", output="F (N)", turn="F (N)", model="LinearSponge",

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from hysteresis import InputError, read_table
-from hysteresis.records import _compiled_rows, _read_table
 
+READER = "hysteresis.records._read_table"
 ROWS = 1300
 LOOPS = [(f"{0.01 * k:.2f}", f"{k % 97 - 48}.5", f"-{k % 89}.25e-3") for k in range(ROWS)]
 HEADER = "time (s),force (N),x (mm)"
@@ -80,16 +80,16 @@ FAULTS = {
 @pytest.fixture
 def both(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """The table with the compiled parser, and without; heads and blocks are small."""
-    monkeypatch.setattr(_read_table, "HEAD", 2**13)
-    monkeypatch.setattr(_read_table, "LEAST_LINES", 420)
-    monkeypatch.setattr(_compiled_rows, "BLOCK", 2**12)
+    monkeypatch.setattr(f"{READER}.HEAD", 2**13)
+    monkeypatch.setattr(f"{READER}.LEAST_LINES", 420)
+    monkeypatch.setattr("hysteresis.records._compiled_rows.BLOCK", 2**12)
 
     def read(text: str, **asked) -> tuple[Any, Any]:
         file = tmp_path / "run.csv"
         file.write_bytes(text.encode())
         found = read_table(file, **asked)
         with monkeypatch.context() as careful:
-            careful.setattr(_read_table, "_by_its_head", lambda *_: None)
+            careful.setattr(f"{READER}._by_its_head", lambda *_: None)
             return found, read_table(file, **asked)
 
     return read
@@ -129,7 +129,7 @@ def test_what_is_not_plain_is_read_carefully(both, name: str):
 def test_a_fault_is_the_careful_readers(both, name: str, tmp_path: Path, monkeypatch):
     with pytest.raises(InputError) as caught:
         both("\n".join(FAULTS[name]))
-    monkeypatch.setattr(_read_table, "_by_its_head", lambda *_: None)
+    monkeypatch.setattr(f"{READER}._by_its_head", lambda *_: None)
     with pytest.raises(InputError) as careful:
         read_table(tmp_path / "run.csv")
     assert str(caught.value) == str(careful.value)

@@ -1,11 +1,12 @@
 """Ensembles on known densities: their draws and autocorrelation, when they stop, and what R-hat sees."""
 
+from typing import Any
+
 import arviz
 import emcee
 import numpy as np
 import pytest
 
-from identify.posterior._chains import Chains
 from identify.posterior._convergence import has_two_modes, rhat
 from identify.posterior._emcee import autocorrelation_times, sample_ensembles
 from identify.posterior._posterior import modes_of
@@ -26,7 +27,7 @@ def two_places(points: np.ndarray) -> np.ndarray:
     return np.logaddexp(-((x - 4) ** 2) / 2, -((x + 4) ** 2) / 2) - points[:, 1] ** 2 / 2
 
 
-def draw(density, steps=None, most=20_000, scale=1.0, seed=0, progress=lambda *_: None) -> Chains:
+def draw(density, steps=None, most=20_000, scale=1.0, seed=0, progress=lambda *_: None) -> Any:
     first = scale * np.random.default_rng(seed).normal(size=(4, 12, 2)) * [1.0, 10.0]
     place, root = np.array([3.0, 0.0]), np.diag([1.0, 8.0])  # roughly, and of two places one
     return sample_ensembles(density, first, place, root, seed, steps, most, KEEPS_NOTHING, progress)

@@ -14,14 +14,17 @@ from hysteresis import InputError, Preisach, Record
 from hysteresis.rigs import SpongeRig
 from identify import fit, load_posterior, sample, save, save_posterior
 from identify.internal import target
-from identify.parameters._priors import prior
-from identify.parameters._settings import Setting
 
 
 def line(noise: float = 0.1, n: int = 200) -> Record:
     u = np.abs((np.arange(n) / 25 + 1) % 2 - 1)
     y = 2 * u + 1 + np.random.default_rng(0).normal(0, noise, n)
     return Record.from_arrays(u, y)
+
+
+def asked_of(**parameters):
+    """The settings of a fit that was told these."""
+    return fit(line(), "LinearSponge", parameters=parameters, starts=1, noise="gaussian").settings
 
 
 @pytest.fixture(scope="module")
@@ -97,7 +100,7 @@ def kept(line_fit, tmp_path_factory) -> Path:
         ),
         (
             "priors",
-            lambda fit: replace(fit, settings={"K": Setting(prior=prior("normal(2, 1)"))}),
+            lambda fit: replace(fit, settings=asked_of(K={"prior": "normal(2, 1)"})),
             {},
         ),
         ("seed", lambda fit: fit, {"seed": 1}),
@@ -150,7 +153,7 @@ def test_what_was_drawn_before_ctrl_c_is_the_result(line_fit, tmp_path) -> None:
 
 
 def test_nothing_free_is_nothing_to_sample(line_fit) -> None:
-    fixed = {name: Setting(fixed=True) for name in ("K", "b", "threshold")}
+    fixed = asked_of(K={"fixed": True}) | asked_of(b={"fixed": True})
     with pytest.raises(InputError) as error:
         sample(replace(line_fit, settings=fixed))
     assert error.value.code == "nothing-free"
