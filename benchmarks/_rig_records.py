@@ -4,7 +4,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hysteresis.rigs import ArmorRig, ChannelGeometryRig, FoamBlock, force_path
+from hysteresis.internal import ChannelGeometryRig, FoamBlock, force_path
+from hysteresis.rigs import ArmorRig
 from hysteresis.rigs._foam_block import MIXED_CYCLES
 
 READING_NOISE = 0.05  # mm

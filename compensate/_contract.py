@@ -10,10 +10,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 from numpy.typing import ArrayLike
 
-from hysteresis import Record, Units
+from hysteresis import Record
 from hysteresis._drawing import html_of, plot_of
 from hysteresis._precision import in_own_precision, keep_precision
-from hysteresis._quantities import as_units
+from hysteresis._quantities import Units, as_units
 from hysteresis._show import one_line, table
 from hysteresis._type_variables import PyTree, State
 

@@ -4,7 +4,8 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from hysteresis import AbstractModel, InputError, parameters, with_units
+from hysteresis import AbstractModel, InputError, parameters
+from hysteresis._quantities import with_units
 
 from ._contract import AbstractCompensator
 from .guards._guarded import GuardedCompensator, within_of
@@ -23,7 +24,7 @@ def invert(
     beyond: str = "limit",
     start: str = "known",
     longest: float | None = None,
-    past: Past | None = None,
+    past: tuple[ArrayLike | None, ArrayLike] | None = None,
     deviation: float = 0.0,
     seen: tuple[float, float] | None = None,
 ) -> AbstractCompensator:
@@ -42,8 +43,9 @@ def invert(
       "free" (as they are). Their status is EXTRAPOLATED.
     - `start`: "known": the first sample follows the model's virgin state. "unknown": the status is
       RUN_IN until the readings have replaced what is unknown, see `GuardedCompensator`.
-    - `past`: times and inputs of the training rows, which bound what an unknown start can be, and lead
-      through the states in which the output has to rise with the input. A model without rates needs none.
+    - `past`: (times, inputs) of the training rows, which bound what an unknown start can be, and lead
+      through the states in which the output has to rise with the input. A model without rates needs none,
+      or no times.
     - `deviation`: of usual estimates, in the input's unit; 0 where none is stated.
     - `seen`: the least and the greatest reading of the training rows.
     - `longest`: with `trained`, the longest time between two readings; a longer one is taken for it.
@@ -87,11 +89,14 @@ def invert(
             )
         return inverse if units is None else with_units(inverse, units)
     low, high = trained
-    if past is not None:
-        require_rising(inverse, model, low, high, past)
+    history = None if past is None else Past(*past)
+    if history is not None:
+        require_rising(inverse, model, low, high, history)
     others: tuple[Start, ...] = ()
     if start == "unknown":
-        others = starts_of(inverse, model, low, high, past, float(within_of(deviation, low, high)))
+        others = starts_of(
+            inverse, model, low, high, history, float(within_of(deviation, low, high))
+        )
     guarded = GuardedCompensator(
         inverse, low, high, beyond, others, deviation, seen, longest=longest
     )

@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 
 import identify
-from compensate import AbstractCompensator, CalibratedCompensator, Past, calibrated
+from compensate import AbstractCompensator, calibrated
 from compensate import invert as invert_model
 from compensate.guards._guarded import longest_step
+from compensate.guards._run_in import Past
 from compensate.uncertainty._band_words import in_words, of_words
-from compensate.uncertainty._calibrated import LeftOut, checked
+from compensate.uncertainty._calibrated import CalibratedCompensator, LeftOut, checked
 from hysteresis import AbstractModel, Record
 from hysteresis._precision import in_own_precision
 from hysteresis._serialisation import described

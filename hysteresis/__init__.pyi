@@ -10,9 +10,6 @@ from ._note import Note as Note
 from ._parameter import Scalar as Scalar
 from ._parameter import parameter as parameter
 from ._parameter import parameters as parameters
-from ._quantities import Units as Units
-from ._quantities import conversion as conversion
-from ._quantities import with_units as with_units
 from ._registry import model_names as model_names
 from ._registry import register as register
 from .dynamics._feedback import Feedback as Feedback
@@ -37,7 +34,6 @@ from .models._degrading_bouc_wen import Pinching as Pinching
 from .models._drift import CyclicDrift as CyclicDrift
 from .models._drift import TimeDrift as TimeDrift
 from .models._duhem import DuhemOperator as DuhemOperator
-from .models._extrapolation import extended as extended
 from .models._foam_curve import FoamCurve as FoamCurve
 from .models._linear_sponge import LinearSponge as LinearSponge
 from .models._mixture import Mixture as Mixture
@@ -50,8 +46,6 @@ from .models._softening import Softening as Softening
 from .models._velocity_friction import VelocityFriction as VelocityFriction
 from .preisach import Preisach as Preisach
 from .records._csv import read_csv as read_csv
-from .records._excitation import check_identifiable as check_identifiable
-from .records._excitation import loop_direction as loop_direction
 from .records._read_table import read_table as read_table
 from .records._record import Record as Record
 from .records._row_blocks import row_blocks as row_blocks

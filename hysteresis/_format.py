@@ -32,7 +32,7 @@ def plain(value: Any) -> Any:
 
     **Example:**
 
-        >>> plain({"rms": np.float64(0.5), "ends": (1.0, np.nan)})
+        >>> identify.internal.plain({"rms": np.float64(0.5), "ends": (1.0, np.nan)})
         {'rms': 0.5, 'ends': [1.0, None]}
     """
     if isinstance(value, dict):

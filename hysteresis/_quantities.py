@@ -38,7 +38,7 @@ class Units(NamedTuple):
 
     **Example:**
 
-        >>> hysteresis.Units("N", "mm").reversed
+        >>> hysteresis.internal.Units("N", "mm").reversed
         Units(input='mm', output='N', time='s')
     """
 
@@ -63,9 +63,9 @@ def conversion(unit: str, wanted: str) -> float | None:
 
     **Example:**
 
-        >>> hysteresis.conversion("gf", "N"), hysteresis.conversion("inch", "mm")
+        >>> hysteresis.internal.conversion("gf", "N"), hysteresis.internal.conversion("inch", "mm")
         (0.00980665, 25.4)
-        >>> hysteresis.conversion("mm", "N") is None
+        >>> hysteresis.internal.conversion("mm", "N") is None
         True
     """
     if unit == wanted:
@@ -90,8 +90,9 @@ def with_units(module: Module, units: Units | None, trained: Any = None) -> Modu
 
     **Example:**
 
+        >>> from hysteresis.internal import Units, with_units
         >>> sponge = hysteresis.LinearSponge(K=0.05, b=0.2)
-        >>> hysteresis.with_units(sponge, hysteresis.Units("kgf", "cm"), (0.2, 2.0)).units.output
+        >>> with_units(sponge, Units("kgf", "cm"), (0.2, 2.0)).units.output
         'cm'
     """
     new: Any = object.__new__(type(module))

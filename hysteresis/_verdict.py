@@ -22,7 +22,7 @@ class Verdict(NamedTuple):
 
     **Example:**
 
-        >>> verdict = identify.Verdict("PASS", (hysteresis.Note("error", "The error is 1 %."),))
+        >>> verdict = identify.internal.Verdict("PASS", (hysteresis.Note("error", "The error is 1 %."),))
         >>> verdict = verdict.at_most("CAUTION", hysteresis.Note("no-test", "Nothing was held out."))
         >>> verdict.level, verdict.codes
         ('CAUTION', ('error', 'no-test'))

@@ -1,7 +1,5 @@
 """The public names of identify: type checkers read them here, and `__init__.py` loads each from here."""
 
-from hysteresis._verdict import Verdict as Verdict
-
 from . import internal as internal
 from .batch._fit_many import fit_many as fit_many
 from .calibration._excitation_design import design_excitation as design_excitation
@@ -32,7 +30,6 @@ from .linear._density_fit import fit_density as fit_density
 from .linear._density_fit import fit_density_in_blocks as fit_density_in_blocks
 from .linear._preisach_excitation import design as design
 from .linear._preisach_excitation import identifiability as identifiability
-from .posterior._posterior import Posterior as Posterior
 from .posterior._predictive import LEVELS as LEVELS
 from .posterior._predictive import predictive as predictive
 from .posterior._sample import sample as sample

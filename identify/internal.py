@@ -5,6 +5,7 @@ they may change with any release.
 """
 
 from hysteresis._format import plain as plain
+from hysteresis._verdict import Verdict as Verdict
 
 from .baselines._backwards import backwards as backwards
 from .calibration._calibrate import calibrate as calibrate
@@ -30,6 +31,7 @@ from .linear._preisach_excitation import Identifiability as Identifiability
 from .linear._preisach_excitation import excited_cells as excited_cells
 from .noise._residual_statistics import estimate_noise as estimate_noise
 from .posterior._log_posterior import target as target
+from .posterior._posterior import Posterior as Posterior
 from .records._folds import block_errors as block_errors
 from .records._folds import root_difference as root_difference
 from .records._run_model import predict as predict

@@ -7,13 +7,8 @@ from typing import Any
 import numpy as np
 from scipy import integrate, stats
 
-from hysteresis.preisach import (
-    GaussianDensity,
-    GridDensity,
-    LogNormalDensity,
-    LorentzianDensity,
-    SumDensity,
-)
+from hysteresis.internal import LogNormalDensity, SumDensity
+from hysteresis.preisach import GaussianDensity, GridDensity, LorentzianDensity
 
 CELLS = 5
 Coercive = GaussianDensity | LorentzianDensity | LogNormalDensity

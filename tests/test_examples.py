@@ -39,17 +39,18 @@ import pytest
 
 import compensate
 import compensate.armor
+import compensate.internal
 import compensate.microchannel
 import compensate.runtime
 import hysid
 import hysid.plots
 import hysteresis
 import hysteresis.curves
-import hysteresis.networks
+import hysteresis.internal
 import hysteresis.preisach
 import hysteresis.rigs
 import identify
-from compensate.armor._calibration import planned_presses
+from compensate.armor import planned_presses
 from hysid.soft_sensor._sensor import Quantity, SoftSensor, save_sensor
 from identify.internal import Forc
 from tests.test_docs import tool
@@ -57,6 +58,13 @@ from tests.test_docs import tool
 DATASETS = Path(__file__).parents[1] / "datasets"
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 PUBLIC: dict[str, Any] = tool("public").public_names()
+INTERNAL = {
+    f"{package.__name__}.{name}": value
+    for package in (hysteresis.internal, compensate.internal, identify.internal)
+    for name, value in vars(package).items()
+    if getattr(value, "__module__", "").partition(".")[0]
+    in ("hysteresis", "identify", "compensate")
+}
 PREPARED: dict[str, Callable[[], Any]] = {}
 
 
@@ -116,7 +124,7 @@ def shaken_fit() -> identify.FitResult:
 
 
 @prepared
-def posterior() -> identify.Posterior:
+def posterior() -> identify.internal.Posterior:
     """A short run of the sampler on `fit`."""
     return identify.sample(fit(), steps=100, seed=0)
 
@@ -199,16 +207,16 @@ def planned() -> compensate.armor.Presses:
 
 
 @prepared
-def channels() -> compensate.microchannel.ChannelSensor:
+def channels() -> compensate.internal.ChannelSensor:
     """Two layers under two contacts that both follow `model`."""
-    return compensate.microchannel.ChannelSensor([model(), model()], [[1.0, 0.5], [0.5, 1.0]])
+    return compensate.internal.ChannelSensor([model(), model()], [[1.0, 0.5], [0.5, 1.0]])
 
 
 @prepared
-def estimator() -> compensate.microchannel.ForceEstimator:
+def estimator() -> compensate.internal.ForceEstimator:
     """Force from a reading of `model`, up to 6 N, by its inverse."""
-    backwards = compensate.microchannel.BackwardsModel(compensator())
-    return compensate.microchannel.ForceEstimator(backwards, 0.05, 6.0)
+    backwards = compensate.internal.BackwardsModel(compensator())
+    return compensate.internal.ForceEstimator(backwards, 0.05, 6.0)
 
 
 def alone(place: str) -> list[hysid.ForceRecord]:
@@ -256,7 +264,7 @@ def sensor_folder() -> Path:
     """A folder as `hysid microchannel train` writes it, with an estimator of the place of `presses`."""
     localizer = compensate.microchannel.Localizer.train(presses().reading, presses().location)
     layers = Quantity("layer 1", "V"), Quantity("layer 2", "V")
-    readout = compensate.microchannel.Readout(channels=2)
+    readout = compensate.internal.Readout(channels=2)
     return save_sensor(SoftSensor(layers, readout, localizer=localizer), Path(mkdtemp()))
 
 
@@ -286,7 +294,7 @@ def examples(value: Any) -> Iterator[tuple[str, str]]:
 
 WITH = {
     f"{name}.{member}".rstrip("."): text
-    for name, value in PUBLIC.items()
+    for name, value in (INTERNAL | PUBLIC).items()
     for member, text in examples(value)
 }
 

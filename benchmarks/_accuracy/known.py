@@ -11,9 +11,10 @@ from pathlib import Path
 import numpy as np
 
 import hysid
-from compensate import Past, Status, invert
+from compensate import Status, invert
 from hysid.intake._selection import Selection
-from hysteresis import InputError, Record, read_csv, with_units
+from hysteresis import InputError, Record, read_csv
+from hysteresis.internal import with_units
 from hysteresis.records._csv import with_known
 from identify.records._from_known import by_sequence, sequence_error
 from tests.problems import PROBLEMS, Problem, random_histories
@@ -77,7 +78,7 @@ def _is_sound(problem: Problem) -> bool | None:
     model = with_units(problem.model(1), None, (problem.low, problem.high))
     y, ends = np.asarray(model.simulate(t, u)), (problem.low, problem.high)
     try:
-        guard = invert(model, trained=ends, start="unknown", past=Past(t, u), deviation=span / 100)
+        guard = invert(model, trained=ends, start="unknown", past=(t, u), deviation=span / 100)
         state = guard.state_from(t[own], u[own], y[own])
         return bool(guard.simulate(t[LAST:], y[LAST:], state).status[0] == Status.OK)
     except InputError as error:

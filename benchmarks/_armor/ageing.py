@@ -13,7 +13,7 @@ from jaxtyping import Float
 import hysid
 import identify
 from hysteresis import Record
-from hysteresis.rigs import FoamBlock, force_path
+from hysteresis.internal import FoamBlock, force_path
 
 from .._measure import Row, judged, noted
 

@@ -6,7 +6,8 @@ import numpy as np
 import scipy
 
 from hysteresis import InputError, Record
-from hysteresis.rigs import ArmorRig, ChannelGeometryRig, FoamBlock, GaugeSensor, force_path
+from hysteresis.internal import ChannelGeometryRig, FoamBlock, GaugeSensor, force_path
+from hysteresis.rigs import ArmorRig
 from identify import fit
 from identify.fitting._candidates import names
 

@@ -9,10 +9,12 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 import hysid
-from compensate import CalibratedCompensator, estimate
+from compensate import estimate
+from compensate.internal import CalibratedCompensator
 from hysteresis import Record
+from hysteresis.internal import FoamBlock
 from hysteresis.numerics._normal import NORMAL_95
-from hysteresis.rigs import FoamBlock, SpongeRig
+from hysteresis.rigs import SpongeRig
 
 from .._measure import Row, noted
 from .._rig_records import READING_NOISE, Sheet, mixed_cycles, one_place

@@ -22,8 +22,8 @@ from hysteresis import (
     Record,
     StandardLinearSolid,
 )
-from identify import FitResult, Posterior, fit, sample, save, save_posterior
-from identify.internal import read_document
+from identify import FitResult, fit, sample, save, save_posterior
+from identify.internal import Posterior, read_document
 
 from .._measure import Row, judged
 

@@ -117,7 +117,7 @@ class _Count:
         self.pulls: dict[tuple[str, str], list[float]] = {}
         self.records = self.unidentified = self.open = self.converged = 0
 
-    def add(self, one: Truth, fit: identify.FitResult, drawn: identify.Posterior) -> None:
+    def add(self, one: Truth, fit: identify.FitResult, drawn: identify.internal.Posterior) -> None:
         """A record, its fit and its posterior."""
         self.records += 1
         self.converged += drawn.converged

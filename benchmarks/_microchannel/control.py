@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hysteresis.rigs import ForceLoopRig, MicrochannelRig
+from hysteresis.rigs import MicrochannelRig
 
 from .._measure import Row, judged, means, noted
 from .feedback import (
@@ -26,6 +26,7 @@ from .feedback import (
     by_network,
     calibration,
 )
+from .force_loop import ForceLoopRig
 
 KP, KI, WINDUP_N = 0.5, 60.0, 4.0
 """Of the controller: 1, 1/s and N. Chosen with the true force fed back."""

@@ -13,17 +13,14 @@ import scipy.signal
 
 import hysid
 from compensate import export_runtime, invert
-from compensate.microchannel import (
-    ChannelSensor,
-    ForceEstimator,
-    MotionFilter,
-    MultiContactEstimator,
-)
+from compensate.internal import ChannelSensor, ForceEstimator, MotionFilter, MultiContactEstimator
 from compensate.runtime import load
 from hysid.reproduction._skin import FORCE, off_of, train_staircase
 from hysteresis import AbstractModel, GeneralizedKelvinVoigt, Record, Series
-from hysteresis.networks import StaircaseNetwork
-from hysteresis.rigs import ChannelStream, MicrochannelRig
+from hysteresis.internal import StaircaseNetwork
+from hysteresis.rigs import MicrochannelRig
+
+from .force_loop import ChannelStream
 
 DT, HIGH_N, HELD_N = 0.001, 9.0, 7.8
 CALIBRATED_S, EVERY = 120.0, 20

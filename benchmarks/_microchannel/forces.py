@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from compensate.microchannel import EverettNetwork
+from compensate.internal import EverettNetwork
 from hysid.reproduction._skin import (
     DELAY,
     HIGH_N,
@@ -20,7 +20,8 @@ from hysid.reproduction._skin import (
     records,
 )
 from hysid.reproduction._skin_pair import SkinPair, error, found_peaks
-from hysteresis.rigs import MicrochannelRig, ResistiveReadout
+from hysteresis.internal import ResistiveReadout
+from hysteresis.rigs import MicrochannelRig
 from identify.internal import train
 from identify.training._train import Trained
 

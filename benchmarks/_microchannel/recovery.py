@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 import hysid
 from compensate import Status
-from compensate.microchannel import ChannelSensor, MotionFilter, MultiContactEstimator
+from compensate.internal import ChannelSensor, MotionFilter, MultiContactEstimator
 from hysteresis import Record
 
 from .._measure import Row, judged, noted

@@ -9,10 +9,11 @@ from typing import Any
 import jax
 import numpy as np
 
-from compensate.microchannel import EverettNetwork, ForceEstimator, export_force
+from compensate.internal import EverettNetwork, ForceEstimator
+from compensate.microchannel import export_force
 from compensate.runtime import load
 from hysteresis import AbstractModel
-from hysteresis.networks import StaircaseNetwork
+from hysteresis.internal import StaircaseNetwork
 from hysteresis.rigs import MicrochannelRig
 
 from .._measure import Row, judged, noted

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from compensate.microchannel import ForceEstimator, MultiContactEstimator, gains_in_use
+from compensate.internal import ForceEstimator, MultiContactEstimator, gains_in_use
 from hysid.reproduction._skin import FORCE, HIGH_N, NOISE_V, off_of, rms, train_staircase
 from hysid.reproduction._skin_pair import train_channels
 from hysid.soft_sensor._force_records import ForceRecord

@@ -8,7 +8,7 @@ import numpy as np
 
 from hysid.reproduction._skin import READING
 from hysid.soft_sensor._force_networks import BATCH, staircase_squares
-from hysteresis.networks import StaircaseNetwork
+from hysteresis.internal import StaircaseNetwork
 from hysteresis.rigs import MicrochannelRig
 from identify.internal import train
 

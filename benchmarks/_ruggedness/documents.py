@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 
 import identify
 from compensate import export_runtime
-from compensate.microchannel import EverettNetwork, ForceEstimator, Localizer, Readout
+from compensate.internal import EverettNetwork, ForceEstimator, Readout
+from compensate.microchannel import Localizer
 from compensate.runtime import FileError, load
 from compensate.runtime._file import checksum
 from hysid.soft_sensor._sensor import ARRAYS, WORDS, Quantity, SoftSensor, load_sensor, save_sensor

@@ -5,7 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hysteresis import InputError, Record, check_identifiable
+from hysteresis import InputError, Record
+from hysteresis.internal import check_identifiable
 from hysteresis.records._cycles import noise_level
 from hysteresis.records._zero import _parts, _shift, lost_contact, zero_drift, zero_jumps
 

@@ -11,14 +11,16 @@ from typing import NamedTuple
 import numpy as np
 
 import identify
-from compensate import CalibratedCompensator, estimate
+from compensate import estimate
+from compensate.internal import CalibratedCompensator
 from hysid import invert
 from hysid.commands._asked import Export, Fit, Predict, Qualify
 from hysid.commands._demo import demo_data
 from hysid.intake._selection import Selection
 from hysteresis import Record
+from hysteresis.internal import FoamBlock
 from hysteresis.numerics._normal import NORMAL_95
-from hysteresis.rigs import FoamBlock, SpongeRig
+from hysteresis.rigs import SpongeRig
 
 from .. import _other_rigs as others
 from .._measure import Row, judged, noted, said

@@ -20,7 +20,8 @@ from hysid.reproduction._armor import nonlinearity
 from hysid.reproduction._armor_paper import STRONGLY
 from hysid.reproduction._skin_paper import PAPER
 from hysteresis import BoucWen, LinearSponge, PrandtlIshlinskii
-from hysteresis.rigs import ArmorRig, FoamBlock, ForceSensor, GaugeSensor, force_path
+from hysteresis.internal import FoamBlock, ForceSensor, GaugeSensor, force_path
+from hysteresis.rigs import ArmorRig
 from hysteresis.rigs._foam_block import _State
 from hysteresis.rigs._force_sensors import _SLIPS
 

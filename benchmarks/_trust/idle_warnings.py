@@ -10,7 +10,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from hysid.intake._selection import Selection
-from hysteresis import InputError, Record, check_identifiable
+from hysteresis import InputError, Record
+from hysteresis.internal import check_identifiable
 
 from .. import _other_rigs
 from .._measure import Row, judged, noted

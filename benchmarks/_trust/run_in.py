@@ -8,13 +8,13 @@ import numpy as np
 
 import hysid
 import identify
-from compensate import Past, Status, calibrated, invert, runtime
+from compensate import Status, calibrated, invert, runtime
 from compensate.guards._guarded import UNSTATED
 from hysid.commands._asked import Export
 from hysid.commands._demo import demo_data
 from hysteresis import Preisach, Record
+from hysteresis.internal import FoamBlock
 from hysteresis.preisach import GaussianDensity
-from hysteresis.rigs import FoamBlock
 from tests.problems import INVERTIBLE
 
 from .._measure import Row, judged, noted
@@ -112,10 +112,10 @@ def _false(models: int, starts: int) -> list[Row]:
     for problem in INVERTIBLE[:: max(len(INVERTIBLE) // models, 1)][:models]:
         model, random = problem.model(), np.random.default_rng(4)
         low, high, t = problem.low, problem.high, np.arange(2.0 * ROWS)
-        past = Past(t[:ROWS], _walk(random, low, high, ROWS))
+        past = (t[:ROWS], _walk(random, low, high, ROWS))
         y = np.asarray(model.simulate(*past))
         sigma = NOISE * float(np.ptp(y))
-        record = Record.from_arrays(past.inputs, y + sigma * random.standard_normal(ROWS), t[:ROWS])
+        record = Record.from_arrays(past[1], y + sigma * random.standard_normal(ROWS), t[:ROWS])
         band = calibrated(invert(model, trained=(low, high)), record)
         stated = UNSTATED * (high - low), float(np.median(np.asarray(band.error)))
         alone, own = (

@@ -2,13 +2,10 @@
 
 from ..runtime._contact_status import ContactStatus as ContactStatus
 from ._armor import Armor as Armor
-from ._armor import UncertainArmor as UncertainArmor
 from ._calibration import Presses as Presses
 from ._calibration import planned_presses as planned_presses
-from ._calibration import with_slip as with_slip
 from ._cover import Bumps as Bumps
 from ._cover import Cover as Cover
-from ._cover import Grid as Grid
 from ._export import export_armor as export_armor
 from ._mesh import Mesh as Mesh
 from ._mesh import forearm as forearm
@@ -18,5 +15,4 @@ from ._shapes import Convex as Convex
 from ._solver import ContactSolver as ContactSolver
 from ._solver import ContactStream as ContactStream
 from ._wrench import Motion as Motion
-from ._wrench import Slip as Slip
 from ._wrench import WristSensor as WristSensor

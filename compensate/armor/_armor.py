@@ -106,7 +106,7 @@ class UncertainArmor(eqx.Module):
 
         >>> offset = lambda each: each.solver.cover.compensator.b
         >>> draws = eqx.tree_at(offset, armor, jnp.array([6.0, 6.2, 6.4]))
-        >>> uncertain = compensate.armor.UncertainArmor(armor, draws, np.full(6, 0.01))
+        >>> uncertain = compensate.internal.UncertainArmor(armor, draws, np.full(6, 0.01))
         >>> uncertain.solve([0.0, 0.0, -10.0, 0.0, 0.0, 0.0]).draws.point.shape
         (3, 3)
     """

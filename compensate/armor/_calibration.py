@@ -220,7 +220,7 @@ def with_slip(armor: Armor, presses: Presses, full_scale: ArrayLike, rounds: int
 
     **Example:**
 
-        >>> found = compensate.armor.with_slip(armor, planned, np.repeat([50.0, 12.0], 3))
+        >>> found = compensate.internal.with_slip(armor, planned, np.repeat([50.0, 12.0], 3))
         >>> found.sensor.slip.weights.shape
         (6, 36, 3)
     """
@@ -282,6 +282,7 @@ class _SlipProblem:
 
 
 def missed_of(armor: Armor, press: Presses) -> Missed:
+    """By how much the armor misses what was read of one press."""
     normal = _normal(armor, press)
     offset = armor.solver.shape.faces().offset[press.surface - 1]
     modelled = _modelled(armor, press, normal)

@@ -9,18 +9,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 from numpy.typing import ArrayLike
 
-from hysteresis import (
-    AbstractModel,
-    FoamCurve,
-    InputError,
-    LinearSponge,
-    Scalar,
-    Units,
-    conversion,
-    parameter,
-)
+from hysteresis import AbstractModel, FoamCurve, InputError, LinearSponge, Scalar, parameter
 from hysteresis._parameter import is_concrete
-from hysteresis._quantities import FORCE, LENGTH, TIME
+from hysteresis._quantities import FORCE, LENGTH, TIME, Units, conversion
 from hysteresis._type_variables import PyTree
 
 from .. import _traced as traced
@@ -94,7 +85,7 @@ class Grid(AbstractField):
     **Example:**
 
         >>> values = np.tile([[1.0, 1.2], [1.4, 1.6]], (5, 1, 1))
-        >>> factor = compensate.armor.Grid(values, box.centres(), box.axes())
+        >>> factor = compensate.internal.Grid(values, box.centres(), box.axes())
         >>> round(float(factor(jnp.array(1), box.centres()[0])), 6)
         1.3
     """

@@ -98,7 +98,7 @@ class Slip(eqx.Module):
 
     **Example:**
 
-        >>> slip = compensate.armor.Slip(np.full(6, 50.0))
+        >>> slip = compensate.internal.Slip(np.full(6, 50.0))
         >>> slip.weights.shape
         (6, 36, 3)
     """

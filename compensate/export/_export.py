@@ -11,8 +11,9 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hysteresis import AbstractModel, InputError, Oscillator, conversion
+from hysteresis import AbstractModel, InputError, Oscillator
 from hysteresis._atomic_file import write_whole
+from hysteresis._quantities import conversion
 from hysteresis.laws import announced
 from hysteresis.models._conditioned import condition_of
 from hysteresis.records._branch_rows import STILL
@@ -23,7 +24,6 @@ from .._contract import AbstractCompensator
 from .._invert import invert
 from ..guards._guarded import GuardedCompensator
 from ..guards._guarded import longest_step as longest_step
-from ..guards._run_in import Past
 from ..inverses._law import goes_back_only, stable_step
 from ..recalibration._adaptive import AdaptiveCompensator
 from ..runtime._compensator import KIND
@@ -184,7 +184,7 @@ class Program:
         trained: tuple[float, float] | None = None,
         beyond: str = "limit",
         start: str = "known",
-        past: Past | None = None,
+        past: tuple[ArrayLike | None, ArrayLike] | None = None,
         deviation: float = 0.0,
         seen: tuple[float, float] | None = None,
         origin: Origin | None = None,
@@ -205,7 +205,7 @@ class Program:
         else:
             if past is None and start == "unknown" and times is not None:
                 known = invert(model).simulate(np.asarray(times, float), np.asarray(readings))
-                past = Past(times, known.value)
+                past = (times, known.value)
             compensator = invert(
                 model, trained=trained, beyond=beyond, start=start, past=past, deviation=deviation,
                 seen=seen,

@@ -32,13 +32,7 @@ WAY = 16
 
 
 class Past(NamedTuple):
-    """What a specimen has been through: times, None without rates, and inputs, (samples,).
-
-    **Example:**
-
-        >>> compensate.Past(t, u).inputs.shape
-        (13,)
-    """
+    """What a specimen has been through: times, None without rates, and inputs, (samples,)."""
 
     times: ArrayLike | None
     inputs: ArrayLike

@@ -65,7 +65,7 @@ class BracketedCompensator(AbstractCompensator[BracketedState, Estimate]):
 
     **Example:**
 
-        >>> search = compensate.BracketedCompensator(model, -10.0, 10.0)
+        >>> search = compensate.internal.BracketedCompensator(model, -10.0, 10.0)
         >>> search.simulate(t, model.simulate(t, u)).value.round(6).tolist() == u.tolist()
         True
     """

@@ -38,7 +38,7 @@ class EverettNetwork(AbstractFollowingModel[Any, Any]):
     **Example:**
 
         >>> options = {"high": 6.0, "force": 3.0, "times": (), "cells": 8}
-        >>> start = compensate.microchannel.EverettNetwork.random(jax.random.key(0), **options)
+        >>> start = compensate.internal.EverettNetwork.random(jax.random.key(0), **options)
         >>> start.simulate(None, u).shape
         (13,)
     """

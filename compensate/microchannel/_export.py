@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hysteresis import AbstractModel, InputError, Series
-from hysteresis.networks import StaircaseNetwork
+from hysteresis.models._staircase_network import StaircaseNetwork
 
 from ..export._document import write
 from ..export._export import DEEP, Quantity, deepest, has_rates, longest_step

@@ -9,9 +9,10 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
-from hysteresis import AbstractModel, InputError, Units, conversion, register
+from hysteresis import AbstractModel, InputError, register
 from hysteresis._model import AbstractFollowingModel
 from hysteresis._parameter import is_concrete
+from hysteresis._quantities import Units, conversion
 from hysteresis._type_variables import PyTree
 
 from .._contract import AbstractCompensator, Status
@@ -43,7 +44,7 @@ class BackwardsModel(AbstractFollowingModel[Any, BackwardsInput]):
 
     **Example:**
 
-        >>> backwards = compensate.microchannel.BackwardsModel(compensator)
+        >>> backwards = compensate.internal.BackwardsModel(compensator)
         >>> backwards.simulate(t, model.simulate(t, u)).round(6).tolist() == u.tolist()
         True
     """
@@ -117,8 +118,8 @@ class ForceEstimator(AbstractCompensator[ForceState, UncertainEstimate]):
 
     **Example:**
 
-        >>> backwards = compensate.microchannel.BackwardsModel(compensator)
-        >>> found = compensate.microchannel.ForceEstimator(backwards, deviation=0.05, high=5.0)
+        >>> backwards = compensate.internal.BackwardsModel(compensator)
+        >>> found = compensate.internal.ForceEstimator(backwards, deviation=0.05, high=5.0)
         >>> found.simulate(t, model.simulate(t, u)).value[4:8].round(6).tolist()
         [4.0, 5.0, 5.0, 5.0]
     """

@@ -51,7 +51,7 @@ def gains_in_use(
         >>> one, none = np.linspace(0.0, 3.0, 100), np.zeros(100)
         >>> signals = np.column_stack([np.r_[one, none], np.r_[none, one]])
         >>> readings = signals @ np.array([[1.1, 0.5], [0.4, 1.1]]).T
-        >>> compensate.microchannel.gains_in_use(readings, [[1.0, 0.6], [0.5, 1.0]]).round(2).tolist()
+        >>> compensate.internal.gains_in_use(readings, [[1.0, 0.6], [0.5, 1.0]]).round(2).tolist()
         [[1.05, 0.48], [0.38, 1.06]]
     """
     z, given = np.asarray(readings, float), np.asarray(known, float)

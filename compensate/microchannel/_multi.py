@@ -100,7 +100,7 @@ class MotionFilter(eqx.Module):
 
     **Example:**
 
-        >>> motion = compensate.microchannel.MotionFilter(high=6.0, ways=4)
+        >>> motion = compensate.internal.MotionFilter(high=6.0, ways=4)
         >>> motion.init(channels).covariance.shape
         (4, 4, 4)
     """
@@ -170,7 +170,7 @@ class ChannelSensor(AbstractSensor[tuple[PyTree, ...]]):
 
     **Example:**
 
-        >>> sensor = compensate.microchannel.ChannelSensor([model, model], [[1.0, 0.5], [0.5, 1.0]])
+        >>> sensor = compensate.internal.ChannelSensor([model, model], [[1.0, 0.5], [0.5, 1.0]])
         >>> reading, slope = sensor.look(sensor.init(), jnp.array(0.0), jnp.array([2.0, 0.0]))
         >>> np.asarray(reading).round(2).tolist()
         [2.7, 1.35]
@@ -269,8 +269,8 @@ class MultiContactEstimator(AbstractStreamed[MultiContactState, ContactForces]):
 
     **Example:**
 
-        >>> motion = compensate.microchannel.MotionFilter(high=6.0, ways=3)
-        >>> both = compensate.microchannel.MultiContactEstimator(channels, [0.01, 0.01], motion)
+        >>> motion = compensate.internal.MotionFilter(high=6.0, ways=3)
+        >>> both = compensate.internal.MultiContactEstimator(channels, [0.01, 0.01], motion)
         >>> y = np.asarray(model.simulate(t, u))  # the first contact alone is pressed
         >>> both.simulate(0.1 * t, np.column_stack([y, 0.5 * y])).value[4].round(1).tolist()
         [4.0, 0.0]

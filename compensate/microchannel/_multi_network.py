@@ -38,7 +38,7 @@ class ForceNetwork(eqx.Module):
 
     **Example:**
 
-        >>> start = compensate.microchannel.ForceNetwork.random(jax.random.key(0), hidden=6, depth=1)
+        >>> start = compensate.internal.ForceNetwork.random(jax.random.key(0), hidden=6, depth=1)
         >>> start(jnp.zeros((13, 20))).shape
         (13, 2)
     """
@@ -141,7 +141,7 @@ class SearchEstimator(AbstractStreamed[SearchState, Array]):
     **Example:**
 
         >>> networks = [lambda F: F[:, -1:] * jnp.array([[1.0, 0.5]])]
-        >>> search = compensate.microchannel.SearchEstimator(networks)
+        >>> search = compensate.internal.SearchEstimator(networks)
         >>> search.simulate(None, np.array([[0.3, 0.15], [0.6, 0.3]])).round(6).tolist()
         [[0.3], [0.6]]
     """

@@ -80,7 +80,7 @@ class Readout(AbstractStreamed[ReadoutState, Changes]):
 
     **Example:**
 
-        >>> readout = compensate.microchannel.Readout(channels=2)
+        >>> readout = compensate.internal.Readout(channels=2)
         >>> readout.channels
         2
     """

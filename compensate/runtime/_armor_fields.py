@@ -47,7 +47,7 @@ def bump(
 
 
 def bilinear(o: Arithmetic, values: Items, centre: Numbers, axes: Items, point: Numbers) -> Real:
-    """`compensate.armor.Grid` on one surface."""
+    """`compensate.internal.Grid` on one surface."""
     away = moved(point, -1.0, centre)
     (i, u), (j, v) = (
         o.cell(o.clip(dot(way, away) / dot(way, way), -1.0, 1.0), cells - 1)

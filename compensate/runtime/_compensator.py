@@ -134,7 +134,7 @@ class Compensator:
 
     @property
     def advice(self) -> int:
-        """Why a calibration is needed now, a `compensate.Advice`; 0 where none is, or it does not learn."""
+        """Why a calibration is needed now, see `adaptive`; 0 where none is, or it does not learn."""
         return 0 if self._learner is None else self._learner[0].advice(*self._learner[1:])
 
     @property

@@ -27,7 +27,7 @@ class ContactForces(NamedTuple):
 
 
 class MultiContactEstimator:
-    """Forces of several contacts, as `compensate.microchannel.MultiContactEstimator`, without JAX.
+    """Forces of several contacts, as `compensate.internal.MultiContactEstimator`, without JAX.
 
     - `title`; `channels`: name and unit of every reading; `contacts`: name and unit of every force.
     - `longest`, s: the longest time between two readings that the export saw; longer ones are taken for it.
@@ -43,7 +43,7 @@ class MultiContactEstimator:
         self.longest: float = document.get("longest") or LONGEST
         self._sensor = _Channels(document)
         self._noise = [float(sigma) ** 2 for sigma in document["reading_sigma"]]
-        # As a `compensate.microchannel.MotionFilter`.
+        # As a `compensate.internal.MotionFilter`.
         self._motion = SimpleNamespace(delay=0, **document["motion"])
         if not all(map(isfinite, (*self._noise, *self._sensor.numbers()))):
             raise ValueError("a number is not finite")
@@ -87,7 +87,7 @@ class MultiContactEstimator:
 
 
 class _Channels:
-    """A `compensate.microchannel.ChannelSensor` of networks."""
+    """A `compensate.internal.ChannelSensor` of networks."""
 
     def __init__(self, document: dict[str, Any]):
         self._networks = [Network(model) for model in document["models"]]

@@ -25,7 +25,7 @@ _Layer = list[tuple[slice, list[tuple[list[float], float]]]]
 
 
 class ForceEstimator:
-    """Force from readings, as `compensate.microchannel.ForceEstimator`, reading by reading, without JAX.
+    """Force from readings, as `compensate.internal.ForceEstimator`, reading by reading, without JAX.
 
     - `title`; `channels`: name and unit of every reading, {"name", "unit"}; `estimate`: of the force.
     - `limits`: (low, high) of every channel in the training; readings beyond them are EXTRAPOLATED.
@@ -104,7 +104,7 @@ class ForceEstimator:
 
 
 class Network:
-    """A network as `hysteresis.networks.StaircaseNetwork` is, its scales put into the layers. What it
+    """A network as `hysteresis.internal.StaircaseNetwork` is, its scales put into the layers. What it
     remembers is given and returned: the plays and the delayed readings of every channel, and whether a
     reading has come; at first `virgin`.
 

@@ -49,7 +49,7 @@ class EnsembleCompensator(AbstractCompensator[EnsembleState, UncertainEstimate])
     **Example:**
 
         >>> draws = jax.tree.map(lambda x: jnp.stack([x, 1.1 * x]), model)
-        >>> compensate.EnsembleCompensator(draws).simulate(t, model.simulate(t, u)).draws.shape
+        >>> compensate.internal.EnsembleCompensator(draws).simulate(t, model.simulate(t, u)).draws.shape
         (2, 13)
     """
 

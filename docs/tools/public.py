@@ -10,7 +10,6 @@ from typing import Any, get_args
 PACKAGES = (
     "hysteresis",
     "hysteresis.preisach",
-    "hysteresis.networks",
     "hysteresis.curves",
     "hysteresis.testing",
     "hysteresis.rigs",
@@ -67,7 +66,8 @@ def received() -> dict[str, list[type]]:
 
 
 def _given_back(value: Any) -> Iterator[type]:
-    """What a function returns; of a class its fields, properties and methods, if they are of its folder."""
+    """What a function returns; of a class its fields, properties and methods, if they are of its folder or
+    of no folder inside their package."""
     notes = [getattr(value, "__annotations__", {}).get("return")]
     if inspect.isclass(value):
         members = [
@@ -83,7 +83,7 @@ def _given_back(value: Any) -> Iterator[type]:
         own = inspect.isclass(note) and note.__module__.split(".")[0] in OWN
         if not own or not note.__doc__ or re.search("^_|^Abstract|(State|Input)$", note.__name__):
             continue
-        if not inspect.isclass(value) or _folder(note) == _folder(value):
+        if not inspect.isclass(value) or _folder(note) in (_folder(value), *OWN):
             yield note
 
 

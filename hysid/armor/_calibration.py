@@ -12,7 +12,8 @@ import scipy
 from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
-from compensate.armor import Armor, Bumps, Presses, UncertainArmor
+from compensate.armor import Armor, Bumps, Presses
+from compensate.armor._armor import UncertainArmor
 from compensate.armor._calibration import Missed, PressResiduals, missed_of, with_slip, without_each
 from hysteresis.numerics._normal import NORMAL_95
 from identify.calibration._calibrate import Calibration, Prior
@@ -93,8 +94,8 @@ def calibrate_armor(
     - `rounds`: each after the first starts from the residuals of the one before, so that the resulting
       standard deviations are those of this sensor and cover.
     - `seed`: of the draws in `CalibratedArmor.uncertain`.
-    - `full_scale` (6,), N and N m: ratings of a sensor whose joints slip; `compensate.armor.with_slip` then
-      finds that first. None: the armor's sensor as it is.
+    - `full_scale` (6,), N and N m: ratings of a sensor whose joints slip; how they do is then found
+      first. None: the armor's sensor as it is.
 
     **Returns:** a `CalibratedArmor`.
 

@@ -24,7 +24,8 @@ import numpy as np
 from compensate import invert
 from compensate.armor import Armor, Box, Bumps, ContactSolver, Cover, Mesh, WristSensor
 from compensate.armor._shapes import AbstractShape
-from hysteresis import AbstractModel, InputError, PrandtlIshlinskii, conversion
+from hysteresis import AbstractModel, InputError, PrandtlIshlinskii
+from hysteresis._quantities import conversion
 
 NUMBERS = {
     "threshold": (1, False), "thickness": (1, True), "frame_width": (1, True), "full_scale": (2, False),

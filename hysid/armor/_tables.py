@@ -19,7 +19,8 @@ from jaxtyping import Float, Int
 
 from compensate.armor import Motion, Presses
 from compensate.armor._shapes import AbstractShape
-from hysteresis import InputError, conversion, read_table
+from hysteresis import InputError, read_table
+from hysteresis._quantities import conversion
 from hysteresis.records._table import Table
 from hysteresis.records._units import named_unit
 

@@ -2,7 +2,8 @@
 
 from typing import Any
 
-from hysteresis import InputError, Record, check_identifiable
+from hysteresis import InputError, Record
+from hysteresis.records._excitation import check_identifiable
 
 from ..intake._creep_fits import check_step
 from ..intake._selection import Selection, all_of

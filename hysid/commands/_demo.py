@@ -4,7 +4,7 @@ from pathlib import Path
 
 import identify
 from hysteresis._atomic_file import write_whole
-from hysteresis.rigs import FoamBlock
+from hysteresis.rigs._foam_block import FoamBlock
 
 from ..reporting._fit_page import write_report
 from ._asked import Demo, Fit, Predict, Sample

@@ -5,7 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from hysteresis import InputError, conversion, read_table
+from hysteresis import InputError, read_table
+from hysteresis._quantities import conversion
 from hysteresis._show import aligned
 from hysteresis.records._table import Table, column_of
 from hysteresis.records._units import named_unit

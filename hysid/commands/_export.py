@@ -8,13 +8,15 @@ import jax.numpy as jnp
 import numpy as np
 
 import identify
-from compensate import CalibratedCompensator, Quantity, estimate, invert, material_card
+from compensate import Quantity, estimate, invert, material_card
 from compensate.export._cards import CARDS, OPENSEES
 from compensate.export._export import Origin, Program, wider
 from compensate.export.targets._export_to import check, write_to
+from compensate.uncertainty._calibrated import CalibratedCompensator
 from compensate.uncertainty._guaranteed import GAIN, GuaranteedCompensator
-from hysteresis import InputError, conversion
+from hysteresis import InputError
 from hysteresis._atomic_file import write_whole
+from hysteresis._quantities import conversion
 from hysteresis.models._conditioned import with_condition
 from hysteresis.models._viscoelastic import AbstractViscoelastic
 from hysteresis.records._loads import kind_of_units

@@ -11,8 +11,9 @@ import jax.numpy as jnp
 import numpy as np
 
 import identify
-from compensate import Advice, Status, adaptive
+from compensate import Status, adaptive
 from compensate.recalibration._adaptive import AdaptiveCompensator, Recalibrated
+from compensate.recalibration._advice import Advice
 from hysteresis import InputError, Record
 from hysteresis._atomic_file import write_table
 from hysteresis._format import quantity

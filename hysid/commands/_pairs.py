@@ -13,10 +13,12 @@ from jaxtyping import Float
 import compensate
 import identify
 from compensate import Status
-from compensate.microchannel import MultiContactEstimator, export_contacts
-from hysteresis import InputError, Record, conversion
+from compensate.microchannel import export_contacts
+from compensate.microchannel._multi import MultiContactEstimator
+from hysteresis import InputError, Record
 from hysteresis._atomic_file import write_table
 from hysteresis._limits import damage_told, load_arrays
+from hysteresis._quantities import conversion
 from hysteresis._serialisation import described, rebuilt
 from hysteresis.numerics._normal import NORMAL_95
 from hysteresis.records._table import Table

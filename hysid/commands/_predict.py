@@ -6,8 +6,8 @@ from itertools import compress
 import numpy as np
 
 import identify
-from compensate import CalibratedCompensator, Status, estimate
-from compensate.uncertainty._calibrated import band_holds
+from compensate import Status, estimate
+from compensate.uncertainty._calibrated import CalibratedCompensator, band_holds
 from hysteresis import InputError, Record
 from hysteresis._atomic_file import write_table
 from hysteresis._format import quantity

@@ -9,11 +9,12 @@ import jax
 import numpy as np
 
 import identify
-from compensate import EnsembleCompensator, estimate, guaranteed, invert
+from compensate import estimate, guaranteed, invert
 from compensate import qualify as qualified
 from compensate.guards._guarded import GuardedCompensator
 from compensate.qualification._qualify import Qualification, Step, Tell
 from compensate.uncertainty._calibrated import band_holds
+from compensate.uncertainty._ensemble import EnsembleCompensator
 from compensate.uncertainty._guaranteed import run_scores, runs_needed
 from hysteresis import InputError, Note, Record
 from hysteresis._format import quantity
@@ -165,7 +166,7 @@ def guarantee_of(fitted: identify.FitResult, record: Record, guarantee: float) -
     }  # fmt: skip
 
 
-def _some_of(posterior: identify.Posterior, rows: int) -> Any:
+def _some_of(posterior: identify.internal.Posterior, rows: int) -> Any:
     """One model with some of the posterior's draws, evenly from all, on its leading axis."""
     count = int(np.prod(posterior.draws.shape[:2]))
     wanted = min(DRAWS, max(5, ROWS // rows))

@@ -10,7 +10,8 @@ import numpy as np
 
 import compensate
 import identify
-from compensate.microchannel import ForceEstimator, export_force
+from compensate.microchannel import export_force
+from compensate.microchannel._force import ForceEstimator
 from compensate.runtime import load_force
 from hysteresis import InputError
 from hysteresis._atomic_file import write_figure

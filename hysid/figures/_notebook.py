@@ -10,9 +10,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from compensate import AbstractCompensator, Status
-from hysteresis import InputError, Record, check_identifiable, parameters
+from hysteresis import InputError, Record, parameters
 from hysteresis._escape import markup
-from identify import FitResult, Posterior
+from hysteresis.records._excitation import check_identifiable
+from identify import FitResult
+from identify.posterior._posterior import Posterior
 from identify.results._data_sheet import DataSheet
 
 from . import _base as f

@@ -10,8 +10,9 @@ from compensate import AbstractCompensator, Status
 from compensate._readings import conditioned_in
 from compensate.guards._guarded import GuardedCompensator
 from hysteresis import AbstractModel, InputError, Record
-from identify import FitResult, Posterior
+from identify import FitResult
 from identify.internal import is_survey
+from identify.posterior._posterior import Posterior
 from identify.results._data_sheet import DataSheet
 from identify.results._detail import DiscreteSpectrum
 

@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from hysteresis import InputError, Note, conversion
+from hysteresis import InputError, Note
+from hysteresis._quantities import conversion
 from hysteresis.records._csv import parse_condition
 from hysteresis.records._table import Table, rows_of, with_column
 from hysteresis.records._units import named_unit

@@ -98,7 +98,7 @@ class Case:
     folder: Path
     document: dict[str, Any]
     fit: identify.FitResult
-    posterior: identify.Posterior | None
+    posterior: identify.internal.Posterior | None
 
     def __post_init__(self) -> None:
         train = self.fit.train

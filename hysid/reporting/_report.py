@@ -13,7 +13,9 @@ from ._fit_page import write_report
 
 @in_own_precision
 def report(
-    fit: identify.FitResult, path: str | Path = TARGET, posterior: identify.Posterior | None = None
+    fit: identify.FitResult,
+    path: str | Path = TARGET,
+    posterior: identify.internal.Posterior | None = None,
 ) -> Path:
     """Write the report of a fit, and of its posterior, as one HTML file that needs no other.
 

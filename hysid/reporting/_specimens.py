@@ -44,7 +44,7 @@ class Specimen:
     folder: Path
     document: dict[str, Any]
     fit: identify.FitResult
-    posterior: identify.Posterior | None
+    posterior: identify.internal.Posterior | None
     why: dict[str, str] = field(default_factory=dict)
 
     @property

@@ -20,16 +20,17 @@ from compensate.armor import (
     ContactSolver,
     Cover,
     Presses,
-    UncertainArmor,
     WristSensor,
+    planned_presses,
 )
-from compensate.armor._armor import UncertainContact
-from compensate.armor._calibration import planned_presses
+from compensate.armor._armor import UncertainArmor, UncertainContact
 from compensate.armor._solver import Contact
 from hysteresis import AbstractModel, LinearSponge, Record
-from hysteresis.rigs import INWARD, ArmorRig, FoamBlock, ForceSensor, SpongeRig, force_path
+from hysteresis.rigs import INWARD, ArmorRig, SpongeRig
 from hysteresis.rigs._armor import ArmorPresses
-from hysteresis.rigs._sponge import SpongeCycles
+from hysteresis.rigs._foam_block import FoamBlock
+from hysteresis.rigs._force_sensors import ForceSensor
+from hysteresis.rigs._sponge import SpongeCycles, force_path
 from identify import fit
 
 from ..armor._calibration import CalibratedArmor, calibrate_armor, choose_presses

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from compensate.armor import Box, ContactSolver
-from hysteresis.rigs import force_path
+from hysteresis.rigs._sponge import force_path
 
 from ..armor._touches import VIRTUAL, save_touches, shell_of
 from . import _armor_figures as figures

@@ -11,19 +11,15 @@ import numpy as np
 import optax
 from jaxtyping import Float
 
-from compensate.microchannel import (
-    ChannelSensor,
-    ForceEstimator,
-    Localizer,
-    LogicTable,
-    MotionFilter,
-    MultiContactEstimator,
-    Readout,
-)
+from compensate.microchannel import Localizer, LogicTable
+from compensate.microchannel._force import ForceEstimator
 from compensate.microchannel._localizer import Confusion
-from hysteresis.networks import StaircaseNetwork
-from hysteresis.rigs import ChannelGeometryRig, MicrochannelRig, ResistiveReadout
-from hysteresis.rigs._skin_presses import AbstractSkinRig, ChannelRecord
+from compensate.microchannel._multi import ChannelSensor, MotionFilter, MultiContactEstimator
+from compensate.microchannel._readout import Readout
+from hysteresis.models._staircase_network import StaircaseNetwork
+from hysteresis.rigs import MicrochannelRig
+from hysteresis.rigs._channel_geometry import ChannelGeometryRig
+from hysteresis.rigs._skin_presses import AbstractSkinRig, ChannelRecord, ResistiveReadout
 from identify.internal import train
 from identify.training._train import Trained
 

@@ -13,13 +13,8 @@ import numpy as np
 import scipy
 from jaxtyping import Array, Float
 
-from compensate.microchannel import (
-    ForceNetwork,
-    MotionFilter,
-    MultiContactEstimator,
-    SearchEstimator,
-)
-from compensate.microchannel._multi_network import windows
+from compensate.microchannel._multi import MotionFilter, MultiContactEstimator
+from compensate.microchannel._multi_network import ForceNetwork, SearchEstimator, windows
 from hysteresis.rigs._skin_presses import AbstractSkinRig, ChannelRecord
 from identify.internal import train
 from identify.training._train import Trained

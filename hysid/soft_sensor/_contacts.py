@@ -8,9 +8,9 @@ import jax
 import numpy as np
 from jaxtyping import Bool, Float
 
-from compensate.microchannel import ChannelSensor, MotionFilter, MultiContactEstimator
+from compensate.microchannel._multi import ChannelSensor, MotionFilter, MultiContactEstimator
 from hysteresis import InputError
-from hysteresis.networks import StaircaseNetwork
+from hysteresis.models._staircase_network import StaircaseNetwork
 
 from ._force_networks import THRESHOLDS, lags_of, train_staircase
 from ._force_records import ForceData, ForceRecord, gather, held_out_parts

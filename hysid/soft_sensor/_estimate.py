@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float
 
-from compensate.microchannel import ChannelStatus
+from compensate.microchannel._readout import ChannelStatus
 from hysteresis import InputError
 from hysteresis._atomic_file import write_table
 from hysteresis._show import aligned

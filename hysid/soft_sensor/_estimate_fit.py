@@ -8,10 +8,13 @@ import jax.numpy as jnp
 import numpy as np
 
 import identify
-from compensate import CalibratedCompensator, Quantity, Status, estimate, invert
-from compensate.microchannel import BackwardsModel, ForceEstimator, export_force
-from hysteresis import InputError, Record, conversion
+from compensate import Quantity, Status, estimate, invert
+from compensate.microchannel import export_force
+from compensate.microchannel._force import BackwardsModel, ForceEstimator
+from compensate.uncertainty._calibrated import CalibratedCompensator
+from hysteresis import InputError, Record
 from hysteresis._atomic_file import write_table
+from hysteresis._quantities import conversion
 from hysteresis.models._conditioned import with_condition
 from identify.internal import metrics
 from identify.results._metrics import Metrics

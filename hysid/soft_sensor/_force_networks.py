@@ -13,10 +13,11 @@ from jaxtyping import Array, Float
 
 import identify
 from compensate import invert
-from compensate.microchannel import BackwardsModel, EverettNetwork
+from compensate.microchannel._everett_network import EverettNetwork
+from compensate.microchannel._force import BackwardsModel
 from hysteresis import AbstractModel, InputError, Record, Series
 from hysteresis.curves import PolynomialCurve
-from hysteresis.networks import StaircaseNetwork
+from hysteresis.models._staircase_network import StaircaseNetwork
 from identify.internal import train
 from identify.training._train import Trained
 

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from compensate.microchannel import ForceEstimator
+from compensate.microchannel._force import ForceEstimator
 from hysteresis import InputError
 from hysteresis.numerics._normal import NORMAL_95
 from identify.training._train import Trained

@@ -6,8 +6,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from compensate.microchannel import Localizer, Readout
+from compensate.microchannel import Localizer
 from compensate.microchannel._position import PositionEstimator, standardised
+from compensate.microchannel._readout import Readout
 from hysteresis import InputError
 from identify.training._gaussian_process import fit_kernel
 

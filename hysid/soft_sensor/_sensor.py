@@ -11,8 +11,11 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from compensate import Status
-from compensate.microchannel import ChannelStatus, ForceEstimator, Localizer, PlaceStatus, Readout
+from compensate.microchannel import Localizer
+from compensate.microchannel._force import ForceEstimator
+from compensate.microchannel._localizer import PlaceStatus
 from compensate.microchannel._position import PositionEstimator
+from compensate.microchannel._readout import ChannelStatus, Readout
 from hysteresis import InputError
 from hysteresis._limits import damage_told, load_arrays
 from hysteresis._serialisation import Arrays, described, rebuilt

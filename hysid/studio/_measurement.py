@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from hysteresis import InputError, Record, check_identifiable, read_table
-from hysteresis.records._excitation import clipped
+from hysteresis import InputError, Record, read_table
+from hysteresis.records._excitation import check_identifiable, clipped
 from hysteresis.records._table import Table
 from hysteresis.records._units import written_unit
 

@@ -32,7 +32,7 @@ def extended(model: Any, low: float, high: float) -> Any:
 
     **Example:**
 
-        >>> wider = hysteresis.extended(preisach, -5.0, 15.0)
+        >>> wider = hysteresis.internal.extended(preisach, -5.0, 15.0)
         >>> bool(np.allclose(wider.simulate(t, u), preisach.simulate(t, u)))
         True
     """

@@ -57,7 +57,7 @@ class StaircaseNetwork(AbstractFollowingModel[StaircaseState, Array]):
 
     **Example:**
 
-        >>> network = hysteresis.networks.StaircaseNetwork.random(
+        >>> network = hysteresis.internal.StaircaseNetwork.random(
         ...     [u], [2 * u], [t], jax.random.key(0), thresholds=(0.5, 1.0), lags=(2.0,))
         >>> network.simulate(t, u).shape
         (13,)

@@ -292,7 +292,7 @@ class LogNormalDensity(AbstractQuadratureDensity):
 
     **Example:**
 
-        >>> density = hysteresis.preisach.LogNormalDensity(
+        >>> density = hysteresis.internal.LogNormalDensity(
         ...     0.0, 10.0, total=5.0, coercivity=1.0, coercivity_width=0.5, bias=5.0, bias_width=2.0)
         >>> y = hysteresis.Preisach(density).simulate(None, np.array([0.0, 10, 5, 0]))
         >>> np.asarray(y).round(2).tolist()

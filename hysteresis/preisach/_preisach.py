@@ -80,7 +80,7 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
     reversal u_r, P(u) = P(u_r) + 2 s E(u, u_r), with the Everett function E of the density and s = +1
     rising, -1 falling; passing an older extremum wipes out the loop inside. The output does
     not depend on the rate or on the density of samples along the path. Beyond [low, high] every relay is
-    saturated and only R continues; `hysteresis.extended` widens the grid.
+    saturated and only R continues; `hysteresis.internal.extended` widens the grid.
 
     **Arguments:**
 

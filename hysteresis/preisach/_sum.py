@@ -27,7 +27,7 @@ class SumDensity(AbstractDensity[tuple[Any, ...], tuple[Any, ...]]):
     **Example:**
 
         >>> parts = [hysteresis.preisach.GridDensity(0.0, high, np.tri(2)) for high in (5.0, 10.0)]
-        >>> density = hysteresis.preisach.SumDensity(parts)
+        >>> density = hysteresis.internal.SumDensity(parts)
         >>> hysteresis.Preisach(density).simulate(None, np.array([0.0, 5.0, 10.0, 5.0])).tolist()
         [-6.0, 2.0, 6.0, 4.0]
     """

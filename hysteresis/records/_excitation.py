@@ -59,7 +59,7 @@ def loop_direction(record: AbstractRecord) -> float:
 
     **Example:**
 
-        >>> round(hysteresis.loop_direction(record), 2)
+        >>> round(hysteresis.internal.loop_direction(record), 2)
         1.0
     """
     loops = loops_of(record)
@@ -235,7 +235,7 @@ def check_identifiable(record: AbstractRecord, n_parameters: int | None = None) 
 
     **Example:**
 
-        >>> hysteresis.check_identifiable(record, n_parameters=3)
+        >>> hysteresis.internal.check_identifiable(record, n_parameters=3)
         []
     """
     u, unit, place = record.input, record.input_unit, record.source

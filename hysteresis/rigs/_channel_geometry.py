@@ -47,7 +47,7 @@ class ChannelGeometryRig(AbstractSkinRig):
 
     **Example:**
 
-        >>> rig = hysteresis.rigs.ChannelGeometryRig(seed=11)
+        >>> rig = hysteresis.internal.ChannelGeometryRig(seed=11)
         >>> volts = rig.follow([[2.0, 0.0, 0.0, 0.0, 0.0]] * 50)
         >>> volts[-1].round(1).tolist()
         [1.8, 0.6]

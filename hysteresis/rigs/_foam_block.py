@@ -84,7 +84,7 @@ class FoamBlock:
 
     **Example:**
 
-        >>> block = hysteresis.rigs.FoamBlock(thickness_mm=50.0)
+        >>> block = hysteresis.internal.FoamBlock(thickness_mm=50.0)
         >>> block.follow([0.0, 10.0, 20.0, 10.0]).round(1).tolist()
         [0.0, 16.5, 30.6, 21.9]
     """

@@ -44,7 +44,7 @@ class ForceSensor:
 
     **Example:**
 
-        >>> sensor = hysteresis.rigs.ForceSensor(noise_n=0.0, noise_nm=0.0)
+        >>> sensor = hysteresis.internal.ForceSensor(noise_n=0.0, noise_nm=0.0)
         >>> load = np.array([[[0, 0, 20, 0, 0, 0], [0, 0, 10, 0, 0, 0]]], float)
         >>> sensor.read(load, np.eye(6), np.random.default_rng(0))[0, :, 2].tolist()
         [19.75, 10.25]
@@ -148,7 +148,7 @@ class GaugeSensor:
 
     **Example:**
 
-        >>> sensor = hysteresis.rigs.GaugeSensor(noise_n=1e-9, noise_nm=1e-9)
+        >>> sensor = hysteresis.internal.GaugeSensor(noise_n=1e-9, noise_nm=1e-9)
         >>> load = np.array([[[0, 0, 20, 0, 0, 0], [0, 0, 10, 0, 0, 0]]], float)
         >>> specimen = sensor.specimen(np.random.default_rng(0))
         >>> sensor.read(load, specimen, np.random.default_rng(0))[0, :, 2].round(1).tolist()

@@ -36,7 +36,7 @@ class ResistiveReadout:
 
     **Example:**
 
-        >>> readout = hysteresis.rigs.ResistiveReadout()
+        >>> readout = hysteresis.internal.ResistiveReadout()
         >>> readout.counts(np.array([0.0, 1.0, 50.0])).tolist()
         [25, 75, 1023]
     """

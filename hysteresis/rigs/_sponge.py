@@ -321,7 +321,7 @@ def force_path(turns: Sequence[float], step: float = 1.0) -> Float[np.ndarray, "
 
     **Example:**
 
-        >>> hysteresis.rigs.force_path([0.0, 3.0, 1.0])
+        >>> hysteresis.internal.force_path([0.0, 3.0, 1.0])
         array([1., 2., 3., 2., 1.])
     """
     require(

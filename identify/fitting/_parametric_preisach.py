@@ -6,14 +6,10 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from hysteresis import Preisach
-from hysteresis.preisach import (
-    GaussianDensity,
-    GridDensity,
-    LogNormalDensity,
-    LorentzianDensity,
-    SumDensity,
-)
+from hysteresis.preisach import GaussianDensity, GridDensity, LorentzianDensity
+from hysteresis.preisach._coercive import LogNormalDensity
 from hysteresis.preisach._density import AbstractDensity
+from hysteresis.preisach._sum import SumDensity
 
 from ..linear._preisach_fit import fit_preisach
 from ..linear._preisach_problem import COARSE

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from hysteresis import ChannelMap, Note, Record, check_identifiable
+from hysteresis import ChannelMap, Note, Record
+from hysteresis.records._excitation import check_identifiable
 
 from ..diagnostics._rows_beyond import extrapolation
 from ..linear._channel_map_fit import fit_channel_map

@@ -9,7 +9,8 @@ import numpy as np
 import scipy
 from jaxtyping import Array, Float, Int
 
-from hysteresis import AbstractModel, Record, extended
+from hysteresis import AbstractModel, Record
+from hysteresis.models._extrapolation import extended
 
 from ..noise._model import NoiseModel, rows_of
 from ..noise._reml import PARTS

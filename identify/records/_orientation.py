@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from hysteresis import Record, loop_direction
+from hysteresis import Record
+from hysteresis.records._excitation import loop_direction
 
 TOLD = 0.3
 """Loops tell their direction where so much of their area has it."""

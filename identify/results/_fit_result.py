@@ -9,12 +9,14 @@ import numpy as np
 from jaxtyping import Bool, Float
 from numpy.typing import ArrayLike
 
-from hysteresis import AbstractModel, ChannelMap, InputError, Record, Units, extended, with_units
+from hysteresis import AbstractModel, ChannelMap, InputError, Record
 from hysteresis._drawing import html_of, plot_of
 from hysteresis._format import quantity
 from hysteresis._precision import in_own_precision
+from hysteresis._quantities import Units, with_units
 from hysteresis._show import aligned, at_most
 from hysteresis._verdict import Verdict
+from hysteresis.models._extrapolation import extended
 from hysteresis.records._csv import with_known
 from hysteresis.records._loop_table import LoopTable
 

@@ -4,7 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from hysteresis import InputError, Record, extended
+from hysteresis import InputError, Record
+from hysteresis.models._extrapolation import extended
 
 from ..records._from_known import RELATIVE, FromKnown, Misfit, from_known
 

@@ -9,7 +9,8 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from jaxtyping import Bool, Float
 
-from hysteresis import InputError, Record, conversion
+from hysteresis import InputError, Record
+from hysteresis._quantities import conversion
 
 from ._prony_series import Input, Kind
 from ._response import Response

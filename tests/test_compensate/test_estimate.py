@@ -10,15 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from compensate import (
-    AbstractCompensator,
-    BracketedCompensator,
-    DeadBandCompensator,
-    Estimate,
-    Status,
-    estimate,
-    invert,
-)
+from compensate import AbstractCompensator, DeadBandCompensator, Status, estimate, invert
+from compensate.internal import BracketedCompensator, Estimate
 from hysteresis import Burgers, InputError, LinearSponge, PrandtlIshlinskii, Preisach, Record
 from hysteresis.preisach import GridDensity
 from tests.problems import HIGH, LOW, weights

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from compensate import Past, Status, export_c, export_runtime, invert
+from compensate import Status, export_c, export_runtime, invert
 from compensate.export._export import Origin
 from compensate.runtime import load
 from hysteresis import (
@@ -66,7 +66,7 @@ def test_jax_python_and_c_are_the_same(name: str, beyond: Any, tmp_path: Path):
     t, _, y = history(model)
     low, high = 0.2, 0.8
     readings = np.nanquantile(y, 0.05), np.nanquantile(y, 0.95)
-    past = Past(t, invert(model).simulate(t, y).value)
+    past = (t, invert(model).simulate(t, y).value)
     own = invert(model, trained=(low, high), start="unknown", past=past)
     assert type(own).__name__ == "GuardedCompensator"
     seen = np.nanquantile(y, 0.2), np.nanquantile(y, 0.8)
@@ -123,7 +123,7 @@ def test_no_start_within_the_past_gives_another_ok_estimate(name: str):
     u = np.clip(random_histories(random, -0.2, 1.2, (1, 240))[0], 0.0, 1.0)
     if name == "creep":  # the inverse forgets in 63 s, and what has flowed is 600 deviations
         t = 16 * t
-    own = invert(model, trained=(0, 1), start="unknown", past=Past(t, u), deviation=deviation)
+    own = invert(model, trained=(0, 1), start="unknown", past=(t, u), deviation=deviation)
     worst, ok = 0.0, 0
     for cut in (3, 47, 111, 160):
         clock = np.concatenate([t[:cut] - t[cut] + t[0], t])

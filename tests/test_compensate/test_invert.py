@@ -12,7 +12,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from compensate import AbstractCompensator, Estimate, Past, Status, invert
+from compensate import AbstractCompensator, Status, invert
+from compensate.internal import Estimate
 from hysteresis import (
     AbstractModel,
     Burgers,
@@ -266,7 +267,7 @@ def test_a_model_that_falls_in_a_state_of_its_past_has_no_inverse(strength: floa
         0.0, 1.0, np.ones(1), strengths=np.array([[0.0, strength]]), leading=False
     )
     model = Sum((LinearSponge(K=1.0, b=0.0), creep))
-    past = Past(np.arange(9.0), np.tile([0.0, 1.0, 0.0], 3))
+    past = (np.arange(9.0), np.tile([0.0, 1.0, 0.0], 3))
     invert(model, trained=(0.0, 1.0))  # nothing is known of its states
     if not falls:
         invert(model, trained=(0.0, 1.0), past=past)

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from compensate import Past, Status, estimate, invert
-from hysteresis import Record, with_units
+from compensate import Status, estimate, invert
+from hysteresis import Record
+from hysteresis.internal import with_units
 from tests.problems import INVERTIBLE, KINDS, Problem, random_histories
 from tests.thorough import rest_thorough
 
@@ -33,7 +34,7 @@ def test_a_known_loop_ends_the_run_in(problem: Problem):
     model = with_units(problem.model(1), None, (problem.low, problem.high))
     y, span = np.asarray(model.simulate(t, u)), problem.high - problem.low
     compensator = invert(
-        model, trained=(problem.low, problem.high), start="unknown", past=Past(t, u), deviation=span / 100
+        model, trained=(problem.low, problem.high), start="unknown", past=(t, u), deviation=span / 100
     )  # fmt: skip
     own = slice(FIRST, LAST)
     state = compensator.state_from(t[own], u[own], y[own])

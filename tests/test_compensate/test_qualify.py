@@ -8,7 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from compensate import AbstractCompensator, Estimate, Status, estimate, invert, qualify
+from compensate import AbstractCompensator, Status, estimate, invert, qualify
+from compensate.internal import Estimate
 from compensate.qualification._qualify import Latency, Step, loop_widths
 from hysteresis import InputError, LinearSponge, PrandtlIshlinskii, Record
 

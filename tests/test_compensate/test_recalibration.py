@@ -11,7 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from compensate import Advice, adaptive, export_c, export_runtime, invert
+from compensate import adaptive, export_c, export_runtime, invert
+from compensate.internal import Advice
 from compensate.runtime import FileError, load
 from hysteresis import (
     AbstractModel,

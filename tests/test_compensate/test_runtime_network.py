@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from compensate import Quantity, Status, invert
-from compensate.microchannel import BackwardsModel, EverettNetwork, ForceEstimator, export_force
+from compensate.internal import BackwardsModel, EverettNetwork, ForceEstimator
+from compensate.microchannel import export_force
 from compensate.runtime import FileError, load, load_force
 from hysteresis import (
     AbstractModel,
@@ -22,7 +23,7 @@ from hysteresis import (
     Sum,
 )
 from hysteresis.curves import PolynomialCurve
-from hysteresis.networks import StaircaseNetwork
+from hysteresis.internal import StaircaseNetwork
 from hysteresis.preisach import GridDensity
 from hysteresis.rigs import MicrochannelRig
 from tests.c_harness import checksum

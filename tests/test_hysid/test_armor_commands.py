@@ -11,10 +11,10 @@ import pytest
 import hysid
 import identify
 from compensate import invert
-from compensate.armor import Armor, Box, ContactSolver, Cover, WristSensor
-from compensate.armor._calibration import planned_presses
+from compensate.armor import Armor, Box, ContactSolver, Cover, WristSensor, planned_presses
 from compensate.runtime import load_armor
-from hysteresis import LinearSponge, Units, conversion, with_units
+from hysteresis import LinearSponge
+from hysteresis.internal import Units, conversion, with_units
 from tests.test_hysid.command import Result, example, refused, run
 
 BOX = Box(0.3, 0.25, 0.55, 0.1)

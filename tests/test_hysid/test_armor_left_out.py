@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from compensate.armor import Armor, Box, ContactSolver, Presses, WristSensor
-from compensate.armor._calibration import PressResiduals, missed_of, with_slip, without_each
+from compensate.internal import PressResiduals, missed_of, with_slip, without_each
 from hysid.armor._calibration import spread_of_unseen
 from hysteresis import LinearSponge
 from hysteresis.rigs import INWARD

@@ -11,7 +11,8 @@ import scipy.stats
 from compensate.armor import Box, ContactSolver
 from hysid.armor._touches import read_touches, save_touches, shell_of
 from hysteresis import LinearSponge
-from hysteresis.rigs import ArmorRig, force_path
+from hysteresis.internal import force_path
+from hysteresis.rigs import ArmorRig
 from tests.test_hysid.command import refused, run
 from tests.test_hysid.test_reporting.test_report import Page
 

@@ -7,7 +7,8 @@ import pytest
 
 import hysid
 from compensate import Status
-from hysteresis import Record, Units
+from hysteresis import Record
+from hysteresis.internal import Units
 from identify import FitResult
 from tests.test_hysid.command import run
 

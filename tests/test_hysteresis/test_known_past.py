@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from hysteresis import AbstractModel, InputError, with_units
+from hysteresis import AbstractModel, InputError
+from hysteresis.internal import with_units
 from tests.problems import KINDS, PROBLEMS, Problem, random_histories
 from tests.thorough import rest_thorough
 

@@ -7,19 +7,11 @@ import pint
 import pytest
 
 from compensate import Quantity, export_runtime, invert
-from compensate.microchannel import BackwardsModel, ForceEstimator, export_force
+from compensate.internal import BackwardsModel, ForceEstimator
+from compensate.microchannel import export_force
 from compensate.runtime import load_force
-from hysteresis import (
-    Burgers,
-    InputError,
-    LinearSponge,
-    Units,
-    conversion,
-    extended,
-    load_model,
-    save_model,
-    with_units,
-)
+from hysteresis import Burgers, InputError, LinearSponge, load_model, save_model
+from hysteresis.internal import Units, conversion, extended, with_units
 
 USUAL = [
     "1", "percent", "N", "mN", "uN", "kN", "gf", "kgf", "lbf", "m", "cm", "mm", "um", "nm", "inch",

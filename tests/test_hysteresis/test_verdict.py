@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hysteresis import Note
-from identify import Verdict
+from identify.internal import Verdict
 
 LEVELS = ("PASS", "CAUTION", "FAIL")
 levels = st.sampled_from(LEVELS)

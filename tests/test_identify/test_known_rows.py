@@ -8,7 +8,8 @@ import pytest
 
 import identify
 from hysid import Record
-from hysteresis import InputError, PrandtlIshlinskii, StandardLinearSolid, with_units
+from hysteresis import InputError, PrandtlIshlinskii, StandardLinearSolid
+from hysteresis.internal import with_units
 
 KNOWN, LENGTH, SEQUENCES = 20, 60, 5
 CREEP = with_units(StandardLinearSolid(2.0, 1.0, 30.0), None, (0.0, 3.0))

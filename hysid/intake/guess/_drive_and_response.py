@@ -6,9 +6,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hysteresis import InputError, Record, loop_direction
+from hysteresis import InputError, Record
 from hysteresis._escape import shell_word
-from hysteresis.records._excitation import turn_in_words
+from hysteresis.records._excitation import loop_direction, turn_in_words
 from hysteresis.records._table import Table
 
 from ._column_pairs import (

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from hysteresis import InputError, Record, check_identifiable, read_table
+from hysteresis import InputError, Record, read_table
+from hysteresis.records._excitation import check_identifiable
 from hysteresis.records._table import Table, rows_of
 from hysteresis.records._units import written_unit
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hysteresis import conversion
+from hysteresis._quantities import conversion
 
 from .._constant_input import RATIO, turns_back
 from ._column_pairs import Column

@@ -16,10 +16,10 @@ from compensate.armor import (
     ContactSolver,
     Cover,
     Presses,
-    UncertainArmor,
     WristSensor,
+    planned_presses,
 )
-from compensate.armor._calibration import PressResiduals, planned_presses
+from compensate.internal import PressResiduals, UncertainArmor
 from hysid import calibrate_armor, choose_presses
 from hysteresis import InputError, LinearSponge, PrandtlIshlinskii
 

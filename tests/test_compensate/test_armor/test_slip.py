@@ -5,17 +5,8 @@ import jax
 import numpy as np
 import pytest
 
-from compensate.armor import (
-    Armor,
-    Box,
-    ContactSolver,
-    Cover,
-    Presses,
-    Slip,
-    WristSensor,
-    export_armor,
-)
-from compensate.armor._calibration import with_slip
+from compensate.armor import Armor, Box, ContactSolver, Cover, Presses, WristSensor, export_armor
+from compensate.internal import Slip, with_slip
 from hysteresis import InputError, LinearSponge
 from hysteresis.rigs import INWARD, ArmorRig
 

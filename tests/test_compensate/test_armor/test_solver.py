@@ -12,25 +12,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from compensate import invert
-from compensate.armor import (
-    Box,
-    Bumps,
-    ContactSolver,
-    ContactStatus,
-    Convex,
-    Cover,
-    Grid,
-)
-from hysteresis import (
-    Burgers,
-    FoamCurve,
-    InputError,
-    LinearSponge,
-    PrandtlIshlinskii,
-    Units,
-    conversion,
-    with_units,
-)
+from compensate.armor import Box, Bumps, ContactSolver, ContactStatus, Convex, Cover
+from compensate.internal import Grid
+from hysteresis import Burgers, FoamCurve, InputError, LinearSponge, PrandtlIshlinskii
+from hysteresis.internal import Units, conversion, with_units
 from tests.thorough import rest_thorough
 
 BOX = Box(0.3, 0.25, 0.55, 0.1)

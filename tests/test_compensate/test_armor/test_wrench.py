@@ -16,14 +16,15 @@ from compensate.armor import (
     Bumps,
     ContactSolver,
     Cover,
-    Grid,
     Motion,
     WristSensor,
     export_armor,
     forearm,
 )
+from compensate.internal import Grid
 from compensate.runtime import load_armor
-from hysteresis import Burgers, InputError, LinearSponge, PrandtlIshlinskii, Units, with_units
+from hysteresis import Burgers, InputError, LinearSponge, PrandtlIshlinskii
+from hysteresis.internal import Units, with_units
 from tests.thorough import rest_thorough
 
 BOX = Box(0.3, 0.25, 0.55)

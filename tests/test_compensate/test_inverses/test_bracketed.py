@@ -6,7 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from compensate import BracketedCompensator, Estimate, Status, invert
+from compensate import Status, invert
+from compensate.internal import BracketedCompensator, Estimate
 from hysteresis import InputError, Preisach
 from hysteresis.preisach import GaussianDensity, GridDensity
 from tests.problems import HIGH, LOW, SAMPLES, random_histories, weights

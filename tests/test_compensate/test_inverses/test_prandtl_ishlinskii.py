@@ -9,7 +9,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from compensate import AbstractCompensator, Estimate, Status, invert
+from compensate import AbstractCompensator, Status, invert
+from compensate.internal import Estimate
 from hysteresis import PrandtlIshlinskii
 from tests.problems import SAMPLES, clock, histories
 

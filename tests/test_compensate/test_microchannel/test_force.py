@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from compensate import Status
-from compensate.microchannel import EverettNetwork, ForceEstimator
+from compensate.internal import EverettNetwork, ForceEstimator
 from hysteresis import InputError
-from hysteresis.networks import StaircaseNetwork
+from hysteresis.internal import StaircaseNetwork
 from hysteresis.rigs import MicrochannelRig
 from tests.problems import without
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from compensate.microchannel import gains_in_use
+from compensate.internal import gains_in_use
 from hysteresis import InputError
 
 KNOWN = np.array([[1.0, 0.6], [0.5, 1.0]])

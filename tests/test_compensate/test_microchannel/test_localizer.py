@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from compensate.microchannel import Localizer, PlaceStatus
+from compensate.internal import PlaceStatus
+from compensate.microchannel import Localizer
 from hysteresis import InputError
 from hysteresis.rigs import MicrochannelRig
 

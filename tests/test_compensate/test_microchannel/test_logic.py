@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from compensate.microchannel import LogicStatus, LogicTable
+from compensate.internal import LogicStatus
+from compensate.microchannel import LogicTable
 from hysteresis import InputError
 from hysteresis.rigs import MicrochannelRig
 

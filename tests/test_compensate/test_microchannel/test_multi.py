@@ -11,17 +11,17 @@ import numpy as np
 import pytest
 
 from compensate import Quantity, Status
-from compensate.microchannel import (
+from compensate.internal import (
     ChannelSensor,
     ForceNetwork,
     MotionFilter,
     MultiContactEstimator,
     SearchEstimator,
-    export_contacts,
 )
+from compensate.microchannel import export_contacts
 from compensate.runtime import load_contacts
 from hysteresis import InputError, PrandtlIshlinskii
-from hysteresis.networks import StaircaseNetwork
+from hysteresis.internal import StaircaseNetwork
 from hysteresis.rigs import MicrochannelRig
 
 GAINS = np.array([[1.0, 0.5], [0.6, 1.0]])

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from compensate.microchannel import PlaceStatus
+from compensate.internal import PlaceStatus
 from hysid import fit_positions
 from hysteresis import InputError
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from compensate.microchannel import ChannelStatus, Readout
+from compensate.internal import ChannelStatus, Readout
 from hysteresis import InputError
 from hysteresis.rigs import MicrochannelRig
 

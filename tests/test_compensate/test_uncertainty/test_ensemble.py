@@ -7,7 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from compensate import CalibratedCompensator, Status, calibrated, invert
+from compensate import Status, calibrated, invert
+from compensate.internal import CalibratedCompensator
 from hysteresis import (
     AbstractModel,
     Burgers,

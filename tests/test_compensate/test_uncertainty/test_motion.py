@@ -8,7 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from compensate import CalibratedCompensator, Status, calibrated, export_c, export_runtime, invert
+from compensate import Status, calibrated, export_c, export_runtime, invert
+from compensate.internal import CalibratedCompensator
 from compensate.runtime import load
 from hysteresis import Preisach, Record
 from hysteresis.preisach import GridDensity

@@ -15,7 +15,8 @@ from compensate import invert
 from hysteresis import Burgers, Preisach, Record
 from hysteresis.preisach import GridDensity
 from hysteresis.rigs import SpongeRig
-from identify import FitResult, Posterior, fit
+from identify import FitResult, fit
+from identify.internal import Posterior
 from identify.posterior._posterior import summary_of
 
 NASTY = 'force <script>alert("&")</script> (N)'

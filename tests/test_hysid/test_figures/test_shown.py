@@ -11,12 +11,14 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from compensate import BracketedCompensator, invert
+from compensate import invert
+from compensate.internal import BracketedCompensator
 from hysteresis import Burgers, InputError, Note, PrandtlIshlinskii, Preisach, Record, Series, Sum
 from hysteresis.curves import PolynomialCurve
 from hysteresis.preisach import GridDensity
 from hysteresis.rigs import SpongeRig
-from identify import FitResult, Posterior, fit
+from identify import FitResult, fit
+from identify.internal import Posterior
 from identify.posterior._posterior import summary_of
 
 MODELS = {

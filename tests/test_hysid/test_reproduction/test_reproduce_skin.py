@@ -7,11 +7,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from compensate.microchannel import SearchEstimator
+from compensate.internal import SearchEstimator
 from hysid.reproduction import reproduce, terminal
 from hysid.reproduction._skin import converted
 from hysid.reproduction._skin_pair import DT, PAIR, SkinPair, peaks
-from hysteresis.rigs import ResistiveReadout
+from hysteresis.internal import ResistiveReadout
 
 SEED = 300
 """Of sensors that the command's own run does not use."""

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from compensate import Status
-from compensate.microchannel import BackwardsModel
+from compensate.internal import BackwardsModel
 from hysid import ForceRecord, train_force
 from hysid.soft_sensor._force_records import gather, held_out_parts
 from hysteresis import InputError, PrandtlIshlinskii

@@ -17,9 +17,9 @@ from hysteresis import (
     Preisach,
     Series,
     Sum,
-    extended,
 )
 from hysteresis.curves import Clip
+from hysteresis.internal import extended
 from hysteresis.preisach import GridDensity
 from hysteresis.testing import check_model
 

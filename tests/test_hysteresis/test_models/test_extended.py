@@ -6,7 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from hysteresis import LinearSponge, MonotoneCurve, Scaled, Series, Sum, extended
+from hysteresis import LinearSponge, MonotoneCurve, Scaled, Series, Sum
+from hysteresis.internal import extended
 from hysteresis.preisach import GridDensity, Preisach
 from tests.thorough import rest_thorough
 

@@ -14,13 +14,8 @@ from hypothesis import strategies as st
 from scipy import integrate
 
 from hysteresis import InputError
-from hysteresis.preisach import (
-    GaussianDensity,
-    GridDensity,
-    LogNormalDensity,
-    LorentzianDensity,
-    SumDensity,
-)
+from hysteresis.internal import LogNormalDensity, SumDensity
+from hysteresis.preisach import GaussianDensity, GridDensity, LorentzianDensity
 from tests.densities import DENSITIES, KINDS, Coercive, plain_everett
 from tests.problems import HIGH, LOW, histories
 from tests.thorough import rest_thorough

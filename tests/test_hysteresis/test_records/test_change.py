@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import hysid
-from hysteresis import InputError, Record, check_identifiable, read_csv
+from hysteresis import InputError, Record, read_csv
+from hysteresis.internal import check_identifiable
 from hysteresis.records._change import change
 
 

@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hysteresis import InputError, Note, Record, check_identifiable, loop_direction, read_csv
+from hysteresis import InputError, Note, Record, read_csv
+from hysteresis.internal import check_identifiable, loop_direction
 
 
 def rig(n_cycles: int = 4, samples: int = 25, lag: float = 0.2, **names: Any) -> Record:

@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hysteresis import InputError, conversion, read_csv
+from hysteresis import InputError, read_csv
+from hysteresis.internal import conversion
 
 UNITS = (
     "N/mm", "mm**2", "kg*m/s^2", "N·mm", "m s^-1", "1/s", "mm^1.5", "N**0.5", "(N/mm)/s", "µm/m",

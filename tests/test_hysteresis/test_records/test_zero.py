@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hysteresis import InputError, Record, check_identifiable, read_csv
+from hysteresis import InputError, Record, read_csv
+from hysteresis.internal import check_identifiable
 from tests.thorough import rest_thorough
 
 ZEROS = {"zero-jump", "zero-moves", "lost-contact"}

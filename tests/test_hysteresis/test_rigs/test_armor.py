@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hysteresis import InputError
-from hysteresis.rigs import INWARD, ArmorRig, ForceSensor, SpongeRig, force_path
+from hysteresis.internal import ForceSensor, force_path
+from hysteresis.rigs import INWARD, ArmorRig, SpongeRig
 
 EXACT = ForceSensor(crosstalk=0, hysteresis=0, noise_n=0, noise_nm=0)
 LINES = SpongeRig().five_cycles().statistics()

@@ -5,13 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hysteresis.rigs import (
-    ArmorRig,
-    ChannelGeometryRig,
-    FoamBlock,
-    GaugeSensor,
-    force_path,
-)
+from hysteresis.internal import ChannelGeometryRig, FoamBlock, GaugeSensor, force_path
+from hysteresis.rigs import ArmorRig
 
 UP_AND_DOWN = force_path((0.0, 20.0, 0.0), 2.0)
 

@@ -6,8 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from benchmarks._microchannel.force_loop import ChannelStream, ForceLoopRig
 from hysteresis import InputError
-from hysteresis.rigs import ChannelStream, ForceLoopRig, MicrochannelRig
+from hysteresis.rigs import MicrochannelRig
 
 RIG = MicrochannelRig(seed=3, fabrication=0.1)
 STILL = ForceLoopRig(sensor=RIG, sway_mm=0.0, stiffness_error=0.0)

@@ -10,7 +10,8 @@ from hypothesis.extra.numpy import arrays
 from scipy.spatial import cKDTree
 
 from hysteresis import InputError
-from hysteresis.rigs import MicrochannelRig, ResistiveReadout
+from hysteresis.internal import ResistiveReadout
+from hysteresis.rigs import MicrochannelRig
 
 RIG = MicrochannelRig()
 

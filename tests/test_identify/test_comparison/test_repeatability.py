@@ -7,7 +7,8 @@ import pytest
 
 import identify
 from hysteresis import Record
-from hysteresis.rigs import SpongeRig, force_path
+from hysteresis.internal import force_path
+from hysteresis.rigs import SpongeRig
 from identify import FitResult
 from identify.internal import repeatability
 

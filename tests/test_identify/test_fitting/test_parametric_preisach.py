@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from hysteresis import Preisach, Record, StandardLinearSolid
-from hysteresis.preisach import GaussianDensity, GridDensity, SumDensity
+from hysteresis.internal import SumDensity
+from hysteresis.preisach import GaussianDensity, GridDensity
 from identify import FitResult, fit, load, save
 from identify.fitting._parametric_preisach import INCREMENTS, SHAPES, of_grid
 

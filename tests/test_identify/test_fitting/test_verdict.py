@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from hysteresis import InputError, LinearSponge, Record
-from identify import FitResult, Verdict, fit, fit_step
+from identify import FitResult, fit, fit_step
 from identify.fitting._verdict import judge
-from identify.internal import estimate_noise, members_and_questions, root_difference
+from identify.internal import Verdict, estimate_noise, members_and_questions, root_difference
 from identify.noise._model import NoiseModel
 
 QUICK: dict[str, Any] = {"model": LinearSponge(K=1.0, b=0.0), "noise": "gaussian", "starts": 1}

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from hysteresis import InputError, Preisach, Record
-from hysteresis.preisach import GaussianDensity, GridDensity, SumDensity
+from hysteresis.internal import SumDensity
+from hysteresis.preisach import GaussianDensity, GridDensity
 from identify import fit, fit_density, load, save
 from identify.internal import target
 from tests.thorough import rest_thorough

@@ -9,7 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from compensate import EnsembleCompensator, invert
+from compensate import invert
+from compensate.internal import EnsembleCompensator
 from hysteresis import InputError, Preisach, Record
 from hysteresis.rigs import SpongeRig
 from identify import fit, load_posterior, sample, save, save_posterior

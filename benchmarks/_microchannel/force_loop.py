@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ._arguments import check_fields, require
-from ._microchannel import MicrochannelRig
+from hysteresis.rigs import MicrochannelRig
+from hysteresis.rigs._arguments import check_fields, require
 
 _require = partial(require, "ForceLoopRig")
 
@@ -31,7 +31,7 @@ class ChannelStream:
     **Example:**
 
         >>> rig = hysteresis.rigs.MicrochannelRig(seed=11)
-        >>> stream = hysteresis.rigs.ChannelStream(rig, location=0)
+        >>> stream = ChannelStream(rig, location=0)
         >>> [round(volts, 3) for volts in stream.step(2.0)]
         [0.361, 0.12]
     """
@@ -147,7 +147,7 @@ class ForceLoopRig:
     **Example:**
 
         >>> sensor = hysteresis.rigs.MicrochannelRig(seed=11)
-        >>> loop = hysteresis.rigs.ForceLoopRig(sensor=sensor).start()
+        >>> loop = ForceLoopRig(sensor=sensor).start()
         >>> round(loop.step(1.0).force, 3)
         0.028
     """
