@@ -2,9 +2,11 @@
 
 import numpy as np
 
-from hysid.reproduction._skin import DELAY, Records, rms
+from hysid.reproduction._skin import Records, rms
 from hysid.reproduction._skin_pair import DT, PAIR, Pressed
 from hysteresis.rigs import MicrochannelRig
+
+from .inside import DELAY
 
 MACHINE_FORCE, RATES_N_PER_S, TURNS_PER_S = 7.8, (2.0, 20.0), 1.5
 """How the machine moves."""

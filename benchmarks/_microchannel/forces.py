@@ -9,24 +9,16 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from compensate.internal import EverettNetwork
-from hysid.reproduction._skin import (
-    DELAY,
-    HIGH_N,
-    Series,
-    Skin,
-    converted_record,
-    decaying_over,
-    records,
-)
-from hysid.reproduction._skin_pair import SkinPair, error, found_peaks
-from hysteresis.internal import ResistiveReadout
-from hysteresis.rigs import MicrochannelRig
+from compensate.microchannel import EverettNetwork
+from hysid.reproduction._skin import HIGH_N, Records, Series, Skin, converted, decaying_over
+from hysid.reproduction._skin_pair import error, found_peaks
+from hysteresis.rigs import MicrochannelRig, ResistiveReadout
 from identify.internal import train
 from identify.training._train import Trained
 
 from .._measure import Row, judged, means, noted
 from .floor import floor, placement_floor
+from .inside import DELAY, InsidePair, InsideSkin
 
 FEW = 3
 """Sensors, of the seeds 0, 1, 2."""
@@ -53,7 +45,7 @@ def force_rows(quick: bool) -> list[Row]:
 
 def _single(seed: int, quick: bool) -> dict[str, float]:
     """RMSE of every kind over the four loops of four sessions."""
-    skin = Skin(seed, 200 if quick else 1000, sessions=4, inside=True)
+    skin = InsideSkin(seed, 200 if quick else 1000, sessions=4)
     t, F, z = skin.taught
     everett = _train_everett(t, z, F, epochs=150 if quick else 600, high_force=HIGH_N)
     now = skin.by_filter["value"]
@@ -100,7 +92,7 @@ def pair_rows(quick: bool) -> list[Row]:
 
 
 def _pair(seed: int, quick: bool) -> dict[str, float]:
-    pair = SkinPair(seed, 4 if quick else 100, inside=True)
+    pair = InsidePair(seed, 4 if quick else 100)
     return {
         "peaks": found_peaks(pair.placed),
         "our_peaks": found_peaks(pair.placed, ours=True),
@@ -122,7 +114,8 @@ def electronics_rows(quick: bool) -> list[Row]:
     skin, rows = Skin(0, 60 if quick else 1000), []
     for name, (electronics, believed) in _variants().items():
         loops = replace(skin.rig, readout=electronics).test_loops(session=0)
-        made = records([converted_record(one, electronics, believed) for one in loops])
+        volts = [converted(one.reading, electronics, believed)[:, 0] for one in loops]
+        made = Records([one.time for one in loops], [one.force[:, 0] for one in loops], volts)
         off = skin.rms(skin.by(skin.network, made))
         rows.append(noted(f"electronics, {name}: force of four loops, N", off))
     return rows

@@ -6,13 +6,12 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from compensate.internal import LogicStatus
-from compensate.microchannel import Localizer, LogicTable
-from hysid.reproduction._skin import LEVELS_OF_THREE, Skin, level
-from hysteresis.internal import ResistiveReadout
-from hysteresis.rigs import MicrochannelRig
+from compensate.microchannel import Localizer, LogicStatus, LogicTable
+from hysid.reproduction._skin import LEVELS_OF_THREE, level
+from hysteresis.rigs import MicrochannelRig, ResistiveReadout
 
 from .._measure import Row, judged, least_seconds, noted
+from .inside import InsideSkin
 
 SENSORS, FEW = 20, 5
 PRESSES = 10_000
@@ -76,7 +75,7 @@ def _single(count: int) -> list[Row]:
 
 def of_sensor(seed: int) -> Places:
     """Train one sensor and ask it."""
-    skin = Skin(seed, inside=True)
+    skin = InsideSkin(seed)
     rig, table = skin.rig, skin.votes
     known, many = rig.finger_presses(), rig.finger_presses(PRESSES // 5, session=2)
     noise = rig.readout.noise
@@ -162,7 +161,7 @@ def _several(count: int) -> list[Row]:
 
 def _of_21(seed: int) -> int:
     """The paper's table III: three presses of each of seven combinations."""
-    return sum(places == found for places, found in Skin(seed, inside=True).decisions)
+    return sum(places == found for places, found in InsideSkin(seed).decisions)
 
 
 def _unknown() -> float:

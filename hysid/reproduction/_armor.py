@@ -227,12 +227,11 @@ Locate = Callable[[Rig, ArmorPresses], Float[np.ndarray, "presses 3"]]
 
 
 class Method(NamedTuple):
-    """A way to find the contact from the wrench; `published`: mm, mean of the 45 points."""
+    """A way to find the contact from the wrench."""
 
     label: str
     soft: bool
     locate: Locate
-    published: float | None = None
 
 
 def solving(solver: Callable[[Rig], ContactSolver]) -> Locate:
@@ -260,20 +259,15 @@ def _follow(armor: Armor, time: Array, readings: Array) -> Contact:
 
 
 METHODS = {
-    "a": Method(
-        "soft, uncompensated", True, solving(lambda rig: ContactSolver(Box(*rig.soft.size))), 27.2
-    ),
+    "a": Method("soft, uncompensated", True, solving(lambda rig: ContactSolver(Box(*rig.soft.size)))),
     "b": Method(
         "soft, approximation 2", True,
-        solving(lambda rig: ContactSolver(Box(*rig.soft.size), rig.lines["2"])), 16.3,
+        solving(lambda rig: ContactSolver(Box(*rig.soft.size), rig.lines["2"])),
     ),
-    "c": Method("rigid", False, solving(lambda rig: ContactSolver(Box(*rig.rigid.size))), 13.2),
+    "c": Method("rigid", False, solving(lambda rig: ContactSolver(Box(*rig.rigid.size)))),
     OURS: Method("soft, calibrated, with memory", True, following(lambda rig: rig.calibrated)),
 }  # fmt: skip
 """The conditions of fig 14, and ours; a new method is one more entry."""
-
-DISPLACEMENTS = ("none", "1", "2", "3", OURS)
-"""By what fig 12 takes the displacement: none, lines over the gauge's force, ours from the readings."""
 
 
 def body_errors(rig: Rig, method: Method) -> Errors:
@@ -286,29 +280,18 @@ def body_errors(rig: Rig, method: Method) -> Errors:
 
 
 def surface_errors(rig: Rig, name: str) -> Errors:
-    """Errors in z in mm at the 76 points, by an entry of `DISPLACEMENTS`."""
-    presses, found = rig.surface_1, 0.0
+    """Errors in z in mm at the 76 points, by a line over the gauge's force, or ours from the readings."""
+    presses = rig.surface_1
     if name == OURS:
         found = 1e3 * np.asarray(_followed(rig.calibrated, presses).displacement)[:, -1]
-    elif name != "none":
+    else:
         found = np.asarray(rig.lines[name].simulate(None, presses.force[:, -1]))
     return np.abs(found - 1e3 * presses.displacement[:, -1])
 
 
-class Range(NamedTuple):
-    """Fig 7: mean and standard deviation at each force, over all cycles and both branches."""
-
-    force: Float[np.ndarray, " forces"]
-    mean: Float[np.ndarray, " forces"]
-    sd: Float[np.ndarray, " forces"]
-    line: Float[np.ndarray, " forces"]
-    """through the means from 2 to 20 N"""
-    limit: float
-    """N, where the mean leaves the line by more than the bar"""
-
-
-def linear_range(cycles: SpongeCycles) -> Range:
-    """Up to where a line describes a record, and its own scatter hides what the line leaves over."""
+def linear_range(cycles: SpongeCycles) -> float:
+    """N, up to where a line through the means from 2 to 20 N describes a record over all cycles and both
+    branches (fig 7): the mean leaves it by no more than the record's own scatter."""
     force = np.unique(cycles.force)
     at = [cycles.displacement[cycles.force == f] for f in force]
     mean, sd = np.array([d.mean() for d in at]), np.array([d.std(ddof=1) for d in at])
@@ -317,9 +300,9 @@ def linear_range(cycles: SpongeCycles) -> Range:
     beyond = np.abs(mean - line) - sd
     n = next((n for n in range(1, len(force)) if force[n] > 20 and beyond[n] > 0), None)
     if n is None:
-        return Range(force, mean, sd, line, float(force[-1]))
+        return float(force[-1])
     part = beyond[n - 1] / (beyond[n - 1] - beyond[n])
-    return Range(force, mean, sd, line, float(force[n - 1] + part * (force[n] - force[n - 1])))
+    return float(force[n - 1] + part * (force[n] - force[n - 1]))
 
 
 def changed(before: SpongeCycles, after: SpongeCycles) -> Change:

@@ -14,10 +14,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
-from matplotlib.figure import Figure
 
 import identify
-from hysteresis._atomic_file import write_figure, write_whole
+from hysteresis._atomic_file import write_whole
 from hysteresis._show import aligned
 from identify.internal import versions
 
@@ -54,12 +53,6 @@ class Asked(NamedTuple):
     epochs: int | None
     quick: bool
     say: Callable[[str], None]
-
-    def write(self, drawn: Mapping[str, Figure]) -> dict[str, str]:
-        """Write pictures, and return their files by name."""
-        for name, figure in drawn.items():
-            write_figure(figure, self.out / f"{name}.png", dpi=160)
-        return {name: f"{name}.png" for name in drawn}
 
 
 class Published(NamedTuple):
@@ -170,7 +163,7 @@ def reproduce(
     epochs: int | None = None, quick: bool = False, overwrite: bool = False,
     say: Callable[[str], None] = lambda _: None,
 ) -> dict[str, Any]:  # fmt: skip
-    """Make a paper's experiments anew: DIR/reproduction.json, table.md, pictures, and what it adds."""
+    """Make a paper's experiments anew: DIR/reproduction.json, table.txt, and what it adds."""
     begin = time.perf_counter()
     module = import_module(f"{__package__}.{MODULES[paper]}")
     identify.internal.check_free(out, overwrite, RESULT)
@@ -181,10 +174,10 @@ def reproduce(
     out.mkdir(parents=True, exist_ok=True)
     document = {"schema": 1, "paper": paper, "rigs": rigs, "seed": seed, "quick": quick}
     document |= module.carry_out(Asked(out, rigs, seed, with_ours, epochs, quick, say))
-    document["files"] = {"table": "table.md"} | document["files"]
+    document["files"] = {"table": "table.txt"} | document.get("files", {})
     document["seconds"] = round(time.perf_counter() - begin, 3)
     document["versions"] = versions(("hysid", "jax", "numpy"))
-    write_whole(out / "table.md", _markdown(document, said["title"]))
+    write_whole(out / "table.txt", "\n".join([said["title"], "", *terminal(document), ""]))
     identify.internal.write_json(out / RESULT, document)
     return document
 
@@ -231,19 +224,6 @@ def _with_error(mean: float, sd: float) -> str:
         return f"{mean:.4g}"
     decimals = min(max(1 - math.floor(math.log10(sd)), 0), 4)
     return f"{mean:.{decimals}f} ± {sd:.{decimals}f}"
-
-
-def _markdown(document: dict[str, Any], title: str) -> str:
-    header, *rows = (f"| {' | '.join(row)} |" for row in _cells(document))
-    lines = [f"# {title}", "", document["rig"], "", header]
-    lines += ["|" + " --- |" * (header.count("|") - 1), *rows, "", TOLERANCE, ""]
-    lines += ["## What the paper says in words", ""]
-    lines += ["Yes: the sentence is literally true on the virtual rigs.", ""]
-    lines += [*(f"- {line}" for line in _said(document)), ""]
-    for name, text in document.get("tables", {}).items():
-        lines += [f"## {name}", "", "```", text, "```", ""]
-    pictures = [name for name in document["files"].values() if name.endswith(".png")]
-    return "\n".join(lines + [f"![{Path(name).stem}]({name})\n" for name in pictures])
 
 
 def _said(document: dict[str, Any]) -> Iterable[str]:

@@ -1,25 +1,26 @@
 """Three experiments of Kim and Park (2018) on one virtual skin, by the paper's methods and by ours:
 (A) the force of one contact, (B) which place is pressed, (C) which places are pressed at once."""
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import jax
 import numpy as np
 import optax
 from jaxtyping import Float
 
-from compensate.microchannel import Localizer, LogicTable
-from compensate.microchannel._force import ForceEstimator
+from compensate.microchannel import (
+    ForceEstimator,
+    Localizer,
+    LogicTable,
+    Readout,
+)
 from compensate.microchannel._localizer import Confusion
-from compensate.microchannel._multi import ChannelSensor, MotionFilter, MultiContactEstimator
-from compensate.microchannel._readout import Readout
-from hysteresis.models._staircase_network import StaircaseNetwork
-from hysteresis.rigs import MicrochannelRig
-from hysteresis.rigs._channel_geometry import ChannelGeometryRig
-from hysteresis.rigs._skin_presses import AbstractSkinRig, ChannelRecord, ResistiveReadout
+from hysteresis.networks import StaircaseNetwork
+from hysteresis.rigs import ChannelGeometryRig, ResistiveReadout
+from hysteresis.rigs._skin_presses import AbstractSkinRig, ChannelRecord
 from identify.internal import train
 from identify.training._train import Trained
 
@@ -33,14 +34,12 @@ READING: Final = {"thresholds": (0.1, 0.2, 0.4, 0.8), "lags": (0.03, 0.06, 0.12,
 FORCE: Final = {"thresholds": (0.1, 0.2, 0.35, 0.6, 1.0, 1.6, 2.6), "lags": (0.02, 0.2, 1.0, 8.0)}
 """What each network sees: half widths of plays in V or N, delays in s; chosen on another seed's sensor."""
 
-HIGH_N, NOISE_V, DELAY = 8.5, 0.0205, 10
-STEADY: Final = {"acceleration": 0.3, "turn": 10.0, "turns": 0.8, "delay": DELAY, "ways": 16}
-"""How a machine's forces move, for the filter; chosen on another seed's sensor."""
+HIGH_N, NOISE_V = 8.5, 0.0205
 
 PLACES = "ABCDE"
 LEVELS_OF_THREE = ((3.0, 2.0, 1.0), (1.0, 2.0, 3.0))
-FINGER_FORCE, FINGER_FORCES = 4.0, (1.5, 8.0)
-"""N, of the presses of several places: equal ones, and the range of unequal ones."""
+FINGER_FORCE = 4.0
+"""N, of the presses of several places."""
 
 Series = Float[np.ndarray, " _"]
 Pressed = tuple[frozenset[Hashable], frozenset[Hashable]]
@@ -64,36 +63,39 @@ def off_of(found: Trained) -> float:
 class Skin:
     """One virtual laboratory with a sensor of its own.
 
-    `epochs`: of the networks of (A). `sessions`: how often the four test loops are pressed. With `inside`
-    the sensor has stops and linear creep, all sensors are one design, and its voltages are not converted.
+    `epochs`: of the networks of (A). `sessions`: how often the four test loops are pressed.
     """
 
     seed: int
     epochs: int = 1000
     sessions: int = 1
-    inside: bool = False
 
     @cached_property
     def rig(self) -> AbstractSkinRig:
         """The sensor, its presses and its noise."""
-        return rig_of(self.seed, self.inside)
+        return ChannelGeometryRig(seed=self.seed)
 
-    def _read(self, found: Sequence[ChannelRecord]) -> Records:
-        """Of location A in layer 1, through converter and `Readout`."""
-        return records([read(one, self.rig, self.inside) for one in found])
+    def volts(self, readings: Float[np.ndarray, "presses layers"]) -> Float[np.ndarray, "p l"]:
+        """Through converter and `Readout`."""
+        return converted(readings, self.rig.readout)
+
+    def records(self, found: Sequence[ChannelRecord]) -> Records:
+        """Of location A in layer 1."""
+        parts = ([one.time, one.force[:, 0], self.volts(one.reading)[:, 0]] for one in found)
+        return Records(*map(list, zip(*parts, strict=True)))
 
     # (A) One contact
 
     @cached_property
     def taught(self) -> Records:
         """A machine's presses of A, to learn from."""
-        return self._read([self.rig.cnc_loops(LENGTH, session=100 + k) for k in range(SESSIONS)])
+        return self.records([self.rig.cnc_loops(LENGTH, session=100 + k) for k in range(SESSIONS)])
 
     @cached_property
     def loops(self) -> Records:
         """Fig 6: loops that no network has seen."""
         every = (self.rig.test_loops(session=session) for session in range(self.sessions))
-        return self._read([loop for four in every for loop in four])
+        return self.records([loop for four in every for loop in four])
 
     @cached_property
     def timeless(self) -> Trained:
@@ -109,16 +111,6 @@ class Skin:
         return train_staircase(t, z, F, epochs=self.epochs, **READING)
 
     @cached_property
-    def filter(self) -> MultiContactEstimator:
-        """Ours, where there is time: a network from force to reading, run backwards."""
-        t, F, z = self.taught
-        found = train_staircase(t, F, z, epochs=self.epochs, rate=3e-3, **FORCE)
-        sensor = ChannelSensor([found.module])
-        return MultiContactEstimator(
-            sensor, max(off_of(found), NOISE_V), MotionFilter(HIGH_N, **STEADY)
-        )
-
-    @cached_property
     def by_timeless(self) -> list[Series]:
         """Forces of the loops by the paper's network, N."""
         return self.by(self.timeless)
@@ -128,38 +120,17 @@ class Skin:
         """The same by ours."""
         return self.by(self.network)
 
-    @cached_property
-    def by_filter(self) -> dict[str, list[Series]]:
-        """The same by the filter: as the readings come (`value`), of the force `DELAY` readings before
-        (`late`), and the `deviation` of the first."""
-        found = self._followed(self.filter, self.loops, (-1, 1))
-        parts = ("value", "late", "deviation")
-        return {k: [np.asarray(getattr(f, k))[:n, 0] for n, f in found] for k in parts}
-
-    @staticmethod
-    def _followed(estimator: Any, loops: Records, shape: tuple[int, ...]) -> list[tuple[int, Any]]:
-        """Length and estimates of every record."""
-        pairs = zip(loops.time, loops.reading, strict=True)
-        ready = ((t, lengthened(z.reshape(shape))) for t, z in pairs)
-        return [(len(t), estimator.simulate(lengthened(t), z)) for t, z in ready]
-
     def by(self, learnt: Trained, loops: Records | None = None) -> list[Series]:
         """Forces of the loops by a network from reading to force, N."""
-        estimator, loops = (
-            ForceEstimator(learnt.module, off_of(learnt), HIGH_N),
-            loops or self.loops,
-        )
-        return [np.asarray(f.value)[:n] for n, f in self._followed(estimator, loops, (-1,))]
+        loops = loops or self.loops
+        estimator = ForceEstimator(learnt.module, off_of(learnt), HIGH_N)
+        pairs = zip(loops.time, loops.reading, strict=True)
+        found = [estimator.simulate(lengthened(t), lengthened(z)) for t, z in pairs]
+        return [np.asarray(f.value)[: len(t)] for f, t in zip(found, loops.time, strict=True)]
 
     def rms(self, found: Sequence[Series]) -> float:
         """Error of the loops' forces, N."""
         return rms([a - b for a, b in zip(found, self.loops.force, strict=True)])
-
-    @property
-    def rms_late(self) -> float:
-        """Of ours of the forces `DELAY` readings before, N."""
-        pairs = zip(self.by_filter["late"], self.loops.force, strict=True)
-        return rms([late[DELAY:] - force[:-DELAY] for late, force in pairs])
 
     # (B) Which place
 
@@ -175,31 +146,20 @@ class Skin:
 
     def _confusion(self, method: str) -> Confusion:
         known, asked = self.rig.finger_presses(), self.rig.finger_presses(20, session=1)
-        taught, judged = self._volts(known.reading), self._volts(asked.reading)
+        taught, judged = self.volts(known.reading), self.volts(asked.reading)
         noise = self.rig.readout.noise
         localizer = Localizer.train(taught, known.location, method=method, noise=noise)
         return Confusion(tuple(PLACES), localizer.confusion(judged, asked.location).counts)
 
     # (C) Which places at once
 
-    def _volts(self, readings: Float[np.ndarray, "presses layers"]) -> Float[np.ndarray, "p l"]:
-        return readings if self.inside else converted(readings, self.rig.readout)
-
     @cached_property
     def logic(self) -> LogicTable:
         """Table I, with the reading of one level known, and the scatter of presses learnt."""
-        return self._table(level(self.rig, FINGER_FORCE))
-
-    @cached_property
-    def unknown_force(self) -> LogicTable:
-        """The same where the force is anywhere in the range of fingers."""
-        return self._table([level(self.rig, force) for force in FINGER_FORCES])
-
-    def _table(self, unit: float | list[float]) -> LogicTable:
         common, differential = self.scatter
         return LogicTable(
-            LEVELS_OF_THREE, "ACE", unit=unit, noise=self.rig.readout.noise, common=common,
-            differential=differential,
+            LEVELS_OF_THREE, "ACE", unit=level(self.rig, FINGER_FORCE), noise=self.rig.readout.noise,
+            common=common, differential=differential,
         )  # fmt: skip
 
     @cached_property
@@ -207,7 +167,7 @@ class Skin:
         """Standard deviations of ln p, common to the layers and between them, of twenty taught presses
         on each of A, C and E whose force a gauge read."""
         made = self.rig.finger_presses((20, 0, 20, 0, 20), session=2)
-        volts = np.maximum(self._volts(made.reading), self.rig.readout.noise)
+        volts = np.maximum(self.volts(made.reading), self.rig.readout.noise)
         log = np.log(volts / made.force[:, None])
         left = []
         for place in (0, 2, 4):
@@ -219,59 +179,12 @@ class Skin:
         return float(np.std(mean)), float(np.std((off[:, 0] - off[:, 1]) / 2))
 
     @cached_property
-    def pressed_together(self) -> list[frozenset[Hashable]]:
-        """Three presses of each of seven combinations."""
-        return [places for places in self.logic.combinations for _ in range(3)]
-
-    @cached_property
     def decisions(self) -> list[Pressed]:
         """Table III with all fingers pressing alike, and what the table says of each."""
-        return self._decided(lambda one: self.logic.decide(one).places, equal=True)
-
-    @cached_property
-    def unequal(self) -> list[Pressed]:
-        """The same with fingers whose forces differ and are not known."""
-        return self._decided(lambda one: self.unknown_force.decide(one).places, equal=False)
-
-    @cached_property
-    def by_ranks(self) -> list[Pressed]:
-        """The unequal presses by the published table: the nearest sums of ranks 3, 2 and 1."""
-        unit, table = level(self.rig, FINGER_FORCE), self.logic
-
-        def nearest(one: np.ndarray) -> frozenset[Hashable]:
-            return table.combinations[
-                int(np.argmin(np.sum((one / unit - table.sums) ** 2, axis=1)))
-            ]
-
-        return self._decided(nearest, equal=False)
-
-    def _decided(
-        self, by: Callable[[np.ndarray], frozenset[Hashable]], equal: bool
-    ) -> list[Pressed]:
-        places = np.array(
-            [[name in one for name in PLACES] for one in self.pressed_together], float
-        )
-        random = np.random.default_rng([self.seed, 9])
-        forces = FINGER_FORCE if equal else random.uniform(*FINGER_FORCES, places.shape)
-        found = map(by, self._volts(self.rig.press_together(places * forces)))
-        return list(zip(self.pressed_together, found, strict=True))
-
-
-def rig_of(seed: int, inside: bool) -> AbstractSkinRig:
-    """A sensor by its geometry, or one whose physics is close to our models."""
-    return MicrochannelRig(seed=seed) if inside else ChannelGeometryRig(seed=seed)
-
-
-def read(made: ChannelRecord, rig: AbstractSkinRig, inside: bool) -> ChannelRecord:
-    """Through converter and `Readout`, but of a sensor close to our models."""
-    return made if inside else converted_record(made, rig.readout)
-
-
-def converted_record(
-    made: ChannelRecord, electronics: ResistiveReadout, current: float | None = None
-) -> ChannelRecord:
-    """A record with `converted` readings."""
-    return made._replace(reading=converted(made.reading, electronics, current))
+        pressed = [places for places in self.logic.combinations for _ in range(3)]
+        forces = np.array([[name in one for name in PLACES] for one in pressed]) * FINGER_FORCE
+        volts = self.volts(self.rig.press_together(forces))
+        return [(p, self.logic.decide(z).places) for p, z in zip(pressed, volts, strict=True)]
 
 
 def converted(
@@ -292,12 +205,6 @@ def converted(
     )  # fmt: skip
     changes = back.simulate(np.arange(float(len(volts))), electronics.counts(volts)).value
     return ResistiveReadout().scale * np.asarray(changes)
-
-
-def records(found: Sequence[ChannelRecord]) -> Records:
-    """Of location A in layer 1."""
-    parts = ([one.time, one.force[:, 0], one.reading[:, 0]] for one in found)
-    return Records(*map(list, zip(*parts, strict=True)))
 
 
 def level(rig: AbstractSkinRig, force: float) -> float:

@@ -13,8 +13,14 @@ import numpy as np
 import scipy
 from jaxtyping import Array, Float
 
-from compensate.microchannel._multi import MotionFilter, MultiContactEstimator
-from compensate.microchannel._multi_network import ForceNetwork, SearchEstimator, windows
+from compensate.microchannel import (
+    ForceNetwork,
+    MotionFilter,
+    MultiContactEstimator,
+    SearchEstimator,
+)
+from compensate.microchannel._multi_network import windows
+from hysteresis.rigs import ChannelGeometryRig
 from hysteresis.rigs._skin_presses import AbstractSkinRig, ChannelRecord
 from identify.internal import train
 from identify.training._train import Trained
@@ -22,7 +28,7 @@ from identify.training._train import Trained
 from ..soft_sensor._contacts import train_contacts
 from ..soft_sensor._force_networks import BATCH, updates_of
 from ..soft_sensor._force_records import ForceRecord
-from ._skin import FORCE, HIGH_N, NOISE_V, decaying_over, read, rig_of, rms
+from ._skin import FORCE, HIGH_N, NOISE_V, converted, decaying_over, rms
 
 OURS_FOR_ONE = 6
 """Epochs of our networks for each one of the paper's recurrent networks."""
@@ -74,22 +80,19 @@ class Pressed:
 
 @dataclass(frozen=True, eq=False)
 class SkinPair:
-    """Two locations of one virtual sensor. `epochs`: at most, of the paper's recurrent networks.
-
-    `inside`: as that of a `Skin`.
-    """
+    """Two locations of one virtual sensor. `epochs`: at most, of the paper's recurrent networks."""
 
     seed: int
     epochs: int = 100
-    inside: bool = False
 
     @cached_property
     def rig(self) -> AbstractSkinRig:
         """The sensor."""
-        return rig_of(self.seed, self.inside)
+        return ChannelGeometryRig(seed=self.seed)
 
-    def _read(self, made: ChannelRecord) -> ChannelRecord:
-        return read(made, self.rig, self.inside)
+    def read(self, made: ChannelRecord) -> ChannelRecord:
+        """Through converter and `Readout`."""
+        return made._replace(reading=converted(made.reading, self.rig.readout))
 
     @cached_property
     def taught(self) -> list[list[ForceRecord]]:
@@ -97,7 +100,7 @@ class SkinPair:
 
         def press(place: int, count: int, k: int) -> ForceRecord:
             made = self.rig.cnc_loops(count, location=place, dt=DT, session=10 * place + k)
-            one = self._read(made)
+            one = self.read(made)
             return ForceRecord(one.time, one.reading, one.force[:, place])
 
         places = zip(PAIR, SAMPLES, strict=True)
@@ -145,7 +148,7 @@ class SkinPair:
         return _us(self.ours, self.together.record)
 
     def _found(self, **presses: Any) -> Pressed:
-        return Pressed(self, self._read(self.rig.simultaneous(**presses)))
+        return Pressed(self, self.read(self.rig.simultaneous(**presses)))
 
 
 def train_recurrent(records: Sequence[ForceRecord], *, epochs: int = 100, seed: int = 0) -> Trained:

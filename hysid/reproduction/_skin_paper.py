@@ -6,12 +6,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from compensate.microchannel._localizer import Confusion
-from hysteresis._show import aligned
 from identify.training._train import Trained
 
-from . import _skin_figures as figures
 from ._frame import Asked, Measure, Paper, compared
-from ._skin import DELAY, PLACES, Skin
+from ._skin import PLACES, Skin
 from ._skin_pair import OURS_FOR_ONE, SkinPair, error, found_peaks, of_pair
 
 EPOCHS, PAIRS = 1000, 3
@@ -49,10 +47,6 @@ def _taken(place: str, other: str) -> Measure:
     return _skin(lambda skin, ours: _places(skin, ours).counts[at])
 
 
-def _found(pressed: str) -> Measure:
-    return _skin(lambda skin, _: sum(p == found for p, found in getattr(skin, pressed)))
-
-
 PAPER = Paper("kim2018", {
     "mse_start": _skin(lambda skin, _: np.mean(np.square(skin.taught.force))),
     "mse_end": _skin(lambda skin, ours: _network(skin, ours).train[-1]),
@@ -62,9 +56,7 @@ PAPER = Paper("kim2018", {
     "accuracy": _skin(lambda skin, ours: 100 * _places(skin, ours).accuracy),
     "b_for_c": _taken("B", "C"),
     "d_for_e": _taken("D", "E"),
-    "logic": _found("decisions"),
-    "logic_unequal": _found("unequal"),
-    "logic_ranks": _found("by_ranks"),
+    "logic": _skin(lambda skin, _: sum(p == found for p, found in skin.decisions)),
     "peaks": _pair(lambda pair, ours: found_peaks(pair.together, ours)),
     "peaks_placed": _pair(lambda pair, ours: found_peaks(pair.placed, ours)),
     "alone": _pair(lambda pair, ours: np.mean([error(one, ours) for one in pair.alone])),
@@ -75,7 +67,7 @@ PAPER = Paper("kim2018", {
 
 
 def carry_out(asked: Asked) -> dict[str, Any]:
-    """(A) to (C) over all sensors, (D) over three; tables and pictures of the first."""
+    """(A) to (C) over all sensors, (D) over three; tables of the first."""
     epochs = asked.epochs or (QUICK_EPOCHS if asked.quick else EPOCHS)
     pairs = QUICK_PAIRS if asked.quick else PAIRS
     of_two, with_ours = max(1, epochs // 10), asked.with_ours
@@ -95,18 +87,7 @@ def carry_out(asked: Asked) -> dict[str, Any]:
         "rows": compared(PAPER.published, laboratories, with_ours, progress),
         "findings": _findings(laboratories, with_ours),
     }
-    asked.say("drawing")
-    one, pair = laboratories[0].skin, laboratories[0].pair
-    assert pair is not None  # the first always is
-    ways = {"paper": False} | ({"ours": True} if with_ours else {})
-    peaks = {name: [p._asdict() for p in of_pair(pair.together, o)] for name, o in ways.items()}
-    document |= {"peaks": peaks, "tables": _tables(one, peaks, with_ours)}
-    drawn = {
-        "fig6": figures.loops(one, with_ours),
-        "fig7": figures.places(one),
-        "fig8": figures.together(pair, with_ours),
-    }
-    return document | {"files": asked.write(drawn)}
+    return document | {"tables": _tables(laboratories[0].skin, with_ours)}
 
 
 def _findings(laboratories: Sequence[Laboratory], with_ours: bool) -> list[dict[str, Any]]:
@@ -127,7 +108,6 @@ def _findings(laboratories: Sequence[Laboratory], with_ours: bool) -> list[dict[
             both = [getattr(pair, name) for pair in pairs]
             numbers[f"ratio_{name}"] = float(np.mean([error(x, True) / error(x) for x in both]))
         steps = np.mean([(pair.paper_us, pair.ours_us) for pair in pairs], axis=0)
-        numbers["late"] = float(np.mean([skin.rms_late for skin in skins]))
         numbers["steps"] = steps[0] / steps[1]
     true = {
         "network": network < 0.5 * curve,
@@ -137,7 +117,7 @@ def _findings(laboratories: Sequence[Laboratory], with_ours: bool) -> list[dict[
         "contacts": together > network,
     }
     return PAPER.findings(
-        true, with_ours, network=network, curve=curve, delay=DELAY, sound=sound, count=len(skins),
+        true, with_ours, network=network, curve=curve, sound=sound, count=len(skins),
         wrong=", ".join(f"{p} {n:.2g}" for p, n in missing), missed=missed, peaks=peaks,
         early=-1e3 * late.min(), latest=1e3 * late.max(), mean=1e3 * late.mean(), together=together,
         **numbers,
@@ -151,35 +131,11 @@ def _static_error(skin: Skin) -> float:
     return skin.rms([curve(z) for z in skin.loops.reading])
 
 
-def _tables(skin: Skin, found: dict[str, Any], with_ours: bool) -> dict[str, str]:
-    first = f"sensor {skin.seed}"
+def _tables(skin: Skin, with_ours: bool) -> dict[str, str]:
     tables = {
         "Table I. Levels of each combination": str(skin.logic),
-        f"Table II. Five nearest neighbours, {first}": str(skin.votes),
+        f"Table II. Five nearest neighbours, sensor {skin.seed}": str(skin.votes),
     }
     if with_ours:
-        tables[f"Table II by ours, {first}"] = str(skin.likeliest)
-    tables[f"Table III. Three presses of each combination, {first}"] = _logic(skin)
-    for name, peaks in found.items():
-        tables[f"Peaks of fig 8, {name}, {first}"] = _peaks(peaks)
+        tables[f"Table II by ours, sensor {skin.seed}"] = str(skin.likeliest)
     return tables
-
-
-def _logic(skin: Skin) -> str:
-    ways = (skin.decisions, skin.unequal, skin.by_ranks)
-    rows = [["found, of 3", "all with 4 N", "each 1.5 to 8 N", "the same, by published ranks"]]
-    for places in skin.logic.combinations:
-        right = [
-            sum(found == places for pressed, found in every if pressed == places) for every in ways
-        ]
-        rows.append(["+".join(sorted(map(str, places))), *map(str, right)])
-    return "\n".join(aligned(rows, range(1, 4)))
-
-
-def _peaks(peaks: list[dict[str, Any]]) -> str:
-    rows = [["place", "time, s", "force, N", "found, N", "late, ms"]]
-    for one in peaks:
-        found = [f"{one['found']:.2f}", f"{1e3 * one['late']:.0f}"]
-        found = ["none", ""] if np.isnan(one["found"]) else found
-        rows.append([one["location"], f"{one['time']:.2f}", f"{one['force']:.2f}", *found])
-    return "\n".join(aligned(rows, range(1, 5)))

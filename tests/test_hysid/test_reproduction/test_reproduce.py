@@ -34,17 +34,14 @@ def test_one_object_on_stdout_and_the_same_in_the_folder(made):
     assert json.loads((out / "reproduction.json").read_text()) == document
     assert all(fits(row, ROW) and isinstance(row["within"], bool) for row in document["rows"])
     assert all(fits(finding, FINDING) for finding in document["findings"])
-    assert {len(points["mean"]) for points in document["points"].values()} == {76}
     assert "4 of 4" in result.err
     written = set(tree(out))
     assert written == {"reproduction.json", *document["files"].values()}
-    for name in (name for name in written if name.endswith(".png")):
-        assert (out / name).read_bytes().startswith(b"\x89PNG")
-    table = (out / "table.md").read_text()
+    table = (out / "table.txt").read_text()
     for row in document["rows"]:
-        line = next(line for line in table.splitlines() if f"| {row['what']} |" in line)
+        line = next(line for line in table.splitlines() if line.startswith(f"{row['what']}  "))
         assert row["label"] in ("tuned to this number", "inferred", "predicted")
-        assert all(f"| {row[name]} |" in line for name in ("where", "label", "differs"))
+        assert all(row[name] in line for name in ("where", "label", "differs"))
 
 
 @pytest.mark.thorough
@@ -117,6 +114,6 @@ def test_linear_range_ends_where_a_kink_is():
     straight = type(SpongeRig().five_cycles())(
         6.0 * np.arange(len(force)), force, line, np.ones(len(force), int)
     )
-    assert linear_range(straight).limit == 40
+    assert linear_range(straight) == 40
     bent = straight._replace(displacement=np.minimum(force, 30.0) + 0.5 * side)
-    assert 30 < linear_range(bent).limit < 31
+    assert 30 < linear_range(bent) < 31

@@ -77,8 +77,8 @@ def test_every_printed_number_has_a_row(document):
     )
     for name in made["files"].values():
         assert (out / name).stat().st_size > 0
-    table = (out / "table.md").read_text()
-    assert all(f"Table {n}" in table for n in ("I", "II", "III"))
+    table = (out / "table.txt").read_text()
+    assert all(f"Table {n}" in table for n in ("I", "II"))
     assert any("kim" in line or "Table II" in line for line in terminal(made))
 
 
@@ -88,8 +88,6 @@ def test_the_search_follows_a_machine_through_lines(document):
     rows = {row["key"]: row for row in document[0]["rows"]}
     assert rows["peaks_placed"]["reproduced"] >= 14
     assert rows["placed"]["reproduced"] < 1.6
-    assert {peak["location"] for peak in document[0]["peaks"]["paper"]} == {"B", "D"}
-    assert len(document[0]["peaks"]["paper"]) == 16
 
 
 def test_a_peak_is_found_once_and_told_how_late():
