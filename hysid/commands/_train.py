@@ -16,9 +16,11 @@ from compensate.runtime import load_force
 from hysteresis import InputError
 from hysteresis._atomic_file import write_figure
 from hysteresis._escape import shell_word
+from hysteresis.numerics._normal import NORMAL_95
 from identify.internal import versions
 
-from ..figures._format import plain_name
+from ..figures import _base as f
+from ..figures._format import label, plain_name
 from ..intake._folders import check_writable
 from ..intake._selection import Selection
 from ..soft_sensor._estimate import TRAINING, Estimates, estimates_of, judged
@@ -26,7 +28,7 @@ from ..soft_sensor._force_networks import updates_of
 from ..soft_sensor._force_records import ForceRecord
 from ..soft_sensor._force_training import KINDS, ForceTraining, train_force
 from ..soft_sensor._learn import checks_of, learn_places, learn_positions
-from ..soft_sensor._sensor import ARRAYS, FORCE, WORDS, SoftSensor, save_sensor
+from ..soft_sensor._sensor import ARRAYS, FORCE, WORDS, Quantity, SoftSensor, save_sensor
 from ..soft_sensor._sessions import Session, Streams, Targets, read_sessions
 from ._asked_more import Train
 from ._console import Done, Progress, log, warnings
@@ -34,7 +36,8 @@ from ._estimate import figure_lines
 
 SCHEMA = 1
 RUNTIME, CHECKPOINT = "runtime.json", "checkpoint"
-PICTURES = ("learning.png", "force.png", "places.png", "position.png")
+PICTURES, MOST_SHOWN = ("learning.png", "force.png"), 600
+"""Rows of the picture of the force: more cannot be told apart."""
 TIMED, SLOW_S = 200, 5e-4
 """Readings by which the runtime is timed; s a reading that are too many for a loop of 1 kHz."""
 REPAIRS = {"masked", "filled", "gathered", "cut", "skipped", "units-row"}
@@ -98,7 +101,9 @@ def _trained(asked: Train, out: Path, progress: Progress) -> dict[str, Any]:
     if sensor.force is not None:
         runtime, said = _write_runtime(sensor, sensor.force, parts, out / RUNTIME)
         notes += said
-    pictures = _draw(out, sensor, forced, judgements)
+    shown = judgements["test"] or judgements["train"]
+    assert shown is not None
+    pictures = _draw(out, sensor.force_in, forced, shown)
     kept = ("kind", "epochs", "members", "seed", "noise", "resume", "method")
     settings = {name: getattr(asked, name) for name in kept}
     settings |= {"ends": asked.range, "places": names}
@@ -131,19 +136,11 @@ def _trained(asked: Train, out: Path, progress: Progress) -> dict[str, Any]:
 
 
 class _Judgement(NamedTuple):
-    """Streams one behind the other, what was pressed and found there, and how far off it is."""
+    """What was pressed in streams one behind the other, what was found, and how far off it is."""
 
-    streams: list[Streams]
     truth: dict[str, np.ndarray]
     found: Estimates
     figures: dict[str, Any]
-
-    @property
-    def starts(self) -> np.ndarray:
-        """First row of every sequence."""
-        ends = np.cumsum([0, *(len(one.counts) for one in self.streams)])
-        pairs = zip(ends, self.streams, strict=False)
-        return np.concatenate([at + one.record.starts for at, one in pairs])
 
 
 def _judged(sensor: SoftSensor, streams: list[Streams]) -> _Judgement | None:
@@ -153,7 +150,7 @@ def _judged(sensor: SoftSensor, streams: list[Streams]) -> _Judgement | None:
     found = Estimates(*(np.concatenate(columns) for columns in zip(*each, strict=True)))
     names = ("force", "place", "position", "counts")
     truth = {name: np.concatenate([getattr(one, name) for one in streams]) for name in names}
-    return _Judgement(streams, truth, found, judged(sensor, found, *truth.values()))
+    return _Judgement(truth, found, judged(sensor, found, *truth.values()))
 
 
 def _learn_force(
@@ -231,62 +228,32 @@ def _write_runtime(
     return found, [said] if spent >= SLOW_S else []
 
 
-def _draw(
-    out: Path, sensor: SoftSensor, forced: ForceTraining | None,
-    judgements: dict[str, _Judgement | None],
-) -> list[str]:  # fmt: skip
-    """Pictures of the training, and of what was held out; of what was learnt from where nothing was."""
-    from ..soft_sensor import _figures as figures
-
-    shown = judgements["test"] or judgements["train"]
-    assert shown is not None
-    counts, drawn = shown.truth["counts"], {}
+def _draw(out: Path, force: Quantity, forced: ForceTraining | None, shown: _Judgement) -> list[str]:
+    """Pictures of the training, and of the force that was held out, or learnt from where nothing was."""
+    drawn = {}
     if forced is not None and forced.curves:
-        curves = [(one.train, one.validation) for one in forced.curves]
-        drawn[PICTURES[0]] = figures.learning(curves, sensor.force_in.unit)
+        curves = [
+            f.Curve("" if k else word, np.arange(1.0, len(y) + 1), np.sqrt(y), colour)
+            for k, one in enumerate(forced.curves)
+            for word, colour, y in (
+                ("learnt from", f.SKY, one.train), ("held out", f.VERMILLION, one.validation),
+            )
+        ]  # fmt: skip
+        drawn[PICTURES[0]] = f.chart(curves, "epoch", label("RMSE", force.unit), log="y")
     if "force" in shown.figures:
-        record = shown.streams[0].record
-        name, unit = sensor.force_in
-        runs = _runs(counts, shown.starts)
-        clocks = [one.record.time for one in shown.streams]
-        clock = np.concatenate([time for time in clocks if time is not None])
-        drawn[PICTURES[1]] = figures.force(
-            _end_to_end(clock[counts], runs), shown.truth["force"][counts],
-            shown.found.force[counts], shown.found.force_sd[counts], runs,
-            (plain_name(record.time_name, record.time_unit), plain_name(name, unit)),
-            (record.time_unit, unit),
-        )  # fmt: skip
-    if "place" in shown.figures:
-        part = "held out" if shown is judgements["test"] else "learnt from"
-        figure = shown.figures["place"]
-        title = f"{figure['rows']} rows {part}, {figure['accuracy']:.1%} right"
-        drawn[PICTURES[2]] = figures.places(figure["confusion"], title)
-    if "position" in shown.figures:
-        truth, found = shown.truth["position"], shown.found.position
-        known = counts & np.isfinite(truth).all(1) & np.isfinite(found).all(1)
-        plain = [plain_name(*of) for of in sensor.position_in]
-        units = [unit for _, unit in sensor.position_in]
-        drawn[PICTURES[3]] = figures.positions(truth[known], found[known], plain, units)
+        rows = np.flatnonzero(shown.truth["counts"])[:MOST_SHOWN]
+        x, found = rows + 1.0, shown.found.force[rows]
+        half = NORMAL_95 * shown.found.force_sd[rows]
+        curves = [
+            f.Curve("measured", x, shown.truth["force"][rows], f.GREY, "under"),
+            f.Curve("estimated", x, found, f.BLUE),
+        ]
+        band = f.Band("90 % band", x, found - half, found + half)
+        up = label(plain_name(*force), force.unit)
+        drawn[PICTURES[1]] = f.chart(curves, "row", up, band=band)
     for name, figure in drawn.items():
-        write_figure(figure, out / name, dpi=144)
+        f.styled(write_figure)(figure, out / name, dpi=144)
     return list(drawn)
-
-
-def _runs(counts: np.ndarray, starts: np.ndarray) -> np.ndarray:
-    """Where, among the rows that count, those begin that follow one another in a sequence."""
-    begins = counts & ~np.append(False, counts[:-1])
-    begins[starts] = counts[starts]
-    return np.flatnonzero(begins[counts])
-
-
-def _end_to_end(time: np.ndarray, starts: np.ndarray) -> np.ndarray:
-    """A clock that goes on from run to run."""
-    found, end = np.empty(len(time)), 0.0
-    for a, b in zip(starts, [*starts[1:], len(time)], strict=True):
-        own = time[a:b] - time[a]
-        found[a:b] = own + end
-        end = found[b - 1] + (own[1] if b - a > 1 else 0.0)
-    return found
 
 
 def _notes(sessions: Sequence[Session]) -> list[str]:

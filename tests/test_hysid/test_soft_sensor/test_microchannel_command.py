@@ -107,7 +107,7 @@ def test_a_sensor_is_learnt_and_judged(trained: Trained):
     assert found["force"]["held_out_rmse_by_kind"] == {"network": found["force"]["held_out_rmse"]}
     assert found["runtime"]["file"] == "runtime.json"
     assert "training: 100 %" in trained.done.err
-    for name in ("learning.png", "force.png", "places.png", "position.png"):
+    for name in ("learning.png", "force.png"):
         assert (trained.out / name).read_bytes().startswith(b"\x89PNG")
 
 
