@@ -166,10 +166,10 @@ def chart(
     for label, x, y, colour, kind in curves:
         if kind == "dots":
             axes.plot(x, y, ls="", marker="o", ms=1.8 if len(x) > 300 else 4, mew=0,
-                      color=_pale(colour), label=label)  # fmt: skip
+                      color=pale(colour), label=label)  # fmt: skip
         elif kind == "under":
             few = np.isfinite(y).sum() < 300
-            axes.plot(x, y, lw=3, color=_pale(colour), label=label,
+            axes.plot(x, y, lw=3, color=pale(colour), label=label,
                       marker="o" if few else "", ms=5.5, mew=0)  # fmt: skip
         else:
             width, style = LINES[kind]
@@ -333,7 +333,7 @@ def _legend(figure: Figure) -> None:
                       columnspacing=1.4, handlelength=1.6, markerscale=1.6)  # fmt: skip
 
 
-def _pale(colour: str) -> tuple[float, ...]:
+def pale(colour: str) -> tuple[float, ...]:
     """Half way to white: unlike transparency it does not darken where a line crosses itself."""
     return tuple(0.5 + 0.5 * c for c in to_rgb(colour))
 

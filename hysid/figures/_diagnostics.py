@@ -1,7 +1,7 @@
 """Figures of the diagnostics of a fit: results of `identify` in, a matplotlib Figure out."""
 
-from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -10,7 +10,6 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from identify.diagnostics._profile_likelihood import Profile
-from identify.diagnostics._sloppiness import Sloppiness
 from identify.diagnostics._whiteness import Whiteness
 from identify.posterior._predictive import Bands
 from identify.results._fit_result import Starts
@@ -18,17 +17,6 @@ from identify.results._fit_result import Starts
 from . import _base as f
 from ._base import BLUE, DIM, EDGE, GREEN, GREY, INK, SIZE, SKY, VERMILLION, WIDE, log_ticks, styled
 from ._format import label, pretty
-
-
-class Belief(NamedTuple):
-    """One parameter before and after the data: values and densities of prior, Laplace and draws; None
-    where there is none."""
-
-    name: str
-    unit: str
-    prior: Callable[[np.ndarray], np.ndarray] | None
-    laplace: tuple[float, float] | None
-    draws: Float[np.ndarray, " draws"] | None
 
 
 @styled
@@ -145,62 +133,6 @@ def profiles(found: Sequence[Profile], errors: Sequence[float | None] = ()) -> F
 
 
 @styled
-def beliefs(found: Sequence[Belief]) -> Figure:
-    """What was known of each parameter before the data, dashed, and after: draws and Laplace's
-    approximation."""
-    figure, grid = f.small(len(found), 1.75, 3 if len(found) in (5, 6) else 4)
-    for axes, b in zip(grid, found, strict=True):
-        seen = [] if b.draws is None else [np.quantile(b.draws, [0.002, 0.998])]
-        if b.laplace is not None:
-            at, error = b.laplace
-            seen.append(np.array([at - 3.5 * error, at + 3.5 * error]))
-        is_log = _axis(axes, np.concatenate(seen), b.name, b.unit)
-        low, high = axes.get_xlim()
-        x = np.geomspace(low, high, 200) if is_log else np.linspace(low, high, 200)
-        # A density over a logarithmic axis is that of the logarithm.
-        per = x if is_log else 1.0
-        if b.draws is not None:
-            edges = np.geomspace(low, high, 33) if is_log else np.linspace(low, high, 33)
-            count, _ = np.histogram(b.draws, edges)
-            width = np.diff(np.log(edges) if is_log else edges)
-            axes.stairs(count / (len(b.draws) * width), edges, fill=True, color=SKY, alpha=0.6,
-                        label="posterior")  # fmt: skip
-        if b.laplace is not None:
-            at, error = b.laplace
-            density = np.exp(-(((x - at) / error) ** 2) / 2) / (error * np.sqrt(2 * np.pi))
-            axes.plot(x, density * per, color=VERMILLION, lw=1.3, label="Laplace")
-        if b.prior is not None:
-            axes.plot(x, b.prior(x) * per, color=INK, lw=1, ls="--", label="prior")
-        axes.set_yticks([])
-        axes.set_ylim(bottom=0)
-        axes.grid(axis="y", visible=False)
-    figure.supylabel("density", fontsize=9.5)
-    f.shared_legend(figure, grid)
-    return figure
-
-
-@styled
-def spectrum(found: Sloppiness) -> Figure:
-    """Combinations of parameters from the best known to the worst: how each is made up, and its error."""
-    n = len(found.names)
-    figure, axes = f.single((1.6 + 0.62 * n, 1.5 + 0.36 * n))
-    axes.grid(False)
-    mesh = axes.pcolormesh(np.arange(n + 1), np.arange(n + 1), np.abs(found.vectors), cmap="Blues",
-                           vmin=0, vmax=1)  # fmt: skip
-    with np.errstate(divide="ignore"):
-        errors = 1 / np.sqrt(found.eigenvalues)
-    names = [f"{100 * e:.1g} %" if e < 0.3 else f"×{_factor(e)}" for e in errors]
-    axes.set_xticks(np.arange(n) + 0.5, names, rotation=45, ha="right")
-    axes.set_yticks(np.arange(n) + 0.5, found.names)
-    axes.invert_yaxis()
-    axes.tick_params(length=0)
-    axes.set_xlabel("error of the combination")
-    bar = figure.colorbar(mesh, ax=axes, shrink=0.85, label="weight")
-    bar.outline.set_visible(False)  # type: ignore[operator]
-    return figure
-
-
-@styled
 def bands(
     found: Bands,
     x: Float[np.ndarray, " rows"] | None = None,
@@ -245,11 +177,10 @@ def bands(
     return figure
 
 
-def _axis(axes: Any, seen: np.ndarray, name: str, unit: str) -> bool:
-    """The range of a parameter's axis; logarithmic where it spans decades, and then True."""
+def _axis(axes: Any, seen: np.ndarray, name: str, unit: str) -> None:
+    """The range of a parameter's axis; logarithmic where it spans decades."""
     low, high = float(seen.min()), float(seen.max())
-    is_log = low > 0 and high > 30 * low
-    if is_log:
+    if low > 0 and high > 30 * low:
         axes.set_xscale("log")
         axes.set_xlim(low / 1.2, high * 1.2)
         log_ticks(axes.xaxis)
@@ -259,8 +190,3 @@ def _axis(axes: Any, seen: np.ndarray, name: str, unit: str) -> bool:
         axes.xaxis.set_major_locator(MaxNLocator(3))
         axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:.5g}".replace("-", "−")))
     axes.set_xlabel(label(name, pretty(unit)))
-    return is_log
-
-
-def _factor(error: float) -> str:
-    return f"{np.exp(error):.2g}" if error < 7 else "∞"

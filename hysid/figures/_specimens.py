@@ -1,4 +1,4 @@
-"""Figures of many specimens: small loops as SVG paths on one scale, each parameter over the specimens."""
+"""Figures of many specimens: small loops on one scale, each parameter over the specimens."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -8,12 +8,10 @@ from jaxtyping import Float
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from ._base import BLUE, SKY, VERMILLION, shared_legend, small, styled
-from ._format import label, number, pretty
+from ._base import BLUE, SKY, VERMILLION, WIDE, pale, shared_legend, short, small, styled
+from ._format import label, pretty
 
-BOX = (200, 150)
-LEFT, RIGHT, TOP, BOTTOM = 30, 192, 10, 130
-"""Of a small chart's plane, in the box."""
+Measured = tuple[np.ndarray, np.ndarray]
 
 
 class Spread(NamedTuple):
@@ -29,45 +27,18 @@ class Spread(NamedTuple):
     new: tuple[float, float] | None
 
 
-class Plane:
-    """The common scale of small charts: from readings to the box, its grid and its ticks."""
-
-    def __init__(self, xs: Sequence[np.ndarray], ys: Sequence[np.ndarray]):
-        self._x, self._y = _nice(xs), _nice(ys)
-        across, up = self._across(self._x), self._up(self._y)
-        lines = [f"M{x:.4g} {TOP}V{BOTTOM}" for x in across]
-        self.grid = "".join(lines + [f"M{LEFT} {y:.4g}H{RIGHT}" for y in up])
-        ends = [(LEFT, self._x[0]), (RIGHT, self._x[-1])]
-        self.ticks = [(float(x), BOTTOM + 15.0, "middle", _short(v)) for x, v in ends]
-        ends = [(BOTTOM, self._y[0]), (TOP, self._y[-1])]
-        self.ticks += [(LEFT - 5.0, y + 4.0, "end", _short(v)) for y, v in ends]
-
-    def path(self, x: np.ndarray, y: np.ndarray) -> str:
-        """A curve with gaps where it is NaN."""
-        words, pen = [], "M"
-        for a, b in zip(self._across(x), self._up(y), strict=True):
-            if np.isfinite(a) and np.isfinite(b):
-                words.append(f"{pen}{a:.1f} {b:.1f}")
-                pen = "L"
-            else:
-                pen = "M"
-        return "".join(words)
-
-    def _across(self, x: np.ndarray) -> np.ndarray:
-        return LEFT + (x - self._x[0]) / (self._x[-1] - self._x[0]) * (RIGHT - LEFT)
-
-    def _up(self, y: np.ndarray) -> np.ndarray:
-        return BOTTOM - (y - self._y[0]) / (self._y[-1] - self._y[0]) * (BOTTOM - TOP)
-
-
-def _nice(values: Sequence[np.ndarray]) -> np.ndarray:
-    joined = np.concatenate([v[np.isfinite(v)] for v in values])
-    low, high = (joined.min(), joined.max()) if len(joined) else (0.0, 1.0)
-    return np.asarray(MaxNLocator(4, min_n_ticks=2).tick_values(low, high))
-
-
-def _short(x: float) -> str:
-    return f"{x:.4g}".replace("-", "−") if x == 0 or 1e-3 <= abs(x) < 1e5 else number(x)
+@styled
+def loops(drawn: Sequence[tuple[str, Measured, Measured]], x_label: str, y_label: str) -> Figure:
+    """A small chart for each specimen, all on one scale: broad what was measured, thin the model."""
+    figure, grid = small(len(drawn), 1.5, 6, WIDE, sharex=True, sharey=True)
+    for axes, (name, measured, model) in zip(grid, drawn, strict=True):
+        axes.plot(*measured, lw=3, color=pale(BLUE))
+        axes.plot(*model, lw=1, color=VERMILLION)
+        axes.set_title(short(name, 24), fontsize=8.5)
+        axes.locator_params(nbins=4)
+    figure.supxlabel(x_label, fontsize=9.5)
+    figure.supylabel(y_label, fontsize=9.5)
+    return figure
 
 
 @styled

@@ -35,22 +35,6 @@ class Picture(NamedTuple):
     curves: dict[str, Any] | None
 
 
-class Small(NamedTuple):
-    """One of many small charts of one style, as SVG paths in a box of `size`; `ticks` are x, y, anchor and
-    text."""
-
-    name: str
-    href: str | None
-    level: str
-    words: str
-    alt: str
-    size: tuple[int, int]
-    grid: str
-    measured: str
-    model: str
-    ticks: list[tuple[float, float, str, str]]
-
-
 class Link(NamedTuple):
     """A cell that leads to another page."""
 
@@ -69,14 +53,13 @@ class Table(NamedTuple):
 
 @dataclass
 class Section:
-    """A heading and what is under it: text, tables, small charts, pictures, notes, then parts with headings
+    """A heading and what is under it: text, tables, pictures, notes, then parts with headings
     of their own. Below a `folded` one nothing is seen until it is clicked."""
 
     title: str
     text: list[str] = field(default_factory=list)
     pictures: list[Picture] = field(default_factory=list)
     tables: list[Table] = field(default_factory=list)
-    small: list[Small] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     parts: list["Section"] = field(default_factory=list)
     folded: bool = False

@@ -1,11 +1,8 @@
 """Report section on the diagnostics of a fit."""
 
 import math
-from collections.abc import Callable, Iterator
-from typing import Any
+from collections.abc import Iterator
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
 import identify
@@ -47,10 +44,8 @@ def _parts(case: Case) -> Iterator[Section | None]:
         aim = None
     long = len(case.fit.train) > MOST_ROWS
     if aim is not None and not long:
-        yield _profiles(case)
+        yield _profiles(case, aim)
         yield _sloppiness(case)
-    if aim is not None:
-        yield _beliefs(case, aim)
     if not long or case.posterior is not None:
         yield _predictive(case)
     if aim is not None and not long:
@@ -166,11 +161,14 @@ def _starts(case: Case) -> Section:
     return section
 
 
-def _profiles(case: Case) -> Section:
+def _profiles(case: Case, aim: Target) -> Section:
     found = profiles(case.fit)
     open_ = [p.said for p in found if p.low is None or p.high is None or p.others]
     text = " ".join(open_) or "The data bound every parameter from both sides."
     section = Section("How precisely is each parameter known?", [text])
+    priors = zip(aim.bounds.names, aim.bounds.priors, strict=True)
+    if asked := ", ".join(f"{name}: {prior}" for name, prior in priors if not prior.default):
+        section.text.append(f"User-specified priors: {asked}.")
     unit = {p.name: pretty(p.unit) or "1" for p in found}
     fitted = {p.name: p for p in case.fit.parameters}
     rows = []
@@ -200,52 +198,10 @@ def _profiles(case: Case) -> Section:
 def _sloppiness(case: Case) -> Section:
     found = identify.sloppiness(case.fit)
     section = Section("Which combinations of parameters are known?", [" ".join(found.said)])
-    if len(found.names) < 2:
-        return section
-    condition = number(found.condition) if math.isfinite(found.condition) else "beyond rounding"
-    caption = (
-        "Each column is a combination of parameters, from the best known to the worst. Darker cells have"
-        " more weight. An error given as a factor (×) means that the combination is poorly known."
-        f" Condition number: {condition}."
-    )
-    alt = "Eigenvectors of the Fisher information with the error of each"
-    section.draw(f.spectrum(found), alt, caption)
+    if len(found.names) > 1:
+        condition = number(found.condition) if math.isfinite(found.condition) else "beyond rounding"
+        section.text.append(f"Condition number of the Fisher information: {condition}.")
     return section
-
-
-def _beliefs(case: Case, aim: Target) -> Section:
-    posterior, drawn = case.posterior, {}
-    if posterior is not None:
-        flat = posterior.draws.reshape(-1, len(posterior.names))
-        drawn = dict(zip(posterior.names, flat.T, strict=True))
-    priors = dict(zip(aim.bounds.names, aim.bounds.priors, strict=True))
-    found, said = [], []
-    for p in case.fit.parameters:
-        if p.name not in priors or (p.stderr is None and p.name not in drawn):
-            continue
-        prior = priors[p.name]
-        laplace = None if p.stderr is None else (p.value, p.stderr)
-        found.append(f.Belief(p.name, p.unit, _density(prior), laplace, drawn.get(p.name)))
-    section = Section("What did the data add to the prior?")
-    if posterior is not None:
-        said = [f"{s.name} has {' and is '.join(s.words)}" for s in posterior.summaries if s.words]
-    text = f"{'; '.join(said)}." if said else "The data narrowed every parameter."
-    section.text.append(text[:1].upper() + text[1:])
-    if posterior is None:
-        section.text = ["The posterior was not sampled; Laplace's approximation is used instead."]
-    if not found:
-        return section
-    asked = ", ".join(f"{n}: {p}" for n, p in priors.items() if not p.default)
-    caption = "Prior (dashed) and posterior. If they are equally wide, the data add nothing."
-    weak = "The priors are weak defaults, scaled to the data."
-    caption += f" User-specified priors: {asked}." if asked else f" {weak}"
-    section.draw(f.beliefs(found), "Prior and posterior of each parameter", caption)
-    return section
-
-
-def _density(prior: Any) -> Callable[[np.ndarray], np.ndarray]:
-    """Of many numbers at once."""
-    return lambda x: np.exp(np.asarray(jax.vmap(prior.log_density)(jnp.asarray(x))))
 
 
 def _predictive(case: Case) -> Section:

@@ -50,6 +50,10 @@ def posterior(case: Case) -> Section:
             "emcee samples the noise, its correlation and the prior's strength alone; the weights are drawn"
             " given those, each draw by non-negative least squares."
         )
+    if said := "; ".join(
+        f"{s.name} has {' and is '.join(s.words)}" for s in posterior.summaries if s.words
+    ):
+        section.text.append(f"{said}.")
     columns = ("Parameter", "Mean", "Deviation", "5 %", "95 %", "R-hat", "Effective draws")
     rows = [
         (s.name, *map(number, (s.mean, s.sd, s.q05, s.q95)), f"{s.rhat:.3f}", f"{s.ess:,.0f}")
@@ -105,15 +109,6 @@ def density(case: Case) -> Section:
         f" The densest cell has {densest}; if the scale ends in an arrow, this is beyond the scale."
     )
     section.draw(figure, "Density over the triangle of thresholds", caption)
-
-    fine = np.linspace(density.low, density.high, 121)
-    middle = (fine[1:] + fine[:-1]) / 2
-    beta, alpha = np.meshgrid(middle, middle)
-    E = np.asarray(density.everett(density.tabulate(), density.pair(alpha, beta)))
-    figure = f.triangle(fine, fine, np.where(alpha >= beta, E, np.nan), None,
-                        *labels, label("Everett function", output_unit))  # fmt: skip
-    caption = "Everett function: half of what the relays add when the input rises from β to α."
-    section.draw(figure, "Everett function over the triangle", caption)
 
     if model.reversible is not None:
         curve = float(model.offset) + np.append(0.0, np.cumsum(np.asarray(model.reversible)))

@@ -84,7 +84,7 @@ def write_many(
     sections = [fits(specimens, file.parent, failed)]
     for group, (population, said) in zip(groups, found_in, strict=True):
         name = f" of {group[0].fit.name}" if len(groups) > 1 else ""
-        sections.append(loops(group, name, file.parent))
+        sections.append(loops(group, name))
         sections.append(parameters(group, name, population, said))
     _distinct(sections)
     render(

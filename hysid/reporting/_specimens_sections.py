@@ -14,8 +14,9 @@ from identify.results._detail import DiscreteSpectrum
 
 from ..figures import _base as f
 from ..figures._format import label_of, number, pretty, quantity
-from ..figures._specimens import BOX, Plane, Spread, spreads
-from ._case import TARGET, Link, Section, Small, Table
+from ..figures._specimens import Spread, spreads
+from ..figures._specimens import loops as small_loops
+from ._case import TARGET, Link, Section, Table
 from ._specimens import FAR, FEW, Figure90, Specimen
 
 COLUMNS = 4
@@ -57,34 +58,25 @@ def fits(specimens: Sequence[Specimen], home: Path, failed: dict[str, str]) -> S
     return section
 
 
-def loops(group: Sequence[Specimen], name: str, home: Path) -> Section:
+def loops(group: Sequence[Specimen], name: str) -> Section:
     """Small charts of one kind of fit on one scale: the judged rows and the model."""
     drawn = []
     for one in group:
         record = one.fit.train if one.fit.test is None else one.fit.test
-        x = record.input
-        if _over_time(one):
-            assert record.time is not None
-            x = record.time
-        predicted = one.fit.predict(record)
-        curves = [f.trace(x, y, record.mask, record.starts, POINTS)
-                  for y in (record.output, predicted)]  # fmt: skip
-        drawn.append(curves)
-    plane = Plane(*([c[axis] for curves in drawn for c in curves] for axis in (0, 1)))
-    first = group[0].fit.train
-    word = group[0].judged[0]
+        x = record.time if _over_time(one) and record.time is not None else record.input
+        keep, starts = record.mask, record.starts
+        both = [
+            f.trace(x, y, keep, starts, POINTS) for y in (record.output, one.fit.predict(record))
+        ]
+        drawn.append((one.name, *both))
     x_role = "time" if _over_time(group[0]) else "input"
-    across, up = (label_of(first, role) for role in (x_role, "output"))
-    section = Section(f"Loops{name}", [
-        f"{up} over {across}, all on one scale. Broad line: measured {word} rows. Thin line: model."
-    ])  # fmt: skip
-    for one, (measured, model) in zip(group, drawn, strict=True):
-        error = quantity(one.judged[1]["nrmse_percent"], "%").replace(" ", "\u00a0")
-        section.small.append(Small(
-            one.name, _href(one, home), one.fit.verdict.level, error,
-            f"{one.name}: measured {up} over {across}, and the model", BOX, plane.grid,
-            plane.path(*measured), plane.path(*model), plane.ticks,
-        ))  # fmt: skip
+    across, up = (label_of(group[0].fit.train, role) for role in (x_role, "output"))
+    section = Section(f"Loops{name}")
+    word = group[0].judged[0]
+    caption = f"{up} over {across}, all on one scale. Broad: measured {word} rows. Thin: model."
+    section.draw(
+        small_loops(drawn, across, up), "Loops of the specimens, and their models", caption
+    )
     return section
 
 
@@ -181,13 +173,9 @@ def _over_time(one: Specimen) -> bool:
     return isinstance(one.fit.detail, DiscreteSpectrum)
 
 
-def _href(one: Specimen, home: Path) -> str | None:
+def _link(one: Specimen, home: Path) -> str | Link:
     file = one.folder / TARGET
     if not file.is_file():
-        return None
-    return quote(Path(os.path.relpath(file.resolve(), home.resolve())).as_posix())
-
-
-def _link(one: Specimen, home: Path) -> str | Link:
-    href = _href(one, home)
-    return one.name if href is None else Link(one.name, href)
+        return one.name
+    href = Path(os.path.relpath(file.resolve(), home.resolve())).as_posix()
+    return Link(one.name, quote(href))
