@@ -1,18 +1,14 @@
 """Options from a TOML file: the names are those of the command line, whose values override the file."""
 
-import inspect
 from collections.abc import Mapping
-from difflib import get_close_matches
 from pathlib import Path
-from types import NoneType
-from typing import TYPE_CHECKING, Any, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Any
 
 import typer
 from typer.core import TyperCommand
 
 from ..commands._asked import as_fields
 from ..commands._console import log, start_jax
-from ..intake._fit_options import FIT_FIELDS
 from ..intake._selection_options import FIELDS, HELD_OUT
 
 if TYPE_CHECKING:
@@ -21,12 +17,6 @@ if TYPE_CHECKING:
     from hysteresis import InputError
 else:
     Context = typer.Context.__bases__[0]  # what typer hands to a callback is not of its own type
-
-SELECTION = tuple(FIELDS)
-"""Options of `hysid fit` that choose rows and columns: the table [selection]. The others are in [fit]."""
-
-NOT_HERE = ("file", "out", "config", "overwrite", "as_json", "kind", "csv", "files")
-"""Options that only the command line has."""
 
 INSTEAD = (HELD_OUT, ("time", "dt"))
 """Options of which one, given on the command line, replaces all of its group in a configuration."""
@@ -37,87 +27,6 @@ MOST_USED = (
     "parameter", "noise", "seed", "out",
 )  # fmt: skip
 """What stands first in its group of a command's help."""
-
-WORDS = {int: "a whole number", float: "a number", str: "text", bool: "true or false"}
-JOINED = (
-    *(name for name, one in (FIELDS | FIT_FIELDS).items() if one.metadata.get("joined")),
-    "model",
-)
-"""Options that hold several words, separated by commas; a TOML file may also have a list."""
-
-
-def read_config(file: Path, command: Any) -> dict[str, Any]:
-    """The options in a file for a command, by the names of its parameters.
-
-        [selection]
-        input = "force (N)"
-        output = "displacement (mm)"
-
-        [fit]
-        model = "Burgers"
-
-        [parameters]
-        E1 = {start = 2.0, bounds = [0.1, 100.0]}
-
-    Selecting options that the command does not have are skipped: `hysid check` has no hold-out.
-
-    Raises `InputError` for a file that does not exist or is not TOML, and for a table, a key or a kind of
-    value that the command does not know.
-    """
-    from ..intake._own_config import read_toml  # late: it loads NumPy
-
-    document = read_toml(file)
-    hints = get_type_hints(inspect.unwrap(command.callback))
-    known = {name: hint for name, hint in hints.items() if name not in NOT_HERE}
-    tables = {
-        "selection": [name for name in known if name in SELECTION],
-        "fit": [name for name in known if name not in SELECTION],
-    }
-    found: dict[str, Any] = {}
-    for table, values in document.items():
-        if table == "file":  # what the configuration was written for
-            continue
-        if table not in (*tables, "parameters"):
-            raise _unknown(file, f"[{table}]", table, [*tables, "parameters"], tables)
-        if not isinstance(values, Mapping):
-            raise _unknown(file, table, table, [], tables)
-        if table == "parameters" or not tables[table]:  # a command that only looks fits nothing
-            continue
-        for key, value in values.items():
-            if key in SELECTION and key not in known and table == "selection":
-                continue
-            if key not in tables[table]:
-                raise _unknown(file, f"{key} in [{table}]", key, tables[table], tables)
-            found[key] = _of_kind(file, key, value, known[key])
-    return found
-
-
-def _unknown(
-    file: Path, what: str, key: str, there: list[str], tables: Mapping[str, list[str]]
-) -> "InputError":
-    """For an unknown key: name the nearest known one, or the table to which it belongs."""
-    elsewhere = [table for table, names in tables.items() if key in names]
-    near = get_close_matches(key.replace("-", "_"), there, 1, 0.5)
-    if elsewhere:
-        fix = f"Move it to the table [{elsewhere[0]}]."
-    else:
-        fix = f"Did you mean {near[0]}?" if near else f"Use one of {', '.join(there)}."
-    return _error(
-        "unknown-key", f"The configuration has an unknown entry: {what}.", place=str(file), fix=fix
-    )
-
-
-def _of_kind(file: Path, key: str, value: Any, hint: Any) -> Any:
-    """A value as the command line has it: a list for an option that repeats, or words joined by commas."""
-    (hint,) = [h for h in get_args(hint) or (hint,) if h is not NoneType]
-    repeats = get_origin(hint) is list
-    kind = str if repeats else hint
-    kinds = (int, float) if kind is float else (kind,)
-    listed = value if isinstance(value, list) else [value]
-    one = not (repeats or key in JOINED)
-    if (isinstance(value, list) and one) or any(type(x) not in kinds for x in listed):
-        raise _error("bad-config", f"{key} = {value!r} is not {WORDS[kind]}.", place=str(file))
-    return listed if repeats else ",".join(listed) if key in JOINED else value
 
 
 def _error(code: str, problem: str, **words: str) -> "InputError":
@@ -130,10 +39,12 @@ def configure(context: Context, file: Any) -> Path | None:
     """The options in the file become the defaults of the command; read before its other options."""
     if file is None:
         return None
+    from ..intake._own_config import read_config  # late: it loads NumPy
+
     file = Path(file)  # some typers give the text
-    found = read_config(file, context.command)
-    for name in context.meta.get(REPLACED, ()):
-        found.pop(name, None)
+    tables, gone = read_config(file), context.meta.get(REPLACED, ())
+    here = {one.name for one in context.command.params} - {*gone}  # `hysid check` has no hold-out
+    found = {k: v for table in tables.values() for k, v in table.items() if k in here}
     context.default_map = {**(context.default_map or {}), **found}
     return file
 
@@ -151,7 +62,7 @@ class FindsConfig(TyperCommand):
         for one in sorted(self.get_params(ctx), key=lambda p: first.get(p.name or "", len(first))):
             name = one.name or ""
             group = "Output" if name in ("out", "overwrite", "as_json", "help") else "Model"
-            group = "Data" if name in (*SELECTION, "file", "config") else group
+            group = "Data" if name in (*FIELDS, "file", "config") else group
             group = "Split" if name in (*HELD_OUT, "exclude_lines") else group
             if (record := one.get_help_record(ctx)) is not None:
                 rows[group].append((record[0], record[1].replace("  [required]", "")))
@@ -204,23 +115,5 @@ class FindsConfig(TyperCommand):
                 fix=f"Run hysid init {shell_word(str(file))}, or name them (--input COL --output COL).",
             )
         by_name = {one.name: one for one in self.params}
-        said = {n: by_name[n].process_value(ctx, given[n]) for n in SELECTION if n in given}
+        said = {n: by_name[n].process_value(ctx, given[n]) for n in FIELDS if n in given}
         return begun(file, as_fields(said), log)
-
-
-def options_of(file: Path, command: Any) -> dict[str, Any]:
-    """All options of a command, as if it had been called with `--config FILE` alone.
-
-    Raises `InputError` where the file has no output column.
-    """
-    if "output" not in read_config(file, command):
-        raise _error(
-            "bad-config",
-            "The table [selection] has no output.",
-            place=str(file),
-            fix='Name its column: output = "displacement (mm)".',
-        )
-    context = command.context_class(command, info_name=command.name)
-    TyperCommand.parse_args(command, context, ["FILE", "--out", "DIR", "--config", str(file)])
-    # Of an option that may be repeated and is not given, typer hands None on.
-    return {name: None if value == () else value for name, value in context.params.items()}

@@ -8,10 +8,10 @@ from typing import Annotated, Any
 
 import typer
 
-from ..commands._asked import Command, Fit, fields_of
+from ..commands._asked import Command, Fit, as_fields, fields_of
 from ..commands._console import print_result, start_jax
 from ..intake._selection_options import FIELDS
-from ._config_file import FindsConfig, configure, options_of
+from ._config_file import configure
 
 
 def command_of(asked: type[Command]) -> Callable[..., None]:
@@ -45,9 +45,21 @@ def command_of(asked: type[Command]) -> Callable[..., None]:
 
 def fit_of(config: Path) -> Fit:
     """What `hysid fit --config FILE` is asked for, of a file that is named later."""
-    alone = typer.Typer(add_completion=False)
-    alone.command("fit", cls=FindsConfig)(command_of(Fit))
-    return Fit(**fields_of(Fit, options_of(config, typer.main.get_command(alone))))
+    from hysteresis import InputError  # late: a foreign package of that name is said before
+
+    from ..intake._own_config import read_config  # late: it loads NumPy
+
+    tables = read_config(config)
+    if "output" not in tables["selection"]:
+        raise InputError(
+            "bad-config",
+            "The table [selection] has no output.",
+            place=str(config),
+            fix='Name its column: output = "displacement (mm)".',
+        )
+    given: dict[str, Any] = fields_of(Fit, tables["fit"] | {"file": Path("FILE"), "config": config})
+    given["selection"] = as_fields(tables["selection"])
+    return Fit(**given)
 
 
 def _parameter(

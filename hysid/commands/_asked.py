@@ -386,7 +386,7 @@ def fields_of(asked: type[Command], values: Mapping[str, Any]) -> dict[str, Any]
     found: dict[str, Any] = {}
     for one in fields(asked):
         if (names := one.metadata.get("selection")) is not None:
-            given = as_fields({name: values[name] for name in names})
+            given = as_fields({name: values[name] for name in names if name in values})
             optional = one.metadata["how"]["optional"]
             found[one.name] = {k: v for k, v in given.items() if v or not optional}
         elif one.name in values:

@@ -2,13 +2,19 @@
 
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import Field
+from difflib import get_close_matches
 from pathlib import Path
-from typing import Any
+from types import NoneType
+from typing import Any, get_args
 
 from hysteresis import InputError, Note, read_table
 from hysteresis._escape import shell_word, visible
 from hysteresis._limits import parse_toml
+
+from ._fit_options import FIT_FIELDS
+from ._selection_options import FIELDS
 
 FIRST = 200
 """Bytes of a first line that are kept: enough for a header, and short enough to read."""
@@ -121,6 +127,74 @@ def _value(key: str, value: str) -> Any:
     if key == "fixed" and value in ("true", "false"):
         return value == "true"
     return value
+
+
+TABLES: dict[str, Mapping[str, Field[Any]]] = {"selection": FIELDS, "fit": FIT_FIELDS}
+"""Tables of options; [parameters] and [file] stand beside them."""
+WORDS = {int: "a whole number", float: "a number", str: "text", bool: "true or false"}
+
+
+def read_config(file: Path) -> dict[str, dict[str, Any]]:
+    """The options in a file by table, as the command line has them: lists for options that repeat, words
+    joined by commas.
+
+        [selection]
+        input = "force (N)"
+        output = "displacement (mm)"
+
+        [fit]
+        model = "Burgers"
+
+        [parameters]
+        E1 = {start = 2.0, bounds = [0.1, 100.0]}
+
+    Raises `InputError` for a file that does not exist or is not TOML, and for a table, a key or a kind of
+    value that there is not.
+    """
+    found: dict[str, dict[str, Any]] = {name: {} for name in TABLES}
+    for table, values in read_toml(file).items():
+        if table == "file":  # what the configuration was written for
+            continue
+        if table not in (*TABLES, "parameters") or not isinstance(values, Mapping):
+            raise _unknown(file, f"[{table}]", table, [*TABLES, "parameters"])
+        for key, value in values.items() if table in TABLES else ():
+            if key not in TABLES[table]:
+                raise _unknown(file, f"{key} in [{table}]", key, TABLES[table])
+            found[table][key] = option_value(file, TABLES[table][key], value)
+    return found
+
+
+def _unknown(file: Path, what: str, key: str, there: Iterable[str]) -> InputError:
+    """For an unknown key: name the nearest known one, or the table to which it belongs."""
+    elsewhere = [table for table, known in TABLES.items() if key in known]
+    near = get_close_matches(key.replace("-", "_"), there, 1, 0.5)
+    if elsewhere:
+        fix = f"Move it to the table [{elsewhere[0]}]."
+    else:
+        fix = f"Did you mean {near[0]}?" if near else f"Use one of {', '.join(there)}."
+    said = f"The configuration has an unknown entry: {what}."
+    return InputError("unknown-key", said, place=str(file), fix=fix)
+
+
+def option_value(file: Path, one: Field[Any], value: Any) -> Any:
+    """A value of a configuration as the command line has it. Raises `InputError` `bad-config`."""
+    said = one.metadata
+    repeats, joined = said.get("repeated"), said.get("joined") or one.name == "model"
+    of = [str] if repeats or joined else get_args(one.type) or (one.type,)
+    kind = next(k for k in of if k is not NoneType)
+    kinds = (int, float) if kind is float else (kind,)
+    listed = value if isinstance(value, list) else [value]
+    choices, least = said.get("choices"), said.get("least")
+    fits = " or ".join(choices or [WORDS[kind]])
+    fits += "" if least is None else f", {least} or more"
+    if (
+        (isinstance(value, list) and not (repeats or joined))
+        or any(type(x) not in kinds for x in listed)
+        or (choices and value not in choices)
+        or (least is not None and value < least)
+    ):
+        raise InputError("bad-config", f"{one.name} = {value!r} is not {fits}.", place=str(file))
+    return listed if repeats else ",".join(listed) if joined else value
 
 
 def read_toml(file: Path) -> dict[str, Any]:

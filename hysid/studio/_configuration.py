@@ -10,11 +10,12 @@ import tomlkit
 from hysteresis import InputError
 from hysteresis._atomic_file import write_whole
 
-from ..intake._own_config import read_toml
-from ..intake._selection import Selection, fits_option, selection_of
+from ..commands._asked import as_fields
+from ..intake._own_config import TABLES, option_value, read_config, read_toml
+from ..intake._selection import Selection
 from ..intake._selection_options import FIELDS
 
-TABLES = ("selection", "fit", "parameters")
+NAMES = (*TABLES, "parameters")
 MOST = 1000
 """Entries of a list, and characters of a text, that a page may set."""
 
@@ -27,7 +28,7 @@ def read(config: Path) -> dict[str, Any]:
     document = read_toml(config) if config.exists() else {}
     if odd := [key for key, one in document.items() if not isinstance(one, dict)]:
         raise InputError("bad-config", f"{odd[0]!r} is not a table.", place=str(config))
-    found = {name: dict(document.get(name, {})) for name in TABLES}
+    found = {name: dict(document.get(name, {})) for name in NAMES}
     other, folder = found["selection"].get("dialects"), config.parent.resolve()
     if isinstance(other, str) and not (folder / other).resolve().is_relative_to(folder):
         raise InputError(
@@ -39,27 +40,14 @@ def read(config: Path) -> dict[str, Any]:
 
 def selection(config: Path) -> Selection:
     """The selection of a configuration. Raises `InputError` `bad-config`, and as `Selection` does."""
-    options: dict[str, Any] = {}
-    for key, value in read(config)["selection"].items():
-        if key not in FIELDS:
-            raise InputError(
-                "unknown-key", f"The configuration has an unknown entry: {key}.", place=str(config)
-            )
-        options[key] = _as_option(key, value)
-    if isinstance(several := options.get("input"), list) and len(several) == 1:
-        options["input"] = several[0]
+    read(config)
+    options = as_fields(read_config(config)["selection"] if config.exists() else {})
     if "output" not in options:
         raise InputError(
             "bad-config", "No output column is chosen.", place=str(config),
             fix="Choose the column that answers to the input.",
         )  # fmt: skip
-    return selection_of(options)
-
-
-def _as_option(key: str, value: Any) -> Any:
-    """A value of [selection], as a list where a configuration may put commas between its words."""
-    joined = FIELDS[key].metadata.get("joined")
-    return [p for p in value.split(",") if p] if joined and isinstance(value, str) else value
+    return Selection(**{"input": None, **options})
 
 
 def change(config: Path, changes: Mapping[str, Mapping[str, Any]]) -> None:
@@ -70,7 +58,7 @@ def change(config: Path, changes: Mapping[str, Mapping[str, Any]]) -> None:
     read(config)
     document = tomlkit.parse(config.read_text("utf-8")) if config.exists() else tomlkit.document()
     for name, keys in changes.items():
-        if name not in TABLES:
+        if name not in NAMES:
             raise InputError(
                 "unknown-key", f"A configuration has no table {name}.", place=str(config)
             )
@@ -80,14 +68,12 @@ def change(config: Path, changes: Mapping[str, Mapping[str, Any]]) -> None:
         for key, value in keys.items():
             if name == "selection" and key not in FIELDS:
                 raise InputError("unknown-key", f"There is no option {key!r}.", place=str(config))
-            if not (_is_plain(key) and _is_plain(value)) or (
-                name == "selection"
-                and value is not None
-                and not fits_option(key, _as_option(key, value))
-            ):
+            if not (_is_plain(key) and _is_plain(value)):
                 raise InputError(
                     "bad-option", f"{key!r} cannot be {value!r:.80}.", place=str(config)
                 )
+            if name in TABLES and key in TABLES[name] and value is not None:
+                option_value(config, TABLES[name][key], value)
             if value is None:
                 table.pop(key, None)
             else:
