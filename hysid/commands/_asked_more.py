@@ -225,24 +225,21 @@ class TrainPairs(Command):
 
 
 class Estimate(Command):
-    """Run a trained sensor, or a fit between a force and a reading, over a file.
+    """Run a trained sensor over a file.
 
-    If the file has the true values too, the errors are printed. A fit from force to reading is inverted;
-    its forces have the deviation of the rows that it held out, and are limited to its range.
+    If the file has the true values too, the errors are printed. Of a fit between a force and a reading
+    hysid predict --inverse does the same.
     """
 
     does = "commands._estimate:estimate"
     folder: Path = option(
-        "Folder of a trained sensor, of pairs, or of a fit of a force.",
+        "Folder of a trained sensor, or of pairs.",
         argument=True,
         metavar="DIR",
     )
     file: Path = option("CSV file with the sensor's channels.", argument=True, metavar="FILE")
     selection: dict[str, Any] = selecting("where", "na_values")
     out: Path | None = option("CSV file to write (default: DIR/estimated-FILE.csv).", None)
-    runtime: Path | None = option(
-        "Of a fit: write a file for compensate.runtime too.", None, metavar="FILE.json"
-    )
 
 
 class Studio(Command):

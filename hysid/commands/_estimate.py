@@ -1,10 +1,8 @@
-"""`hysid microchannel estimate`: a trained sensor, pairs, or a fit over a file."""
+"""`hysid microchannel estimate`: a trained sensor, or pairs, over a file."""
 
 from typing import Any
 
-import typer
-
-from ..soft_sensor import _estimate, _estimate_fit
+from ..soft_sensor import _estimate
 from ..soft_sensor._estimate import confusion_lines
 from . import _pairs
 from ._asked_more import Estimate
@@ -13,14 +11,10 @@ from ._pairs import contact_lines
 
 
 def estimate(asked: Estimate) -> Done:
-    """A trained sensor, pairs, or a fit of a force, over a file."""
+    """A trained sensor, or pairs, over a file."""
     given = asked.folder, asked.file, asked.out
     if _pairs.is_contacts(asked.folder):
         document = _pairs.estimate_contacts(*given, **asked.selection)
-    elif _estimate.is_plain_fit(asked.folder):
-        document = _estimate_fit.estimate_by_fit(*given, asked.runtime, **asked.selection)
-    elif asked.runtime is not None:
-        raise typer.BadParameter("--runtime is for the folder of a fit; hysid export is for others")
     else:
         document = _estimate.estimate(*given, **asked.selection)
     return Done(document, _estimated_lines(document))

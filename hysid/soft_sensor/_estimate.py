@@ -13,6 +13,7 @@ from jaxtyping import Bool, Float
 from compensate.microchannel._readout import ChannelStatus
 from hysteresis import InputError
 from hysteresis._atomic_file import write_table
+from hysteresis._escape import shell_word
 from hysteresis._show import aligned
 from hysteresis.records._csv import parse_condition
 from hysteresis.records._table import Table
@@ -111,6 +112,12 @@ def estimate(
 
     Raises `InputError` for a folder without a sensor, a file without one of its channels.
     """
+    if (folder / "fit.json").is_file() and not (folder / TRAINING).is_file():
+        words = f"{shell_word(str(folder))} {shell_word(str(file))}"
+        raise InputError(
+            "wrong-channels", "This folder holds a fit, and no trained sensor.", place=str(folder),
+            fix=f"Run hysid predict {words} --inverse, or without --inverse where the force is the output.",
+        )  # fmt: skip
     document = read_checked(folder, TRAINING, 1, make=MAKE, again="train again.")
     sensor = load_sensor(folder)
     selection = Selection.from_json(document["selection"])
@@ -141,11 +148,6 @@ def estimate(
         "rows": len(rows), "statuses": statuses, "channels_at_fault": _faults(sensor, found),
         "notes": notes, "file": str(target),
     }  # fmt: skip
-
-
-def is_plain_fit(folder: Path) -> bool:
-    """Whether a folder holds a fit and no trained sensor."""
-    return (folder / "fit.json").is_file() and not (folder / TRAINING).is_file()
 
 
 def _check_channels(table: Table, sensor: SoftSensor) -> None:
