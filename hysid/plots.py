@@ -12,10 +12,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 from matplotlib.collections import LineCollection
-from matplotlib.colors import LinearSegmentedColormap, ListedColormap
+from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.path import Path
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 from matplotlib.tri import Triangulation
 
@@ -28,6 +27,7 @@ from identify.internal import Identifiability
 from .figures._base import BLUE, EDGE, GREY, INK, SQUARE, VERMILLION
 from .figures._base import single as _single
 from .figures._base import styled as _styled
+from .figures._base import triangle as _triangle
 from .figures._diagnostics import bands as bands
 from .figures._diagnostics import profiles as profiles
 from .figures._diagnostics import residual_correlation as residual_correlation
@@ -186,35 +186,6 @@ def forc(diagram: ForcDiagram, *, input_unit: str = "1", output_unit: str = "1")
 
 
 @_styled
-def everett(
-    nodes: Float[np.ndarray, " nodes"],
-    surface: Float[np.ndarray, "nodes nodes"],
-    *,
-    input_unit: str = "1",
-    output_unit: str = "1",
-) -> Figure:
-    """An Everett surface with contours at tenths of its peak.
-
-    `surface[p, q]` is E(alpha, beta) at alpha = nodes[p], beta = nodes[q].
-
-    **Example:**
-
-        >>> figure = hysid.plots.everett(np.linspace(0, 10, 7), np.tri(7), input_unit="N")
-        >>> figure.axes[0].get_xlabel()
-        'switch-down threshold β (N)'
-    """
-    peak = float(np.tril(surface).max())
-    figure, axes = _plane(nodes, input_unit)
-    colours = axes.pcolormesh(nodes, nodes, surface, cmap="Blues", shading="gouraud",
-                              vmin=0, vmax=peak)  # fmt: skip
-    lines = axes.contour(nodes, nodes, surface, peak * TENTHS, colors=INK, linewidths=0.5)
-    for drawn in (colours, lines):
-        drawn.set_clip_path(_triangle(nodes), axes.transData)
-    _bar(figure, axes, colours, "Everett function E(α, β)", output_unit)
-    return figure
-
-
-@_styled
 def identifiability(found: Identifiability, *, unit: str = "1") -> Figure:
     """How much data tell about each cell of a grid, 0 to 1; the cells the input swept are outlined.
 
@@ -227,17 +198,16 @@ def identifiability(found: Identifiability, *, unit: str = "1") -> Figure:
     """
     told, excited = found.told, found.excited
     nodes = np.linspace(found.low, found.high, len(told) + 1)
-    figure, axes = _plane(nodes, unit)
-    inside = (_triangle(nodes), axes.transData)
-    shown = np.ma.masked_array(told, ~excited)
-    colours = axes.pcolormesh(nodes, nodes, shown, cmap="YlGnBu", vmin=0, vmax=1)
-    veil = np.ma.masked_array(np.ones(told.shape), excited)
-    hatched = axes.pcolor(nodes, nodes, veil, cmap=ListedColormap([(1, 1, 1, 0)]), hatch="////",
-                          edgecolors="#9a9a9a", lw=0)  # fmt: skip
-    border = LineCollection(_border(nodes, excited), colors=INK, linewidths=1.2)
-    for drawn in (colours, hatched, axes.add_collection(border)):
-        drawn.set_clip_path(*inside)
-    _bar(figure, axes, colours, "how much the data tell")
+    down, up = label("switch-down threshold β", unit), label("switch-up threshold α", unit)
+    shown = np.where(excited, told, np.nan)
+    figure = _triangle(nodes, nodes, shown, ~excited, down, up, "how much the data tell")
+    axes = figure.axes[0]
+    colours = axes.collections[0]
+    colours.set_clim(0, 1)
+    border = axes.add_collection(
+        LineCollection(_border(nodes, excited), colors=INK, linewidths=1.2)
+    )
+    border.set_clip_path(colours.get_clip_path())
     return figure
 
 
@@ -329,24 +299,6 @@ def _keys(figure: Figure, **more: dict[str, Any]) -> None:
         for name, mark in marks.items()
     ]
     figure.legend(handles=handles, loc="outside upper left", ncols=len(marks), handlelength=1.0)
-
-
-def _plane(nodes: Float[np.ndarray, " nodes"], unit: str) -> tuple[Figure, Any]:
-    """Axes of the Preisach plane."""
-    figure, axes = _single(SQUARE)
-    ends = [nodes[0], nodes[-1]]
-    axes.plot(ends, ends, color=EDGE, lw=0.8)
-    axes.grid(False)
-    axes.set_aspect("equal")
-    axes.xaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
-    axes.set(xlabel=label("switch-down threshold β", unit), xlim=ends,
-             ylabel=label("switch-up threshold α", unit), ylim=ends)  # fmt: skip
-    return figure, axes
-
-
-def _triangle(nodes: Float[np.ndarray, " nodes"]) -> Path:
-    low, high = nodes[0], nodes[-1]
-    return Path([(low, low), (high, high), (low, high)])
 
 
 def _bar(figure: Figure, axes: Any, drawn: Any, text: str, unit: str | None = None) -> None:

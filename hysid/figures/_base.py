@@ -102,8 +102,6 @@ class Band(NamedTuple):
 
 LINES = {"line": (1.1, "-"), "bold": (2.2, "-"), "thin": (0.6, "-"), "dashed": (0.9, "--")}
 """Width and style."""
-MANY = 200
-"""Bars from which on a picture has no gaps between them."""
 
 
 def thin(most: int, *series: np.ndarray) -> np.ndarray:
@@ -184,30 +182,6 @@ def chart(
     if limits is not None:
         axes.set_xlim(*_widened(limits[0]))
         axes.set_ylim(*_widened(limits[1]))
-    axes.set(xlabel=short(x_label), ylabel=short(y_label))
-    _legend(figure)
-    return figure
-
-
-@styled
-def bars(names: Sequence[str], values: np.ndarray, colours: Sequence[str], keys: dict[str, str],
-         x_label: str, y_label: str) -> Figure:  # fmt: skip
-    """One bar for each name; `keys` {meaning: colour}."""
-    figure, axes = single()
-    at = np.arange(len(values))
-    if len(at) < MANY:
-        axes.bar(at, values, color=list(colours), width=0.7 if len(at) < 40 else 1.0)
-    else:  # one shape a colour: matplotlib takes a millisecond for each bar
-        for colour in dict.fromkeys(colours):
-            own = np.where(np.asarray(colours) == colour, values, 0.0)
-            axes.stairs(own, np.arange(len(at) + 1) - 0.5, fill=True, color=colour)
-    for meaning, colour in keys.items():
-        axes.bar([0], [0], color=colour, label=meaning)
-    every = -(-len(at) // 24)
-    long = max(map(len, names)) * len(at[::every]) > 40
-    axes.set_xticks(at[::every], [short(name, 14) for name in names[::every]],
-                    rotation=90 if long else 0)  # fmt: skip
-    axes.grid(axis="x", visible=False)
     axes.set(xlabel=short(x_label), ylabel=short(y_label))
     _legend(figure)
     return figure

@@ -19,8 +19,7 @@ Outputs = Callable[[Record], Float[np.ndarray, " samples"]]
 class Rows(NamedTuple):
     """Residuals of the rows of one or two records, in order.
 
-    - `word`: "training", "excluded" (from the fit), "held-out", or "" for rows that do not count.
-    - `group`: the cycle, or the sequence where there are several.
+    `word`: "training", "excluded" (from the fit), "held-out", or "" for rows that do not count.
     """
 
     input: Float[np.ndarray, " rows"]
@@ -28,23 +27,6 @@ class Rows(NamedTuple):
     word: np.ndarray
     branch: np.ndarray
     starts: Int[np.ndarray, " sequences"]
-    group: np.ndarray
-
-    def groups(self) -> tuple[list[str], list[str], Float[np.ndarray, " groups"]]:
-        """Name, word and rms residual of every group, in order."""
-        rows = np.flatnonzero(self.word != "")
-        group, word = self.group[rows], self.word[rows]
-        new = np.append(True, (group[1:] != group[:-1]) | (word[1:] != word[:-1]))[: len(rows)]
-        # Groups are runs of rows, or a few runs: what lies within one is added at once.
-        found: dict[tuple[str, str], tuple[float, int]] = {}
-        squares = np.add.reduceat(self.residual[rows] ** 2, np.flatnonzero(new))
-        counts = np.diff(np.flatnonzero(new), append=len(rows))
-        runs = zip(group[new], word[new], squares, counts, strict=True)
-        for name, kind, total, count in runs:
-            before = found.get((str(name), str(kind)), (0.0, 0))
-            found[str(name), str(kind)] = before[0] + float(total), before[1] + int(count)
-        rms = np.array([np.sqrt(total / count) for total, count in found.values()])
-        return [name for name, _ in found], [word for _, word in found], rms
 
 
 def residual_rows(
@@ -63,10 +45,6 @@ def residual_rows(
         words[0] = np.where(held_out, "held-out", words[0])
     words += [np.where(test.mask, "held-out", "") for test in tests]
     offsets = np.cumsum([0, *map(len, records[:-1])])
-    # A cycle has many rows: each number is made a word once.
-    groups = [np.arange(train.cycle.max(initial=0) + 1).astype(str)[train.cycle]]
-    if sum(len(r.labels) for r in records) > 1:
-        groups = [np.repeat(r.labels, np.diff([*r.starts, len(r)])) for r in records]
     residual = np.concatenate([p - r.output for p, r in zip(predicted, records, strict=False)])
     word = np.where(np.isfinite(residual), np.concatenate(words), "")
     return Rows(
@@ -75,7 +53,6 @@ def residual_rows(
         word,
         np.concatenate([r.branch for r in records]),
         np.concatenate([r.starts + k for r, k in zip(records, offsets, strict=True)]),
-        np.concatenate(groups),
     )
 
 

@@ -113,14 +113,6 @@ def residuals(case: Case) -> Section:
     )
     section.draw(figure, "Residuals against input by branch", caption)
 
-    names, words, sizes = rows.groups()
-    kind = "sequence" if len(rows.starts) > 1 else "cycle"
-    keys = {w: c for w, c in colours.items() if w in words}
-    figure = f.bars(names, sizes, [colours[w] for w in words], keys, kind, label("rms error", unit))
-    worst = int(np.argmax(sizes))
-    caption = f"Error by {kind}. The largest is that of {names[worst]} ({words[worst]}),"
-    caption += f" {quantity(sizes[worst], unit)} rms."
-    section.draw(figure, f"Bars of the rms error of each {kind}", caption)
     return section
 
 

@@ -73,11 +73,6 @@ def test_all_figures_draw():
     u = np.interp(np.linspace(0, 7, 90), range(8), [0, 9, 2, 7, 3, 6, 4, 8])
     for figure in (plots.staircase(u, unit="N"), plots.memory(u, unit="N")):
         assert len(drawn(figure).axes) == 2
-    nodes = np.linspace(-1, 2, 9)
-    surface = np.maximum(nodes[:, None] - nodes, 0) ** 2 * 1e-5
-    axes, bar = drawn(plots.everett(nodes, surface, input_unit="V", output_unit="N")).axes
-    assert axes.get_xlabel() == "switch-down threshold β (V)"
-    assert bar.get_ylabel() == "Everett function E(α, β) (10⁻⁵ N)"
 
 
 def test_forc_colours_are_symmetric_about_zero():
