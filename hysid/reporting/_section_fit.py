@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from identify.internal import Parameter, members_and_questions
+from identify.internal import members_and_questions
 from identify.results._detail import GridWeights
 
 from ..figures import _base as f
@@ -122,48 +122,27 @@ LISTED = 40
 
 def parameters(case: Case) -> Section:
     fit = case.fit
-    drawn = {} if case.posterior is None else {s.name: s for s in case.posterior.summaries}
-    rows, outside = [], []
-    listed = [
-        p
-        for p in fit.determined
-        # Draws of weights are held by their signs: an interval beside its value tells no sum.
-        if not (fit.detail.is_linear and p.name in drawn)
-        or drawn[p.name].q05 <= p.value <= drawn[p.name].q95
-    ]
+    rows, listed = [], list(fit.determined)
     hidden = len(fit.parameters) - len(listed)
     further, listed = max(len(listed) - LISTED, 0), listed[:LISTED]
     repeats = any(p.repeatability is not None for p in fit.parameters)
-    # The noise, which the posterior has too.
-    listed.append(Parameter("sigma", fit.noise.sigma, case.units[1], None, "free"))
     for p in listed:
-        unit, interval = pretty(p.unit), "not sampled"
         known = p.value is not None and math.isfinite(p.value)
-        error = p.status
+        error = "unknown" if p.status == "free" else p.status
         if p.stderr is not None and math.isfinite(p.stderr):
             error = f"± {number(p.stderr)}"
-        elif p.name == "sigma":
-            error = "not fitted"
-        elif p.status == "free":
-            error = "unknown"
-        if p.name in drawn:
-            low, high = drawn[p.name].q05, drawn[p.name].q95
-            interval = f"{number(low)} to {number(high)}"
-            if known and not low <= p.value <= high:
-                interval += " *"
-                outside.append(p.name)
         elif p.status == "inseparable":
             ends = ("none" if end is None else number(end) for end in (p.low, p.high))
-            interval = "open, {} to {}".format(*ends)
-        elif drawn:
-            interval = "fixed" if p.status == "fixed" else "not drawn"
+            error = "open, {} to {}".format(*ends)
         value = number(p.value, p.stderr) if known else "none"
-        status = "noise" if p.name == "sigma" else p.status
-        cells = [p.name, value, unit or "1", error, status, interval]
+        cells = [p.name, value, pretty(p.unit) or "1", error, p.status]
         if repeats:
             cells.insert(3, "" if p.repeatability is None else f"± {number(p.repeatability)}")
         rows.append(tuple(cells))
-    columns = ["Parameter", "Value", "Unit", "Standard error", "Status", "Posterior, 90 %"]
+    # The noise, which the posterior has too.
+    noise = ["sigma", number(fit.noise.sigma), pretty(case.units[1]) or "1", "not fitted", "noise"]
+    rows.append((*noise[:3], *[""] * repeats, *noise[3:]))
+    columns = ["Parameter", "Value", "Unit", "Standard error", "Status"]
     if repeats:
         columns.insert(3, "From cycle to cycle")
     section = Section("Parameters", tables=[Table("", tuple(columns), rows)])
@@ -190,12 +169,6 @@ def parameters(case: Case) -> Section:
             " sums; the map below shows the weights. Relays whose thresholds are nearly equal act as the"
             " memoryless curve does, so offset, reversible rise and mass are not separable: the data leave"
             " them open between the ends of a range, and determine the sums above them."
-        )
-    if outside:
-        section.notes.append(
-            f"* The value of {', '.join(outside)} lies outside its interval. The data do not determine"
-            " it: the fit gives the smoothest solution, and the draws cover all possible ones. Trust the"
-            " prediction rather than the single parameters."
         )
     section.notes += [*fit.notes]
     return section

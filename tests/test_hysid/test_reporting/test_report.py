@@ -152,7 +152,6 @@ def test_without_a_test_part_and_with_a_posterior(line: Path):
     assert re.findall(r"<td.*?>(.*?)</td>", row.group()) == [
         "1.50",
         "N",
-        "fixed",
         "",
         "fixed",
         "fixed",
