@@ -295,19 +295,14 @@ class Sample(Command):
 class Design(Command):
     """Find the multisine that would tell the hysteresis of a fitted oscillator best.
 
-    Each candidate's standard errors are those that one period in steady state would leave, relative to
-    the values. DIR/excitation.csv has one period of the best one within the fitted displacements.
+    Forces are a quarter to four times the fitted one, in bands about the resonance; others are for
+    identify.design_excitation. Each candidate's standard errors are those that one period in steady state
+    would leave, relative to the values. DIR/excitation.csv has one period of the best one within the fitted
+    displacements.
     """
 
     folder: Path = _folder()
-    levels: str | None = option(
-        "Rms forces, as 20,50 (default: a quarter to four times the fitted one).", None
-    )
-    bands: str | None = option(
-        "Bands of frequencies, as 5-150,20-80 (default: about the resonance).", None
-    )
     max_displacement: float | None = option("Largest displacement that the rig allows.", None)
-    rows: int | None = option("Rows of a period (default: those of the fitted record).", None)
     seed: int = seeding()
 
 

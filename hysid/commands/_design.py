@@ -2,10 +2,7 @@
 
 from typing import Any
 
-import numpy as np
-
 import identify
-from hysteresis import InputError
 from hysteresis._atomic_file import write_table
 from hysteresis._show import aligned
 from identify.calibration._excitation_design import Excitation
@@ -25,15 +22,8 @@ def run(asked: Design) -> Done:
     The best one is the first that predicts within the fitted displacements, where there is one;
     `extrapolated` says that there is none.
     """
-    fit, bands = identify.load(asked.folder), asked.bands
-    found = identify.design_excitation(
-        fit,
-        levels=None if asked.levels is None else _numbers(asked.levels, ",", "levels"),
-        bands=None if bands is None else [_band(one) for one in bands.split(",")],
-        rows=asked.rows,
-        largest=asked.max_displacement,
-        seed=asked.seed,
-    )
+    fit = identify.load(asked.folder)
+    found = identify.design_excitation(fit, largest=asked.max_displacement, seed=asked.seed)
     best = next((one for one in found if not one.beyond), found[0])
     assert isinstance(fit.detail, Motion)
     record, dt, file = fit.train, fit.detail.recorded.dt, asked.folder / EXCITATION
@@ -78,22 +68,3 @@ def _entry(one: Excitation) -> dict[str, Any]:
         for name, value in one._asdict().items()
         if name != "force"
     }
-
-
-def _band(text: str) -> tuple[float, float]:
-    ends = _numbers(text, "-", "bands")
-    if len(ends) != 2:
-        raise InputError(
-            "bad-option", f"the band {text!r}.", fix="give low and high with - between, as 5-150."
-        )
-    return ends[0], ends[1]
-
-
-def _numbers(text: str, between: str, option: str) -> list[float]:
-    try:
-        found = [float(one) for one in text.split(between)]
-    except ValueError:
-        found = [np.nan]
-    if not np.isfinite(found).all():
-        raise InputError("bad-option", f"{option} = {text!r} has a part that is not a number.")
-    return found

@@ -50,14 +50,11 @@ def test_fit_predict_report_and_export(folder):
     assert "Frequency response" in page
     assert "Hysteretic force" in page
     assert "draws by emcee" in page
-    plan = run("design", out, "--levels", "25,50", "--bands", "5-150,20-80", "--json").json()
-    assert len(plan["multisines"]) == 4
-    assert not plan["extrapolated"]
+    plan = run("design", out, "--json").json()
+    assert len(plan["multisines"]) > 4
     with open(plan["file"], newline="") as handle:
         assert len(list(csv.reader(handle))) == 1 + 1024
-    assert "hysteresis" in run("design", out, "--levels", 25).out
-    for bad in (("--bands", "5"), ("--bands", "150-5"), ("--levels", "a"), ("--rows", 3)):
-        assert "bad-option" in run("design", out, *bad).err
+    assert "hysteresis" in run("design", out).out
     assert run("export", out, "--c", out / "plant.h", "--runtime", out / "plant.json").code == 0
     made = run("export", out, "--to", "arduino", out / "plant", "--json").json()
     sensor = compensate.runtime.load(out / "plant" / "hysid-export.json")
