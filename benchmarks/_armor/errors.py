@@ -9,13 +9,16 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
 
+import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import scipy.stats
-from jaxtyping import Bool, Float
+from jaxtyping import Array, Bool, Float
 
+from compensate.armor import UncertainArmor
 from compensate.armor._armor import UncertainContact
-from hysid.reproduction._armor import calibrated, covariances, followed
+from hysid.reproduction._armor import calibrated
 from hysteresis.rigs import INWARD, ArmorRig
 from hysteresis.rigs._armor import ArmorPresses
 
@@ -48,6 +51,18 @@ class Errors(NamedTuple):
     """presses whose surface was not found"""
     mixed_unknown: float
     """of the 76 points, what unevenness of cover and hand does to d: no presses elsewhere tell it"""
+
+
+@eqx.filter_jit
+def followed(armor: UncertainArmor, time: Array, readings: Array) -> UncertainContact:
+    """The contacts of presses, every one a stream of its own: arrays (presses, ...)."""
+    return jax.lax.map(lambda each: armor.simulate(time, each), readings)
+
+
+@jax.jit
+def covariances(found: UncertainContact) -> Float[Array, "presses samples 3 3"]:
+    """Of P^e of all of them, m^2."""
+    return jax.vmap(lambda one: one.covariance)(found)
 
 
 def error_rows(quick: bool) -> list[Row]:

@@ -189,8 +189,8 @@ def armor_page_is_virtual() -> bool:
             Path(out), shell_of(solver.shape), presses.time, force, moment, found, title=title
         )
         page = Path(view(Path(out))["file"]).read_text(encoding="utf-8")
-    source = (ROOT / "hysid/reproduction/_armor_paper.py").read_text(encoding="utf-8")
-    return "virtual" in page.partition("</h1>")[0] and "{VIRTUAL}" in source
+    source = (ROOT / "hysid/commands/_armor.py").read_text(encoding="utf-8")
+    return "virtual" in page.partition("</h1>")[0] and "VIRTUAL" in source
 
 
 def data_are_as_the_cards_say() -> bool:

@@ -62,7 +62,7 @@ for _name, _about, _commands_of in (
             " --shape box.toml --out armor",
             _asked_more.Solve: "hysid armor solve wrenches.csv --sponge sponge --shape box.toml"
             " --out touches",
-            _asked_more.View: "hysid armor view tsuji2014",
+            _asked_more.View: "hysid armor view touches",
         },
     ),
     (

@@ -139,7 +139,7 @@ class View(Command):
 
     does = "commands._armor:view"
     folder: Path = option(
-        "Folder with touches.json, as hysid armor solve and hysid reproduce write it.",
+        "Folder with touches.json, as hysid armor solve writes it.",
         argument=True,
         metavar="DIR",
     )

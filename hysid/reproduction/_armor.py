@@ -23,7 +23,7 @@ from compensate.armor import (
     WristSensor,
     planned_presses,
 )
-from compensate.armor._armor import UncertainArmor, UncertainContact
+from compensate.armor._calibration import planned_presses
 from compensate.armor._solver import Contact
 from hysteresis import AbstractModel, LinearSponge, Record
 from hysteresis.rigs import INWARD, ArmorRig, SpongeRig
@@ -208,18 +208,6 @@ def chosen_points() -> tuple[Float[np.ndarray, "presses 3"], np.ndarray]:
     goals = planned(*rig.random_points(60, seed=2))
     choice = choose_presses(armor, planned(points, surface), goals, PRESSES)
     return points[choice.chosen], surface[choice.chosen]
-
-
-@eqx.filter_jit
-def followed(armor: UncertainArmor, time: Array, readings: Array) -> UncertainContact:
-    """The contacts of presses, every one a stream of its own: arrays (presses, ...)."""
-    return jax.lax.map(lambda each: armor.simulate(time, each), readings)
-
-
-@jax.jit
-def covariances(found: UncertainContact) -> Float[Array, "presses samples 3 3"]:
-    """Of P^e of all of them, m^2."""
-    return jax.vmap(lambda one: one.covariance)(found)
 
 
 Locate = Callable[[Rig, ArmorPresses], Float[np.ndarray, "presses 3"]]

@@ -1,17 +1,10 @@
-"""Tsuji et al. (2014): sponge, 76 points of surface 1, 45 points of the body, and a record to look at."""
+"""Tsuji et al. (2014): sponge, 76 points of surface 1, 45 points of the body."""
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
-from compensate.armor import Box, ContactSolver
-from hysteresis.rigs._sponge import force_path
-
-from ..armor._touches import VIRTUAL, save_touches, shell_of
 from ._armor import (
     METHODS,
     OURS,
@@ -19,8 +12,6 @@ from ._armor import (
     Rig,
     body_errors,
     changed,
-    covariances,
-    followed,
     linear_range,
     nonlinearity,
     surface_errors,
@@ -31,8 +22,6 @@ STRONGLY = 1.5
 """Times the nonlinearity of the others from which that of a thin sponge is seen in a figure."""
 MIDDLE = np.array([10, 29, 48, 67]) - 1
 """Rows of the 76 points that lie in the middle of the surface."""
-STEP, SECONDS = 1.5, 0.1
-"""N and s from sample to sample of the record to look at."""
 
 
 def _sponge(read: Any) -> Measure:
@@ -66,7 +55,7 @@ PAPER = Paper("tsuji2014", {
 
 
 def carry_out(asked: Asked) -> dict[str, Any]:
-    """Every number over all rigs, with spread; a record to look at of the first."""
+    """Every number over all rigs, with spread."""
     rigs = [Rig(asked.seed + n) for n in range(asked.rigs)]
     if asked.with_ours:
         asked.say("each is also calibrated by twenty presses (--no-ours leaves that out)")
@@ -75,13 +64,11 @@ def carry_out(asked: Asked) -> dict[str, Any]:
         if done % 10 == 0 or done == asked.rigs:
             asked.say(f"rig {done} of {asked.rigs}")
 
-    document = {
+    return {
         "rig": PAPER.said["rig"],
         "rows": compared(PAPER.published, rigs, asked.with_ours, progress),
         "findings": _findings(rigs),
     }
-    touches = _write_touches(rigs[0], asked.out, asked.with_ours)
-    return document | {"touches": touches, "files": {"touches": "touches.json"}}
 
 
 def _findings(rigs: Sequence[Rig]) -> list[dict[str, Any]]:
@@ -119,28 +106,3 @@ def _findings(rigs: Sequence[Rig]) -> list[dict[str, Any]]:
         averages=", ".join(f"{x:.1f}" for x in averages), below=sum(max(row) < 5 for row in errors),
         largest=largest.mean(), up_to_10=sum(largest <= 10), **part,
     )  # fmt: skip
-
-
-def _write_touches(rig: Rig, folder: Path, with_ours: bool) -> dict[str, Any]:
-    """The 45 points, pressed and let go one after another: touches.json by our method with covariances, or
-    by condition (b) without any."""
-    points, surface = rig.soft.points_of_the_body()
-    path = force_path((0.0, 15.0, 0.0), STEP)
-    presses = rig.soft.press(points, surface, path, dt=SECONDS, session=2)
-    wrench = presses.wrench.reshape(-1, 6)
-    force, moment = wrench[:, :3], wrench[:, 3:]
-    solver = ContactSolver(Box(*rig.soft.size), rig.lines["2"])
-    contact, covariance, title = None, None, "approximation 2"
-    if with_ours:
-        time, readings = jnp.asarray(presses.time), jnp.asarray(presses.wrench)
-        found = followed(rig.calibrated.uncertain, time, readings)
-        covariance = np.asarray(covariances(found)).reshape(-1, 3, 3)
-        contact = jax.tree.map(lambda leaf: leaf.reshape(-1, *leaf.shape[2:]), found.contact)
-        title = "calibrated by twenty presses"
-    save_touches(
-        folder, shell_of(solver.shape), SECONDS * np.arange(1, len(wrench) + 1), force, moment,
-        contact or solver.solve(force, moment), covariance=covariance,
-        truth=presses.contact.reshape(-1, 3),
-        title=f"Haptic armour: 45 presses of 15 N, {title}{VIRTUAL}",
-    )  # fmt: skip
-    return {"presses": len(points), "rows": len(wrench), "rig": rig.seed}

@@ -174,7 +174,7 @@ def reproduce(
     out.mkdir(parents=True, exist_ok=True)
     document = {"schema": 1, "paper": paper, "rigs": rigs, "seed": seed, "quick": quick}
     document |= module.carry_out(Asked(out, rigs, seed, with_ours, epochs, quick, say))
-    document["files"] = {"table": "table.txt"} | document.get("files", {})
+    document["files"] = {"table": "table.txt"}
     document["seconds"] = round(time.perf_counter() - begin, 3)
     document["versions"] = versions(("hysid", "jax", "numpy"))
     write_whole(out / "table.txt", "\n".join([said["title"], "", *terminal(document), ""]))

@@ -159,7 +159,6 @@ def test_a_calibration_is_kept_and_used(folder: Path, monkeypatch: pytest.Monkey
     np.testing.assert_allclose(point, truth, atol=5e-4)
     assert done["runtime"] is not None
     assert run(*example("armor solve")).code == 0
-    (folder / "touches").rename(folder / "tsuji2014")
     assert run(*example("armor view")).code == 0
     again = ("--sponge", sponge, "--shape", folder / "box.toml", "--out", out)
     refused(run("armor", "calibrate", presses, *again), "[would-overwrite]")
