@@ -168,9 +168,9 @@ class Train(Command):
         "Hold out this whole session for testing; repeatable.", None
     )
     kind: str = option(
-        "Force model: network, everett, structured, or auto (the best of them).",
+        "Force model: network, structured, or auto (the better of them).",
         "auto",
-        choices=("auto", "network", "everett", "structured"),
+        choices=("auto", "network", "structured"),
     )
     epochs: int | None = _epochs()
     members: int = option(

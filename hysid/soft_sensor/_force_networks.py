@@ -13,11 +13,9 @@ from jaxtyping import Array, Float
 
 import identify
 from compensate import invert
-from compensate.microchannel._everett_network import EverettNetwork
-from compensate.microchannel._force import BackwardsModel
-from hysteresis import AbstractModel, InputError, Record, Series
-from hysteresis.curves import PolynomialCurve
-from hysteresis.models._staircase_network import StaircaseNetwork
+from compensate.microchannel import BackwardsModel
+from hysteresis import AbstractModel, InputError, Record
+from hysteresis.networks import StaircaseNetwork
 from identify.internal import train
 from identify.training._train import Trained
 
@@ -32,8 +30,6 @@ LAGS, REPEATS = 6, 20
 DECAYS = (0.0, 0.2)
 """Weight decays tried: many channels of one press need some, thousands of presses none."""
 HIDDEN, BATCH, RATE = (64, 32), 64, 3e-3
-RECORDS = 5
-"""Records a step of the Everett network's training takes."""
 
 
 class Settings(NamedTuple):
@@ -152,68 +148,15 @@ def train_staircase(
     )  # fmt: skip
 
 
-def train_everett(data: ForceData, part: np.ndarray, settings: Settings) -> Found:
-    """A monotone `EverettNetwork` of one channel, the last part left out and stopping its training."""
-    data.check_one_channel("a monotone network", "give the channel that moves most")
-    rest = float(rest_of(data)[0])
-    away = data.reading - rest
-    # The reading with the larger force, where it falls with it.
-    sign = 1.0 if np.cov(away[data.known], data.force[data.known])[0, 1] >= 0 else -1.0
-    lag = lags_of(data)
-    held = part == part.max()
-    start = EverettNetwork.random(
-        jax.random.key(settings.seed), high=float((sign * away).max()),
-        force=float(data.force[data.known].max()), times=(lag[2], lag[4]),
-    )  # fmt: skip
-    learnt = data.known & (part >= 0)
-    stacked = [_stacked(data, column) for column in (data.time, sign * away, data.force)]
-    weights = [_stacked(data, 1.0 * (learnt & at), 0.0) for at in (~held, held)]
-    both = []
-    for weight in weights:
-        used = weight.sum(1) > 0  # the mean over records of a batch is that over rows
-        both.append(tuple(a[used] for a in (*stacked, used.sum() / weight.sum() * weight)))
-    batch = min(RECORDS, len(both[0][0]))
-    steps = len(both[0][0]) // batch
-    epochs = max(1, settings.updates // (40 * steps))
-    found = train(
-        start, _sequence_squares, both[0], validation=both[1], epochs=epochs, batch=batch,
-        seed=settings.seed, progress=_told(settings, {"of": 1, "now": 0}, "Everett"),
-        optimizer=decaying(epochs * steps, 0.0, 2e-2), **_kept(settings, "everett"),
-    )  # fmt: skip
-    line = PolynomialCurve([-sign * rest, sign], -1.0, 1.0)
-    model = Series([line, found.module.model])
-    held_out = np.full(len(part), np.nan)
-    held_out[held] = predicted(model, data)[held]
-    words = {"times": found.module.times, "rest": rest, "falls": sign < 0}
-    return Found(model, held_out, (found,), words)
-
-
 def predicted(model: AbstractModel, data: ForceData) -> Float[np.ndarray, " rows"]:
     """The model's force at every row, each record from rest."""
     prepared = model.prepare(data.time, data.reading, starts=data.starts)
     return np.asarray(model.evaluate(prepared))
 
 
-def _stacked(
-    data: ForceData, column: np.ndarray, fill: float | None = None
-) -> Float[np.ndarray, "records samples"]:
-    """Records of one length, the last sample repeated, or `fill`, after the end."""
-    parts = [np.nan_to_num(column[rows]) for rows in data.sequences()]
-    length = max(map(len, parts))
-    ends = [part[-1] if fill is None else fill for part in parts]
-    pairs = zip(parts, ends, strict=True)
-    return np.array([np.pad(x, (0, length - len(x)), constant_values=end) for x, end in pairs])
-
-
 def staircase_squares(network: StaircaseNetwork, rows: Any, key: Any) -> Array:
     """Mean squared error of rows (inputs x, output)."""
     return jnp.mean((network.evaluate(rows[0]) - rows[1]) ** 2)
-
-
-def _sequence_squares(network: EverettNetwork, rows: Any, key: Any) -> Array:
-    t, reading, force, weight = rows
-    off = jax.vmap(network.simulate)(t, reading) - force
-    return jnp.mean((weight * off**2).sum(1))
 
 
 @cache
@@ -239,7 +182,10 @@ def _told(settings: Settings, done: dict[str, int], name: str) -> Tell:
 
 def fit_structured(data: ForceData, part: np.ndarray, settings: Settings) -> Found:
     """The better of two fits on the part held out, of which neither has seen it."""
-    data.check_one_channel("a structured estimator", "`hysid.fit` of several inputs")
+    if data.channels > 1:
+        said = f"A structured estimator takes one reading, but there are {data.channels}."
+        fix = 'kind="network", or hysid.fit of several inputs.'
+        raise InputError("wrong-channels", said, fix=fix)
     held = part == part.max()
     learnt = data.known & (part >= 0) & ~held
     tried: list[tuple[float, int, Found]] = []

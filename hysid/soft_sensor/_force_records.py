@@ -44,12 +44,6 @@ class ForceData(NamedTuple):
     def channels(self) -> int:
         return 1 if self.reading.ndim == 1 else self.reading.shape[1]
 
-    def check_one_channel(self, what: str, fix: str) -> None:
-        """Raise `InputError` `wrong-channels` for several channels."""
-        if self.channels > 1:
-            said = f"{what} takes one reading, but there are {self.channels}."
-            raise InputError("wrong-channels", said, fix=f'kind="network", or {fix}.')
-
     @property
     def span(self) -> float:
         """Largest less smallest force."""

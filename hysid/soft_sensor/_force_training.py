@@ -18,12 +18,11 @@ from ._force_networks import (
     Settings,
     Tell,
     fit_structured,
-    train_everett,
     train_networks,
 )
 from ._force_records import ForceData, ForceRecord, gather, held_out_parts
 
-KINDS = {"network": train_networks, "everett": train_everett, "structured": fit_structured}
+KINDS = {"network": train_networks, "structured": fit_structured}
 SKIPS = (0.6, 0.4, 0.2, 0.0)
 """Parts at the beginning of a single record whose exclusion is tried, because a new sample settles."""
 WORTH = 1.05
@@ -78,9 +77,9 @@ def train_force(
 
     - `records`: sequences (time in s, reading, force in N), see `ForceRecord`, each from rest.
     - `kind`: `"network"`, the mean of `members` networks of the Preisach staircase and delays
-      (`StaircaseNetwork`), of any number of channels; `"everett"`, monotone, of one; `"structured"`,
-      what `identify.fit` finds from reading to force, or from force to reading and run backwards,
-      whichever is better on held-out records.
+      (`StaircaseNetwork`), of any number of channels; `"structured"`, of one, what `identify.fit` finds
+      from reading to force, or from force to reading and run backwards, whichever is better on held-out
+      records.
 
     - `groups`: one name for each record, such as the speed or the depth of a press: those of one group
       are held out together. Without groups, repetitions of a held-out record stay among the training

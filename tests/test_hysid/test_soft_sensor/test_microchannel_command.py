@@ -280,7 +280,7 @@ def test_what_cannot_be_learnt_is_said(tmp_path: Path):
 
     refused(answer(), "There is nothing to learn", "--force")
     refused(answer("--force", FORCE), "--time COL")
-    refused(answer("--force", FORCE, "--kind", "magic"), "'magic'", "everett")
+    refused(answer("--force", FORCE, "--kind", "magic"), "'magic'", "structured")
     refused(answer("--place", "where"), "'where'", f"{PLACE!r}")
     refused(answer("--place", PLACE, "--test-file", session), "twice")
     refused(answer("--place", PLACE, "--range", 2, 1), "LOW HIGH")
