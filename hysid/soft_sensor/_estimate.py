@@ -116,7 +116,7 @@ def estimate(
         words = f"{shell_word(str(folder))} {shell_word(str(file))}"
         raise InputError(
             "wrong-channels", "This folder holds a fit, and no trained sensor.", place=str(folder),
-            fix=f"Run hysid predict {words} --inverse, or without --inverse where the force is the output.",
+            fix=f"Run hysid predict {words} --inverse, or without it where the force is the output.",
         )  # fmt: skip
     document = read_checked(folder, TRAINING, 1, make=MAKE, again="train again.")
     sensor = load_sensor(folder)
