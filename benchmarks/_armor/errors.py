@@ -16,8 +16,8 @@ import numpy as np
 import scipy.stats
 from jaxtyping import Array, Bool, Float
 
-from compensate.armor import UncertainArmor
 from compensate.armor._armor import UncertainContact
+from compensate.internal import UncertainArmor
 from hysid.reproduction._armor import calibrated
 from hysteresis.rigs import INWARD, ArmorRig
 from hysteresis.rigs._armor import ArmorPresses

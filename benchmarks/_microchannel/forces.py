@@ -9,10 +9,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from compensate.microchannel import EverettNetwork
+from compensate.internal import EverettNetwork
 from hysid.reproduction._skin import HIGH_N, Records, Series, Skin, converted, decaying_over
 from hysid.reproduction._skin_pair import error, found_peaks
-from hysteresis.rigs import MicrochannelRig, ResistiveReadout
+from hysteresis.internal import ResistiveReadout
+from hysteresis.rigs import MicrochannelRig
 from identify.internal import train
 from identify.training._train import Trained
 

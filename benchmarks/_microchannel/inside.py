@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from compensate.microchannel import ChannelSensor, MotionFilter, MultiContactEstimator
+from compensate.internal import ChannelSensor, MotionFilter, MultiContactEstimator
 from hysid.reproduction._skin import (
     FORCE,
     HIGH_N,

@@ -6,9 +6,11 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from compensate.microchannel import Localizer, LogicStatus, LogicTable
+from compensate.internal import LogicStatus
+from compensate.microchannel import Localizer, LogicTable
 from hysid.reproduction._skin import LEVELS_OF_THREE, level
-from hysteresis.rigs import MicrochannelRig, ResistiveReadout
+from hysteresis.internal import ResistiveReadout
+from hysteresis.rigs import MicrochannelRig
 
 from .._measure import Row, judged, least_seconds, noted
 from .inside import InsideSkin

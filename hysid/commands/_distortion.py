@@ -5,8 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from hysteresis import InputError, conversion
+from hysteresis import InputError
 from hysteresis._show import aligned
+from hysteresis.internal import conversion
 from hysteresis.records._table import Table
 from identify import distortion, periodic_test
 from identify.dynamics._measured_motion import even_clock

@@ -21,7 +21,6 @@ from compensate.armor import (
     Cover,
     Presses,
     WristSensor,
-    planned_presses,
 )
 from compensate.armor._calibration import planned_presses
 from compensate.armor._solver import Contact

@@ -11,15 +11,10 @@ import numpy as np
 import optax
 from jaxtyping import Float
 
-from compensate.microchannel import (
-    ForceEstimator,
-    Localizer,
-    LogicTable,
-    Readout,
-)
+from compensate.internal import ForceEstimator, Readout
+from compensate.microchannel import Localizer, LogicTable
 from compensate.microchannel._localizer import Confusion
-from hysteresis.networks import StaircaseNetwork
-from hysteresis.rigs import ChannelGeometryRig, ResistiveReadout
+from hysteresis.internal import ChannelGeometryRig, ResistiveReadout, StaircaseNetwork
 from hysteresis.rigs._skin_presses import AbstractSkinRig, ChannelRecord
 from identify.internal import train
 from identify.training._train import Trained

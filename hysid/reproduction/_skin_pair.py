@@ -13,14 +13,9 @@ import numpy as np
 import scipy
 from jaxtyping import Array, Float
 
-from compensate.microchannel import (
-    ForceNetwork,
-    MotionFilter,
-    MultiContactEstimator,
-    SearchEstimator,
-)
+from compensate.internal import ForceNetwork, MotionFilter, MultiContactEstimator, SearchEstimator
 from compensate.microchannel._multi_network import windows
-from hysteresis.rigs import ChannelGeometryRig
+from hysteresis.internal import ChannelGeometryRig
 from hysteresis.rigs._skin_presses import AbstractSkinRig, ChannelRecord
 from identify.internal import train
 from identify.training._train import Trained

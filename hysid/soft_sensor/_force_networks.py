@@ -13,9 +13,9 @@ from jaxtyping import Array, Float
 
 import identify
 from compensate import invert
-from compensate.microchannel import BackwardsModel
+from compensate.internal import BackwardsModel
 from hysteresis import AbstractModel, InputError, Record
-from hysteresis.networks import StaircaseNetwork
+from hysteresis.internal import StaircaseNetwork
 from identify.internal import train
 from identify.training._train import Trained
 

@@ -310,7 +310,10 @@ def _step(seen: Seen, columns: list[Column], still: list[Column]) -> Choice:
     once = [c for c in every.values() if c.kind.name in HELD and c is not kept and _steps_once(c.x)]
     once = [c for c in once if c.name != output.name]
     if value is None and kept is None and len(once) == 1:
-        why = {"input": f"it steps to {once[0].x[-1]:g} and stays there", "output": "it goes on changing"}
+        why = {
+            "input": f"it steps to {once[0].x[-1]:g} and stays there",
+            "output": "it goes on changing",
+        }
         return Choice(once[0], output, "likely", why, {}, [])
     if value is not None:
         why["step"] = "given"

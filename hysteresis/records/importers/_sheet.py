@@ -91,6 +91,7 @@ def feet_of(rows: Sequence[Sequence[str]], width: int) -> int:
 
 
 def feet_left_out(lines: Sequence[int]) -> Note:
+    """What is said of them."""
     said = f"Left out {len(lines)} lines at the end that are no rows, first line {lines[0]}."
     return Note("skipped", said)
 
