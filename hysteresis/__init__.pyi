@@ -48,4 +48,3 @@ from .preisach import Preisach as Preisach
 from .records._csv import read_csv as read_csv
 from .records._read_table import read_table as read_table
 from .records._record import Record as Record
-from .records._row_blocks import row_blocks as row_blocks

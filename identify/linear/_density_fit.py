@@ -158,9 +158,9 @@ def fit_density_in_blocks(
     and the extrema of the input that the relays remember. The blocks are gone through once. The result is
     that of `fit_density` on all rows together, to rounding.
 
-    **Arguments:** `blocks`, pairs of inputs and outputs, in the order of time, such as `row_blocks(path,
-    ...)` of hysteresis reads them; `cells` along each threshold, at most 60; `low`, `high`, the density's
-    support, which no input may leave.
+    **Arguments:** `blocks`, pairs of inputs and outputs, in the order of time, such as slices of
+    `np.load(path, mmap_mode="r")` or Parquet's `iter_batches`; `cells` along each threshold, at most 60;
+    `low`, `high`, the density's support, which no input may leave.
 
     **Other arguments:** `strength`, `leading` and `initial` as in `fit_density`.
 
