@@ -1,6 +1,5 @@
-"""The dialect of a CSV: its separator, the header, and rows that are all as long as that."""
+"""The header of a CSV, and rows that are all as long as that."""
 
-import csv
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -8,27 +7,9 @@ import numpy as np
 
 from .._errors import InputError
 from ._cells import floats
-from .importers import is_number, trimmed
+from .importers import trimmed
 
 MOST_COLUMNS = 10_000
-
-
-def separator_of(lines: list[str]) -> str:
-    """The separator that gives most of the first rows as many cells as the header, and most numbers."""
-
-    def score(sep: str) -> tuple[float, int, int]:
-        try:
-            rows = [trimmed(row) for row in csv.reader(lines, delimiter=sep)]
-        except csv.Error:  # a cell beyond the module's limit
-            return 0.0, 0, 0
-        width = len(rows[0])
-        if width < 2:
-            return 0.0, 0, 0
-        agree = [row for row in rows[1:] if len(row) == width]
-        whole = sum(all(is_number(c) for c in row if c) for row in agree)
-        return (len(agree) + 1) / len(rows), whole, width
-
-    return max(",;\t|", key=score)
 
 
 def header_of(path: Path, cells: list[str]) -> list[str]:

@@ -15,7 +15,7 @@ from .._note import Note
 from ._cells import check_room, floats, long_cell, parsed
 from ._clock_columns import with_clocks
 from ._compiled_rows import CompiledRows, OddRowsError
-from ._dialect import header_of, made_square, separator_of
+from ._dialect import header_of, made_square
 from ._table import Table, TextColumns, followed, with_column
 from ._units import are_units, bare_unit, named_unit, spelled
 from .importers import (
@@ -33,6 +33,7 @@ from .importers import (
     json_lines,
     labview,
     noted_units,
+    splitter,
     streamed,
     trimmed,
     units_behind_blanks,
@@ -235,7 +236,7 @@ def _plain(
 ) -> Sheet:
     """The columns of a text of a header, perhaps a row of units, and rows that are all as long."""
     notes: list[Note] = []
-    sep = separator or separator_of([s for _, s in numbered[:30]])
+    sep = separator or splitter([s for _, s in numbered[:30]])[0] or ","
     rows, line = _rows(path, numbered, sep)
     header = header_of(path, rows[0])
     units, body, at = {}, rows[1:], (line[1:2] or [2])[0]

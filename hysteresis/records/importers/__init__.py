@@ -23,4 +23,5 @@ from ._sheet import feet_of as feet_of
 from ._sheet import is_number as is_number
 from ._sheet import trimmed as trimmed
 from ._text import arranged as arranged
+from ._text import splitter as splitter
 from ._text import without_table as without_table

@@ -180,4 +180,4 @@ def splitter(lines: list[str]) -> tuple[str, Callable[[str], list[str]]]:
         full = [row for row in rows if mostly(row)]
         return sum(map(all, full)), len(full)
 
-    return max([*((s, by(s)) for s in "\t;,|"), ("", blanks)], key=score)
+    return max([*((s, by(s)) for s in ",\t;|"), ("", blanks)], key=score)
