@@ -61,7 +61,7 @@ def _unmarked_utf16(data: bytes) -> str:
 def _likeliest(data: bytes) -> str:
     """The encoding in which the bytes above ASCII make most letters of words that rigs write.
 
-    Where there is no such word, what charset-normalizer says, or Latin-1.
+    Where there is no such word, Latin-1.
     """
     scores: dict[str, tuple[int, int]] = {}
     for name in (*_SINGLE, *_DOUBLE):
@@ -76,18 +76,4 @@ def _likeliest(data: bytes) -> str:
         scores[name] = sum(map(len, words)), -odd
     if any(known for known, _ in scores.values()):
         return max(scores, key=lambda name: scores[name])
-    runs = re.findall(
-        rb"[\x80-\xff]+", data
-    )  # of one byte each: symbols and umlauts among Latin letters
-    guessed = _by_statistics(data) if sum(map(len, runs)) >= 2 * len(runs) else ""
-    return guessed or ("cp1252" if "cp1252" in scores else "latin-1")
-
-
-def _by_statistics(data: bytes) -> str:
-    """What charset-normalizer, where it is installed, holds for the likeliest of our encodings."""
-    try:
-        from charset_normalizer import from_bytes  # an extra
-    except ImportError:
-        return ""
-    found = from_bytes(data, cp_isolation=[*_SINGLE, *_DOUBLE]).best()
-    return found.encoding if found is not None and found.encoding in _NAMES else ""
+    return "cp1252" if "cp1252" in scores else "latin-1"
