@@ -174,10 +174,10 @@ def splitter(lines: list[str]) -> tuple[str, Callable[[str], list[str]]]:
         words = line.split()
         return words if all(map(is_number, words)) else [cell.strip() for cell in wide]
 
-    def score(way: tuple[str, Callable[[str], list[str]]]) -> tuple[int, int]:
+    def score(way: tuple[str, Callable[[str], list[str]]]) -> tuple[int, int, int]:
         # A line without the separator is one cell, and no row: most ways split nothing.
         rows = [[is_number(c) for c in way[1](line) if c] for line in lines if way[0] in line]
         full = [row for row in rows if mostly(row)]
-        return sum(map(all, full)), len(full)
+        return sum(map(all, full)), len(full), len(rows) if way[0] else 0
 
-    return max([*((s, by(s)) for s in ",\t;|"), ("", blanks)], key=score)
+    return max([*((s, by(s)) for s in "\t;,|"), ("", blanks)], key=score)
