@@ -10,6 +10,8 @@ import csv
 import io
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -28,6 +30,7 @@ class OddRowsError(Exception):
     """Rows that are not laid out as those of the head."""
 
 
+@dataclass(frozen=True)
 class CompiledRows:
     """The rows of `data` from byte `start` on, which is line `first`, laid out as `layout` says.
 
@@ -35,29 +38,22 @@ class CompiledRows:
     does not; without it there may be none. Both raise `OddRowsError`.
     """
 
-    def __init__(
-        self,
-        data: bytes | Streamed,
-        start: int,
-        first: int,
-        layout: Layout,
-        decimal: str,
-        na_values: tuple[str, ...],
-        careful: CarefulRows | None,
-    ):
-        if layout.separator == decimal:
-            raise OddRowsError
-        self._data, self._layout, self._decimal = data, layout, decimal
-        self._na_values, self._careful = na_values, careful
-        self._blocks: list[
-            tuple[slice, int, bool]
-        ] = []  # each with its first line, and if read carefully
-        self._start, self._first = start, first
-        words = "|".join(
-            re.escape(w.strip()) for w in sorted({*MISSING, *na_values}, key=len)[::-1]
-        )
-        end = f"\n{re.escape(layout.separator)}"
-        self._missing = re.compile(rf"([{end}]) *(?:{words}) *(?=[{end}])", re.IGNORECASE)
+    data: bytes | Streamed
+    start: int
+    first: int
+    layout: Layout
+    decimal: str
+    na_values: tuple[str, ...]
+    careful: CarefulRows | None
+    blocks: list[tuple[slice, int, bool]] = field(default_factory=list)
+    """Each with its first line, and whether it was read carefully."""
+
+    @cached_property
+    def _missing(self) -> re.Pattern[str]:
+        known = sorted({*MISSING, *self.na_values}, key=len)[::-1]
+        words = "|".join(re.escape(word.strip()) for word in known)
+        end = f"\n{re.escape(self.layout.separator)}"
+        return re.compile(rf"([{end}]) *(?:{words}) *(?=[{end}])", re.IGNORECASE)
 
     def numbers(
         self, begun: Mapping[str, np.ndarray], numeric: list[bool]
@@ -68,19 +64,21 @@ class CompiledRows:
         `numeric`: which columns hold numbers alone. One that turns out to hold words becomes False, and is
         left out.
         """
-        rows, first = len(next(iter(begun.values()))), self._first
+        if self.layout.separator == self.decimal:
+            raise OddRowsError
+        rows, first = len(next(iter(begun.values()))), self.first
         # One array that every block is put into: blocks that are joined in the end need it twice.
-        pieces = (self._data[place] for place in _blocks(self._data, self._start))
+        pieces = (self.data[place] for place in _blocks(self.data, self.start))
         room = rows + 1 + sum(max(p.count(b"\n"), p.count(b"\r")) for p in pieces)
         columns = [np.append(x, np.empty(room - rows)) if n else None
                    for x, n in zip(begun.values(), numeric, strict=True)]  # fmt: skip
-        lines = np.zeros(room, np.int32 if len(self._data) < 2**31 else np.int64)
-        for place in _blocks(self._data, self._start):
-            text = _text(self._data[place])
+        lines = np.zeros(room, np.int32 if len(self.data) < 2**31 else np.int64)
+        for place in _blocks(self.data, self.start):
+            text = _text(self.data[place])
             count = text.count("\n")
             parts = self._compiled(text, count, numeric)
             line = np.arange(first, first + count, dtype=lines.dtype)
-            self._blocks.append((place, first, parts is None))
+            self.blocks.append((place, first, parts is None))
             if parts is None:
                 parts, line = self._carefully(text, first, numeric)
             if rows + len(line) > room:  # ends of lines of several kinds
@@ -103,10 +101,10 @@ class CompiledRows:
     def words(self, at: int) -> np.ndarray:
         """The cells of column `at` (n,) str, without the blanks around each."""
         parts: list[np.ndarray] = []
-        for place, first, odd in self._blocks:
-            text = _text(self._data[place])
-            if odd and self._careful is not None:
-                cells = np.array(self._careful(text, first)[0][at], str)
+        for place, first, odd in self.blocks:
+            text = _text(self.data[place])
+            if odd and self.careful is not None:
+                cells = np.array(self.careful(text, first)[0][at], str)
             else:
                 options = self._options(text)
                 cells = np.loadtxt(io.StringIO(text), str, usecols=at, ndmin=1, **options)
@@ -118,10 +116,10 @@ class CompiledRows:
 
     def _compiled(self, text: str, count: int, numeric: list[bool]) -> list[np.ndarray] | None:
         """The columns of a block, None where the parser cannot read it as the layout says."""
-        separator, width = self._layout.separator, len(numeric)
+        separator, width = self.layout.separator, len(numeric)
         if text.startswith("#") or "\n#" in text:
             return None
-        if self._decimal == ",":
+        if self.decimal == ",":
             if "." in text:
                 return None
             text = text.replace(",", ".")
@@ -136,7 +134,7 @@ class CompiledRows:
         try:
             found = np.loadtxt(io.StringIO(text), **options)
         except ValueError:
-            if self._careful is None:
+            if self.careful is None:
                 return None
             text = self._missing.sub(r"\1nan", f"\n{text}")[1:]
             try:
@@ -146,8 +144,8 @@ class CompiledRows:
         if len(found) != count:  # blank lines, or cells of several lines
             return None
         columns = [np.ascontiguousarray(found[name]) for name, _ in fields]
-        gone = floats([*self._na_values], self._decimal)
-        if self._careful is None and not all(
+        gone = floats([*self.na_values], self.decimal)
+        if self.careful is None and not all(
             np.isfinite(x).all() for x in columns if x.dtype == float
         ):
             return None
@@ -160,19 +158,19 @@ class CompiledRows:
     def _carefully(
         self, text: str, first: int, numeric: list[bool]
     ) -> tuple[list[np.ndarray], np.ndarray]:
-        if self._careful is None:
+        if self.careful is None:
             raise OddRowsError
-        cells, line = self._careful(text, first)
+        cells, line = self.careful(text, first)
         columns = []
         for k, column in enumerate(cells):
-            x = parsed(np.char.strip(np.array(column, str)), self._decimal, self._na_values)
+            x = parsed(np.char.strip(np.array(column, str)), self.decimal, self.na_values)
             numeric[k] &= x.dtype.kind == "f"
             columns.append(x)
         return columns, line
 
     def _options(self, text: str) -> dict[str, Any]:
         quote = '"' if '"' in text else None
-        return {"delimiter": self._layout.separator or None, "comments": None, "quotechar": quote}
+        return {"delimiter": self.layout.separator or None, "comments": None, "quotechar": quote}
 
 
 def _blocks(data: bytes | Streamed, start: int) -> Iterator[slice]:

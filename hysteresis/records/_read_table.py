@@ -7,6 +7,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -55,6 +56,18 @@ TAIL = 2**16
 """Bytes at its end that are looked at for what a program says below its table."""
 
 
+class _Asked(NamedTuple):
+    """The file, and the options of `read_table`."""
+
+    path: Path
+    decimal: str
+    separator: str | None
+    units_row: int | None
+    na_values: tuple[str, ...]
+    dialects: str | Path | None
+    table: int | None
+
+
 def read_table(
     path: str | Path,
     *,
@@ -94,20 +107,20 @@ def read_table(
         >>> list(table.columns)
         ['time (s)', 'force (N)', 'displacement (mm)', 'cycle']
     """
-    path = Path(path)
     if decimal not in (".", ",") or (separator is not None and len(separator) != 1):
         problem = f"decimal={decimal!r}, separator={separator!r}: one character each."
         raise InputError("bad-option", problem, fix='decimal is "." or "," (--decimal).')
-    ways = separator, decimal, units_row, dialects, table
+    path = Path(path)
+    asked = _Asked(path, decimal, separator, units_row, tuple(na_values), dialects, table)
     large = streamed(path) if most is None else None
-    if large and (found := _by_its_head(path, large, len(large), ways, tuple(na_values))):
+    if large and (found := _by_its_head(asked, large, len(large))):
         return found
     data, size = file_bytes(path, most)
     if (sheet := binary(path, data, table)) is None:
-        if found := _by_its_head(path, data, size, ways, tuple(na_values)):
+        if found := _by_its_head(asked, data, size):
             return found
-        sheet = _sheet(path, data, *ways)
-    return _timed(_table(path, data, size, sheet, decimal, tuple(na_values)), sheet)
+        sheet = _sheet(asked, data)
+    return _timed(_table(asked, data, size, sheet), sheet)
 
 
 def _timed(table: Table, sheet: Sheet) -> Table:
@@ -126,9 +139,7 @@ def _timed(table: Table, sheet: Sheet) -> Table:
     return with_column(replace(table, notes=(*table.notes, note)), "time", t, "s")
 
 
-def _by_its_head(
-    path: Path, data: bytes | Streamed, size: int, ways: tuple, na_values: tuple[str, ...]
-) -> Table | None:
+def _by_its_head(asked: _Asked, data: bytes | Streamed, size: int) -> Table | None:
     """A large text whose rows go on as they begin; None of any other file."""
     cut, length = 0, HEAD
     while data[:cut].count(b"\n") < LEAST_LINES:
@@ -136,18 +147,17 @@ def _by_its_head(
             return None
         cut, length = data.rfind(b"\n", 0, length) + 1, 2 * length
     try:
-        sheet = _sheet(path, data[:cut], *ways)
+        sheet = _sheet(asked, data[:cut])
         if sheet.layout is None or data[:cut].count(b'"') % 2:  # a cell may go on below
             return None
         last = data[max(cut, len(data) - TAIL) :].decode("latin-1").splitlines()[1:]
         if feet_of([one.split(sheet.layout.separator or None) for one in last], len(sheet.columns)):
             return None
-        asked = ways[1]
-        begun = _table(path, data, size, sheet, asked, na_values)
+        begun = _table(asked, data, size, sheet)
         lines = len(re.findall(rb"\r\n|\r|\n", data[:cut]))
-        careful = partial(_cells, path, len(sheet.columns), sheet.layout.separator)
+        careful = partial(_cells, asked.path, len(sheet.columns), sheet.layout.separator)
         rows = CompiledRows(
-            data, cut, lines + 1, sheet.layout, begun.decimal, na_values,
+            data, cut, lines + 1, sheet.layout, begun.decimal, asked.na_values,
             careful if sheet.layout.plain else None,
         )  # fmt: skip
         return _timed(followed(begun, rows), sheet)
@@ -164,16 +174,9 @@ def _cells(
     return list(zip(*rows, strict=True)) or [()] * width, np.array(line, int)
 
 
-def _sheet(
-    path: Path,
-    data: bytes,
-    separator: str | None,
-    decimal: str,
-    units_row: int | None,
-    dialects: str | Path | None,
-    table: int | None,
-) -> Sheet:
+def _sheet(asked: _Asked, data: bytes) -> Sheet:
     """The columns of a text."""
+    path = asked.path
     text, notes = decode(path, data)
     if sheet := labview(path, text) or json_lines(path, text):
         return replace(sheet, notes=(*notes, *sheet.notes))
@@ -182,12 +185,12 @@ def _sheet(
     if not numbered:
         raise fault("empty-file", path, "nothing but blank or comment lines.")
     sheet = None
-    if separator is None and units_row is None:
+    if asked.separator is None and asked.units_row is None:
         above = every[: numbered[0][0] - 1]
-        sheet = arranged(path, numbered, decimal, above, dialects, table)
+        sheet = arranged(path, numbered, asked.decimal, above, asked.dialects, asked.table)
     if sheet is None:
         try:
-            sheet = _plain(path, numbered, separator, decimal, units_row)
+            sheet = _plain(asked, numbered)
         except InputError as error:
             if error.code in ("ragged-line", "decimal-comma", "duplicate-column", "no-rows"):
                 without_table(path, numbered)
@@ -227,14 +230,9 @@ def _rows(
     return rows, line
 
 
-def _plain(
-    path: Path,
-    numbered: Sequence[tuple[int, str]],
-    separator: str | None,
-    decimal: str,
-    units_row: int | None,
-) -> Sheet:
+def _plain(asked: _Asked, numbered: Sequence[tuple[int, str]]) -> Sheet:
     """The columns of a text of a header, perhaps a row of units, and rows that are all as long."""
+    path, decimal, separator, units_row, *_ = asked
     notes: list[Note] = []
     sep = separator or splitter([s for _, s in numbered[:30]])[0] or ","
     rows, line = _rows(path, numbered, sep)
@@ -270,15 +268,9 @@ def _plain(
     return Sheet(columns, line, units, tuple(notes), decimal, layout)
 
 
-def _table(
-    path: Path,
-    data: bytes | Streamed,
-    size: int,
-    sheet: Sheet,
-    decimal: str,
-    na_values: tuple[str, ...],
-) -> Table:
-    decimal = sheet.decimal if decimal == "." else decimal
+def _table(asked: _Asked, data: bytes | Streamed, size: int, sheet: Sheet) -> Table:
+    path, na_values = asked.path, asked.na_values
+    decimal = sheet.decimal if asked.decimal == "." else asked.decimal
     check_room(path, sheet.columns, sheet.line)
 
     def words(name: str) -> np.ndarray:
