@@ -1,17 +1,17 @@
 """Rows of creep and relaxation: a constant input, given or held, and runs at several temperatures."""
 
 import re
-from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from hysteresis import InputError, Note
 from hysteresis._quantities import conversion
-from hysteresis.records._csv import parse_condition
 from hysteresis.records._table import Table, rows_of, with_column
 from hysteresis.records._units import named_unit
 from identify.internal import MODULI, PARTS, RUNS
+
+from ._selection_options import SelectionOptions
 
 CONSTANT = "constant input"
 """The name of the input of a step."""
@@ -19,24 +19,14 @@ NEAR = 0.02
 """Of the input's range: as near to its level it is held."""
 
 
-def with_constant(
-    table: Table,
-    name: str,
-    value: float,
-    output: str,
-    time: str | None,
-    where: Mapping[str, list[str]],
-) -> Table:
-    """The chosen rows with this value in the column `name`; those with one time become one."""
-    at = chosen(table, where)
-    constant = np.full(len(table.line), value)
-    return _with_input(table, at, name, constant, output, time)
+def with_constant(table: Table, asked: SelectionOptions) -> Table:
+    """The rows with the value `step` in the column `CONSTANT`; those with one time become one."""
+    constant = np.full(len(table.line), asked.step)
+    return _with_input(table, slice(None), CONSTANT, constant, asked)
 
 
-def at_hold(
-    table: Table, column: str, output: str, time: str | None, where: Mapping[str, list[str]]
-) -> Table:
-    """The longest stretch of the chosen rows in which a column stays near its median, and the way there.
+def at_hold(table: Table, column: str, asked: SelectionOptions) -> Table:
+    """The longest stretch of the rows in which a column stays near its median, and the way there.
 
     In the stretch the column has one value, its median, from where it comes as near to that as it stays.
     What comes after the stretch is left out, and so is the way before its last gap or step back of the
@@ -44,8 +34,7 @@ def at_hold(
 
     Raises `InputError` where the stretch is less than half of the rows.
     """
-    at = chosen(table, where)
-    u = table.number(column)[at]
+    u = table.number(column)
     known = u[np.isfinite(u)]
     level, span = (float(np.median(known)), np.ptp(known)) if known.size else (np.nan, 0.0)
     near = np.abs(u - level) <= NEAR * span
@@ -65,48 +54,39 @@ def at_hold(
     away = np.abs(u[rows] - level)
     # As near as the rest stays: 4.5 times the median distance are three standard deviations of noise.
     first = rows.start + int(np.argmax(away <= max(4.5 * float(np.median(away)), 1e-9 * span)))
-    t = np.arange(len(u), dtype=float) if time is None else table.number(time)[at]
-    there = np.isfinite(u) & np.isfinite(t) & np.isfinite(table.number(output)[at])
+    t = np.arange(len(u), dtype=float) if asked.time is None else table.number(asked.time)
+    there = np.isfinite(u) & np.isfinite(t) & np.isfinite(table.number(asked.output))
     good = there[:first] & (np.diff(t[: first + 1]) >= 0)
     begin = int(np.flatnonzero(np.append(True, ~good)).max())
-    held = np.array(table.number(column))
-    held[at[first : rows.stop]] = level
-    kept = at[begin : rows.stop]
-    note = f"{column!r} is held at {level:.4g} from line {table.line[at[first]]} on:"
+    held = np.array(u)
+    held[first : rows.stop] = level
+    note = f"{column!r} is held at {level:.4g} from line {table.line[first]} on:"
     note += f" {rows.stop - first} rows. Time counts from there."
     table = replace(table, notes=(*table.notes, Note("held", note)))
-    return _with_input(table, kept, column, held, output, time)
+    return _with_input(table, slice(begin, rows.stop), column, held, asked)
 
 
 def _with_input(
-    table: Table, at: np.ndarray, name: str, values: np.ndarray, output: str, time: str | None
+    table: Table, rows: slice, name: str, values: np.ndarray, asked: SelectionOptions
 ) -> Table:
-    """The rows `at` with these values, one for each row of the table, in the column `name`.
+    """These rows with these values, one for each row of the table, in the column `name`.
 
     Long tests are logged with clocks of few digits: outputs of rows with the same time are averaged.
     """
-    columns, notes = dict(table.columns), table.notes
-    if time is not None and len(at):
-        t, y = table.number(time)[at], table.number(output)[at]
-        first = np.flatnonzero(np.append(True, np.diff(t) != 0))
-        if len(first) < len(at):
-            said = f"Averaged {len(at)} rows to {len(first)} of different times."
-            notes += (Note("averaged", said),)
-            columns[output] = np.zeros(len(table.line))
-            counts = np.diff(np.append(first, len(at)))
-            columns[output][at[first]] = np.add.reduceat(y, first) / counts
-            at = at[first]
-    units = {CONSTANT: "1", **table.units}
-    few = rows_of(replace(table, columns=columns, notes=notes, units=units), at)
-    return with_column(few, name, values[at])
-
-
-def chosen(table: Table, where: Mapping[str, list[str]]) -> np.ndarray:
-    """Which rows fulfil all conditions."""
-    rows = np.ones(len(table.line), bool)
-    for name, values in where.items():
-        rows &= parse_condition(f"{name}={','.join(values)}")(table)
-    return np.flatnonzero(rows)
+    few = rows_of(replace(table, units={CONSTANT: "1", **table.units}), rows)
+    few = with_column(few, name, values[rows])
+    if asked.time is None or not len(few.line):
+        return few
+    y, first = (
+        few.number(asked.output),
+        np.flatnonzero(np.diff(few.number(asked.time), prepend=np.nan) != 0),
+    )
+    if len(first) == len(y):
+        return few
+    said = Note("averaged", f"Averaged {len(y)} rows to {len(first)} of different times.")
+    mean = np.add.reduceat(y, first) / np.diff(np.append(first, len(y)))
+    few = rows_of(replace(few, notes=(*few.notes, said)), first)
+    return replace(few, columns={**few.columns, asked.output: mean})
 
 
 RUN = "run"
@@ -115,20 +95,13 @@ RATIO = re.compile(r"tan", re.IGNORECASE)
 """Names of a loss that is a part of the storage modulus: tan delta."""
 
 
-def with_moduli(
-    table: Table,
-    frequency: str,
-    storage: str,
-    loss: str | None,
-    runs: Sequence[str],
-    exact: bool,
-    where: Mapping[str, list[str]],
-) -> Table:
-    """The chosen rows with their storage moduli, and again with their loss moduli, as sequences.
+def with_moduli(table: Table, frequency: str, asked: SelectionOptions) -> Table:
+    """The rows with their storage moduli, and again with their loss moduli, as sequences.
 
     A loss without a unit beside a storage modulus that has one is tan delta, a part of it. Rows without a
     frequency above 0 or without a modulus are left out. Raises `InputError` `wrong-unit`.
     """
+    storage, loss = asked.output, asked.loss
     f, values = table.number(frequency), [table.number(storage)]
     if loss is not None:
         own, of = (named_unit(name, None, table.units.get(name)) or "1" for name in (loss, storage))
@@ -142,12 +115,10 @@ def with_moduli(
             )
         is_ratio = factor is None or (own == of == "1" and bool(RATIO.search(loss)))
         values.append(table.number(loss) * (values[0] if is_ratio else factor))
-    at = chosen(table, where)
-    run = _runs(table, f, at, runs, exact)
-    parts = []
+    run, parts = _runs(table, f, asked), []
     for part, y in zip(PARTS, values, strict=False):
-        there = np.isfinite(y[at]) & (y[at] > 0) & (f[at] > 0)
-        parts.append((at[there], y[at[there]], [f"{part} {k}".strip() for k in run[there]]))
+        at = np.flatnonzero(np.isfinite(y) & (y > 0) & (f > 0))
+        parts.append((at, y[at], [f"{part} {k}".strip() for k in run[at]]))
     at, y, names = (np.concatenate([part[k] for part in parts]) for k in range(3))
     if not len(at):
         raise InputError("no-rows", "No row has a frequency and a modulus.", place=str(table.path))
@@ -158,17 +129,9 @@ def with_moduli(
     return with_column(long, RUN, np.array(names))
 
 
-def with_runs(
-    table: Table,
-    name: str,
-    value: float,
-    time: str | None,
-    runs: Sequence[str],
-    exact: bool,
-    where: Mapping[str, list[str]],
-) -> Table:
-    """The chosen rows, of every run in the order of its times, with this value in the column `name`."""
-    at = chosen(table, where)
+def with_runs(table: Table, asked: SelectionOptions) -> Table:
+    """The rows of every run in the order of its times, with the value `step` in the column `CONSTANT`."""
+    time = asked.time
     if time is None:
         raise InputError(
             "no-time",
@@ -177,31 +140,29 @@ def with_runs(
             fix="name the time column (--time COL).",
         )
     t = table.number(time)
-    run = _runs(table, t, at, runs, exact)
-    order = np.lexsort((t[at], np.unique(run, return_inverse=True)[1]))
-    order = order[t[at][order] > 0]
-    few = rows_of(table, at[order])
+    run = _runs(table, t, asked)
+    order = np.lexsort((t, np.unique(run, return_inverse=True)[1]))
+    order = order[t[order] > 0]
+    few = rows_of(table, order)
     said = f"{len(np.unique(run))} runs, of which each has one temperature."
     few = replace(few, notes=(*few.notes, Note(RUNS, said)))
-    few = with_column(few, name, np.full(len(order), value), "1")
+    few = with_column(few, CONSTANT, np.full(len(order), asked.step), "1")
     return with_column(few, RUN, run[order])
 
 
-def _runs(
-    table: Table, x: np.ndarray, at: np.ndarray, names: Sequence[str], exact: bool
-) -> np.ndarray:
-    """Of the rows `at` the run that each belongs to, "" where they are one.
+def _runs(table: Table, x: np.ndarray, asked: SelectionOptions) -> np.ndarray:
+    """The run that each row belongs to, "" where they are one.
 
-    Runs have one value each of the columns where that is `exact`. Of temperatures, which differ from row to
-    row, another run begins where `x` turns back; where it never does, rows within a kelvin are one.
+    Runs have one value each of the groups. Of temperatures, which differ from row to row, another
+    run begins where `x` turns back; where it never does, rows within a kelvin are one.
     """
-    if exact or not names:
-        words = [table.text[name][at] for name in names] or [np.full(len(at), "")]
+    if asked.group or not asked.condition:
+        words = [table.text[name] for name in asked.group] or [np.full(len(x), "")]
         return np.array(["|".join(row) for row in zip(*words, strict=True)])
-    good = np.isfinite(x[at])  # other rows are left out later
-    back = np.zeros(len(at), int)
-    back[good] = np.cumsum(np.append(0, turns_back(x[at][good])))[: good.sum()]
-    return (back if back.any() else np.round(table.number(names[0])[at])).astype(str)
+    good = np.isfinite(x)  # other rows are left out later
+    back = np.zeros(len(x), int)
+    back[good] = np.cumsum(np.append(0, turns_back(x[good])))[: good.sum()]
+    return (back if back.any() else np.round(table.number(asked.condition[0]))).astype(str)
 
 
 def turns_back(x: np.ndarray) -> np.ndarray:

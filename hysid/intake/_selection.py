@@ -11,8 +11,8 @@ from typing import Any, get_args, get_origin, get_type_hints
 import numpy as np
 
 from hysteresis import InputError, Record, read_csv, read_table
-from hysteresis.records._csv import parse_condition, with_known
-from hysteresis.records._table import Table
+from hysteresis.records._csv import fulfilling, parse_condition, with_known
+from hysteresis.records._table import Table, rows_of
 
 from ._constant_input import CONSTANT, RUN, at_hold, with_constant, with_moduli, with_runs
 from ._selection_options import FIELDS, HELD_OUT, OF_READING, SelectionOptions
@@ -112,11 +112,6 @@ class Selection(SelectionOptions):
             return f"{len(self.input)} channels combined"
         return self.input or self.frequency or CONSTANT
 
-    @property
-    def runs(self) -> tuple[tuple[str, ...], bool]:
-        """Columns whose values tell one run from the next, and whether exactly: the groups do."""
-        return (self.group, True) if self.group else (self.condition, False)
-
     def without_hold_out(self) -> "Selection":
         """The same rows with none held out."""
         return replace(self, **{name: FIELDS[name].default for name in HELD_OUT})
@@ -150,9 +145,7 @@ class Selection(SelectionOptions):
         where = dict(_equality(condition) for condition in self.where)
         if self.each is None:
             return {"": self._counted(self._read(table, where))}, {}
-        rows = np.ones(len(table.line), bool)
-        for condition in self.where:
-            rows &= parse_condition(condition)(table)
+        rows = fulfilling(table, self.where)
         if self.each not in table.columns:
             parse_condition(f"{self.each}=?")(table)  # says what columns there are
         cells = table.text[self.each][rows]
@@ -177,16 +170,18 @@ class Selection(SelectionOptions):
     def _read(self, table: Table, where: dict[str, list[str]]) -> Record:
         held_out_by = {one.split("=")[0].split("%")[0].strip() for one in self.test_where}
         changed: dict[str, Any] = {}
+        if self.is_step:
+            chosen = (f"{name}={','.join(values)}" for name, values in where.items())
+            table = rows_of(table, fulfilling(table, chosen))
         if self.frequency is not None:
-            table = with_moduli(table, self.frequency, self.output, self.loss, *self.runs, where)
+            table = with_moduli(table, self.frequency, self)
             changed = {"time": None, "group": (RUN,)}
         elif self.step is not None and self.condition:
-            table = with_runs(table, CONSTANT, self.step, self.time, *self.runs, where)
-            changed = {"group": (RUN,)}
+            table, changed = with_runs(table, self), {"group": (RUN,)}
         elif self.step is not None:
-            table = with_constant(table, CONSTANT, self.step, self.output, self.time, where)
+            table = with_constant(table, self)
         elif self.hold and isinstance(self.input, str):
-            table = at_hold(table, self.input, self.output, self.time, where)
+            table = at_hold(table, self.input, self)
         chosen = {name: getattr(self, name) for name in OF_RECORD} | {
             "input": self.input_words if self.is_step else self.input, "where": where,
             "keep": tuple(sorted(held_out_by | ({self.known or ""} & {*table.columns}))),
@@ -213,9 +208,7 @@ class Selection(SelectionOptions):
             return record.split_rows(held) if held.any() else (record, None)
         if not self.test_where:
             return record, None
-        held = np.ones(len(record), bool)
-        for condition in self.test_where:
-            held &= parse_condition(condition)(record)
+        held = fulfilling(record, self.test_where)
         share = {label: held[rows].mean() for label, rows in record.sequences()}
         if set(share.values()) <= {0.0, 1.0} and 0 < sum(share.values()) < len(share):
             return record.split_groups([label for label, part in share.items() if part])

@@ -1,7 +1,7 @@
 """Reading a CSV of a test rig; records with a sign turned, a zero moved, or first rows known."""
 
 import re
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from difflib import get_close_matches
 from functools import reduce
@@ -358,6 +358,14 @@ def parse_condition(text: str) -> Callable[[Table | Record], np.ndarray]:
             return np.isin(np.mod(floats(column_of(table, stem)), int(modulus)), floats(values))
         return _matching(table, name, values)
 
+    return rows
+
+
+def fulfilling(table: Table | Record, conditions: Iterable[str]) -> np.ndarray:
+    """The rows (n,) bool of a table or record that fulfil all conditions; see `parse_condition`."""
+    rows = np.ones(len(table.line), bool)
+    for condition in conditions:
+        rows &= parse_condition(condition)(table)
     return rows
 
 

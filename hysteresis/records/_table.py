@@ -137,7 +137,7 @@ def with_column(table: Table, name: str, values: np.ndarray, unit: str | None = 
     )  # fmt: skip
 
 
-def rows_of(table: Table, rows: np.ndarray) -> Table:
+def rows_of(table: Table, rows: np.ndarray | slice) -> Table:
     """A table of these rows (n,) of another."""
     return replace(
         table,
