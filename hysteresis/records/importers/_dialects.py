@@ -77,7 +77,7 @@ def dialects_in(file: Path) -> tuple[Dialect, ...]:
     one, a wrong kind of value or a bad expression.
     """
     try:
-        return _dialects(file, file.read_text("utf-8"))
+        return _dialects(file.read_text("utf-8"))
     except OSError as error:
         raise InputError(
             "unreadable-file",
@@ -85,18 +85,22 @@ def dialects_in(file: Path) -> tuple[Dialect, ...]:
             place=str(file),
             fix="Name a TOML file (--dialects FILE).",
         ) from None
-    except ValueError as error:  # of UTF-8 and of TOML
-        if isinstance(error, InputError):
-            raise
-        raise _bad(file, f"it is not TOML: {error}.") from None
+    except (re.error, TypeError, ValueError) as error:  # of UTF-8 and of TOML, too
+        where = f" in {error.pattern!r}" if isinstance(error, re.error) else ""
+        raise InputError(
+            "bad-config",
+            f"This is not TOML of dialects: {error}{where}.",
+            place=str(file),
+            fix='Write dialects = [{name = "a rig file", signature = "^RIG"}], a line each.',
+        ) from None
 
 
 @cache
-def _dialects(file: Path, text: str) -> tuple[Dialect, ...]:
+def _dialects(text: str) -> tuple[Dialect, ...]:
     listed = tomllib.loads(text).get("dialects")
     if not isinstance(listed, list):
-        raise _bad(file, "it has no list `dialects`.")
-    return tuple(_dialect(file, one) for one in listed)
+        raise ValueError("it has no list `dialects`")
+    return tuple(map(_dialect, listed))
 
 
 @cache
@@ -105,39 +109,24 @@ def _makers() -> tuple[tuple[str, re.Pattern[str]], ...]:
     return tuple((maker["name"], re.compile(maker["signature"])) for maker in listed)
 
 
-def _dialect(file: Path, said: Any) -> Dialect:
+def _dialect(said: Any) -> Dialect:
     kinds = {"name": str, "signature": str, "sure": bool, "begins": str, "column": str, "label": str,
              "listed": str, "names": list, "units": list, "blank": bool, "joined": bool,
              "refuse": str}  # fmt: skip
     if not isinstance(said, Mapping) or not {"name", "signature"} <= set(said):
-        raise _bad(file, f"{said!r} has no name or no signature.")
+        raise ValueError(f"{said!r} has no name or no signature")
     for key, value in said.items():
-        if key not in kinds:
-            raise _bad(file, f"{key!r} is not one of {', '.join(kinds)}.")
-        if not isinstance(value, kinds[key]):
-            raise _bad(file, f"{key} = {value!r} is not {kinds[key].__name__}.")
-    found = dict(said)
-    try:
-        for key in ("signature", "begins", "label", "listed"):
-            if key in found:
-                found[key] = re.compile(found[key])
-        for key, group in (("label", "label"), ("listed", "name")):
-            if key in found and group not in found[key].groupindex:
-                raise _bad(file, f"{key} = {said[key]!r} has no group (?P<{group}>...).")
-        found["names"] = tuple(map(str, found.get("names", ())))
-        found["units"] = tuple(
-            (re.compile(expression), tuple(map(str, units)))
-            for expression, units in found.get("units", ())
-        )
-    except (re.error, TypeError, ValueError) as error:
-        raise _bad(file, f"{said['name']!r}: {error}.") from None
-    return Dialect(**found)
-
-
-def _bad(file: Path, why: str) -> InputError:
-    return InputError(
-        "bad-config",
-        f"These dialects cannot be used: {why}",
-        place=str(file),
-        fix='Write dialects = [{name = "a rig file", signature = "^RIG"}], a line each.',
+        if not isinstance(value, kinds.get(key, ())):
+            known = ", ".join(f"{name}: {kind.__name__}" for name, kind in kinds.items())
+            raise ValueError(f"{key!r} = {value!r} is none of {known}")
+    groups = {"signature": "", "begins": "", "label": "label", "listed": "name"}
+    found: dict[str, Any] = {**said} | {key: re.compile(said[key]) for key in groups if key in said}
+    for key, group in groups.items():
+        if group and key in said and group not in found[key].groupindex:
+            raise ValueError(f"{key} = {said[key]!r} has no group (?P<{group}>...)")
+    found["names"] = tuple(map(str, said.get("names", ())))
+    found["units"] = tuple(
+        (re.compile(expression), tuple(map(str, units)))
+        for expression, units in said.get("units", ())
     )
+    return Dialect(**found)

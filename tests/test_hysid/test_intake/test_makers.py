@@ -310,7 +310,7 @@ def test_options_choose_the_table_and_bring_dialects(tmp_path, monkeypatch):
     assert (found["rows"], list(found["selection"])[:2]) == (N, ["dialects", "time"])
     for bad, word in (("x = 1", "list `dialects`"), (f"dialects = [{{{line}, odd = 1}}]", "'odd'"),
                       ("dialects = [{name = 'a'}]", "no signature"), ("[", "not TOML"),
-                      ("dialects = [{name = 'a', signature = '('}]", "'a'")):  # fmt: skip
+                      ("dialects = [{name = 'a', signature = '('}]", "unterminated")):  # fmt: skip
         Path("bad.toml").write_text(bad)
         said = run("init", "ours.txt", "--dialects", "bad.toml", "--overwrite")
         refused(said, "bad.toml", word, "[bad-config]")
