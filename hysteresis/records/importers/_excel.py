@@ -1,6 +1,5 @@
 """Spreadsheets (.xlsx, .xls, .xlsb, .ods) through python-calamine (an extra: pip install 'hysid[rigs]')."""
 
-import importlib.util
 import io
 import json
 import zipfile
@@ -11,7 +10,6 @@ from .._cells import MOST_TEXT
 from ._apart import read_apart
 from ._blocks import Block, blocks, nameless, sheet_of
 from ._dialects import OTHER
-from ._file import damage_of, fault
 from ._sheet import Sheet
 
 _ZIP, _OLD = b"PK\x03\x04", b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
@@ -19,22 +17,12 @@ _INSIDE = ("xl/workbook.xml", "xl/workbook.bin", "content.xml")
 
 
 def workbook(path: Path, data: bytes, table: int | None = None) -> Sheet | None:
-    """The table of a workbook, or None where the file is none.
+    """The table of a workbook, None where no sheet holds one.
 
     Sheets with the same header are put under one another and told apart by the column "sheet"; of others
     the one with most rows is meant, or `table`. Values are those that the spreadsheet last computed.
-
-    Raises `InputError` `missing-extra` without python-calamine, `binary-file` where damaged, `no-rows`.
     """
-    if not _is_workbook(data):
-        return None
-    if importlib.util.find_spec("python_calamine") is None:
-        raise fault(
-            "missing-extra", path, "workbooks are read by python-calamine, which is not installed.",
-            "pip install 'hysid[rigs]', or export the sheet as CSV.",
-        )  # fmt: skip
-    with damage_of("binary-file", path, "workbook"):
-        read = json.loads(read_apart("_workbook_cells", data, MOST_TEXT))
+    read = json.loads(read_apart("_workbook_cells", data, MOST_TEXT))
     numbered = {name: [(k, row) for k, row in rows] for name, rows in read.items()}
     found: list[Block] = []
     for title, rows in numbered.items():
@@ -43,13 +31,11 @@ def workbook(path: Path, data: bytes, table: int | None = None) -> Sheet | None:
                   for k, b in enumerate(pieces, 1)]  # fmt: skip
     if not found:
         found = [b for rows in numbered.values() for b in nameless(rows, OTHER, "", "")]
-    sheet = sheet_of(found, OTHER._replace(name="a workbook", column="sheet"), table=table)
-    if sheet is None:
-        raise fault("no-rows", path, "no sheet holds a table: a header and rows of numbers.")
-    return sheet
+    return sheet_of(found, OTHER._replace(name="a workbook", column="sheet"), table=table)
 
 
-def _is_workbook(data: bytes) -> bool:
+def is_workbook(data: bytes) -> bool:
+    """Whether bytes are those of a workbook."""
     if data.startswith(_OLD):
         # Word and others are in the same container: the stream of a workbook has one of these names.
         return any(name.encode("utf-16-le") in data for name in ("Workbook", "Book"))

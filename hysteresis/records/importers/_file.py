@@ -3,8 +3,6 @@
 import hashlib
 import os
 import re
-from collections.abc import Iterator
-from contextlib import contextmanager
 from difflib import get_close_matches
 from pathlib import Path
 from typing import BinaryIO
@@ -128,18 +126,6 @@ def _excerpt(file: BinaryIO, size: int, most: int) -> bytes:
         begin, end = piece.find(b"\n") + 1, piece.rfind(b"\n") + 1
         found.append(piece[begin:] if at + PIECE >= size else piece[begin:end])
     return b"".join(found)
-
-
-@contextmanager
-def damage_of(code: str, path: Path, what: str) -> Iterator[None]:
-    """What readers raise of a file, as an `InputError`: they raise their own, and whatever they meet. Those
-    that are no Python panic, which is no `Exception`."""
-    try:
-        yield
-    except (KeyboardInterrupt, SystemExit, GeneratorExit, InputError):
-        raise
-    except BaseException as error:
-        raise fault(code, path, f"this {what} is damaged: {error}.") from None
 
 
 def fault(code: str, path: Path, problem: str, fix: str = "") -> InputError:

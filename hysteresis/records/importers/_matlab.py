@@ -11,7 +11,6 @@ import numpy as np
 
 from ..._limits import check_shape, load_arrays, most_unpacked
 from ._apart import read_apart
-from ._file import damage_of, fault
 from ._matlab_arrays import vectors
 from ._sheet import Sheet, sheet_of_arrays
 
@@ -61,32 +60,27 @@ class Hdf5:
 _MATLAB, _HDF5 = b"MATLAB 5.0 MAT-file", b"\x89HDF\r\n\x1a\n"
 
 
+def is_arrays_file(data: bytes) -> bool:
+    """Whether bytes are those of a .mat or an HDF5 file."""
+    old = data.startswith(_MATLAB) and b"MAT-file" in data[:116] and data[124:128] != b"\0\0\0\0"
+    return old or _is_hdf5(data)
+
+
+def _is_hdf5(data: bytes) -> bool:
+    return _HDF5 in (data[:8], data[512:520])  # 7.3 begins with 512 bytes of text
+
+
 def arrays_file(path: Path, data: bytes, table: int | None = None) -> Sheet | None:
-    """The table of a .mat or HDF5 file, or None where the file is none.
+    """The table of a .mat or HDF5 file, None without a vector.
 
     Vectors are columns, by the names of variables, of the fields of a structure or of data sets, or by the
     name that a structure holds beside its values; a matrix of few columns is one column each, named by a
     list of as many words beside it. Structures and groups with the same vectors are put under one another
     and told apart by the column "group". Units are attributes `units` or `unit` of data sets.
-
-    Raises `InputError` `damaged-file`, `no-rows`.
     """
-    old = data.startswith(_MATLAB) and b"MAT-file" in data[:116] and data[124:128] != b"\0\0\0\0"
-    at = next(
-        (k for k in (0, 512) if data[k : k + 8] == _HDF5), None
-    )  # 7.3 begins with 512 bytes of text
-    if at is None and not old:
-        return None
     units: dict[str, str] = {}
-    with damage_of("damaged-file", path, "file"):
-        groups = dict(_hdf5(data, units)) if at is not None else dict(_matlab(data, units))
-    sheet = sheet_of_arrays(groups, units, "a file of arrays", table=table)
-    if sheet is None:
-        problem = "it holds no vector of numbers; tables and time series of MATLAB are objects of its own."
-        raise fault(
-            "no-rows", path, problem, "save them as vectors: s = table2struct(T, 'ToScalar', true)."
-        )
-    return sheet
+    groups = dict((_hdf5 if _is_hdf5(data) else _matlab)(data, units))
+    return sheet_of_arrays(groups, units, "a file of arrays", table=table)
 
 
 def _matlab(data: bytes, units: dict[str, str]) -> Iterator[tuple[str, dict[str, np.ndarray]]]:

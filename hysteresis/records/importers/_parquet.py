@@ -8,37 +8,25 @@ import numpy as np
 
 from ..._limits import check_shape, most_unpacked
 from .._cells import check_room
-from ._file import damage_of, fault
 from ._sheet import Sheet, sheet_of_arrays
 
-_MARK = b"PAR1"
+MARK = b"PAR1"
 
 
 def parquet(path: Path, data: bytes, table: int | None = None) -> Sheet | None:
-    """The table of a Parquet file, or None where the file is none. Units are metadata `unit` of fields.
+    """The table of a Parquet file, None without rows. Units are metadata `unit` of fields."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
 
-    Raises `InputError` `missing-extra` without pyarrow, `damaged-file`, `no-rows`.
-    """
-    if data[:4] != _MARK or data[-4:] != _MARK:
-        return None
-    try:
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-    except ImportError:
-        raise fault(
-            "missing-extra", path, "Parquet files are read by pyarrow, which is not installed.",
-            "pip install 'hysid[parquet]', or export the table as CSV.",
-        ) from None  # fmt: skip
-    with damage_of("damaged-file", path, "Parquet file"):
-        file = pq.ParquetFile(io.BytesIO(data))
-        words = [f.name for f in file.schema_arrow if not _is_plain(pa, f.type)]
-        # A text that repeats is kept once, as it is stored.
-        file = pq.ParquetFile(io.BytesIO(data), read_dictionary=words)
-        # A column of one value takes a few bytes, whatever its length.
-        shape = file.metadata.num_rows, file.metadata.num_columns
-        check_shape(shape, np.dtype(float), most_unpacked(len(data)))
-        found = file.read()
-        columns = {name: found.column(name).to_numpy() for name in found.column_names}
+    file = pq.ParquetFile(io.BytesIO(data))
+    words = [f.name for f in file.schema_arrow if not _is_plain(pa, f.type)]
+    # A text that repeats is kept once, as it is stored.
+    file = pq.ParquetFile(io.BytesIO(data), read_dictionary=words)
+    # A column of one value takes a few bytes, whatever its length.
+    shape = file.metadata.num_rows, file.metadata.num_columns
+    check_shape(shape, np.dtype(float), most_unpacked(len(data)))
+    found = file.read()
+    columns = {name: found.column(name).to_numpy() for name in found.column_names}
     units = {}
     for field in found.schema:
         said = field.metadata or {}
@@ -51,10 +39,7 @@ def parquet(path: Path, data: bytes, table: int | None = None) -> Sheet | None:
             said = ["" if v is None else str(v) for v in x]
             check_room(path, {name: said}, np.arange(1, len(said) + 1))
             columns[name] = np.array(said)
-    sheet = sheet_of_arrays({"": columns}, units, "a Parquet file", table=table)
-    if sheet is None:
-        raise fault("no-rows", path, "a header and no rows.")
-    return sheet
+    return sheet_of_arrays({"": columns}, units, "a Parquet file", table=table)
 
 
 def _is_plain(pa: Any, kind: Any) -> bool:

@@ -14,7 +14,6 @@ import numpy as np
 
 from ..._limits import ALWAYS_UNPACKED, most_unpacked
 from ..._note import Note
-from ._file import BAG, damage_of, fault
 from ._sheet import Sheet, sheet_of_arrays
 
 _LEAST, _MESSAGE = 3, 16
@@ -22,47 +21,37 @@ _LEAST, _MESSAGE = 3, 16
 
 
 def ros_bag(path: Path, data: bytes, table: int | None = None) -> Sheet | None:
-    """The numbers of a bag's topics, or None where the file is none.
+    """The numbers of a bag's topics, None where no topic holds numbers.
 
     The topic with most messages, or `table`, gives the rows and the clock: the times at which its messages
     were recorded, from the first on. Numbers of the other topics are interpolated linearly to these times,
     which a note says, with how many messages each of them has.
-
-    Raises `InputError` `missing-extra` without rosbags, `damaged-file`, `no-rows`.
     """
-    if not data.startswith(BAG):
-        return None
-    try:
-        from rosbags.highlevel import AnyReader
-        from rosbags.typesys import Stores, get_typestore
-    except ImportError:
-        raise fault(
-            "missing-extra", path, "ROS bags are read by rosbags, which is not installed.",
-            "pip install 'hysid[ros]', or print the topics as CSV (rostopic echo -b FILE -p TOPIC).",
-        ) from None  # fmt: skip
+    from rosbags.highlevel import AnyReader
+    from rosbags.typesys import Stores, get_typestore
+
     topics: dict[str, dict[str, list[float]]] = {}
     times: dict[str, list[int]] = {}
-    with damage_of("damaged-file", path, "bag"):
-        known = get_typestore(Stores.LATEST)  # of bags that do not hold the types of their messages
-        most = left = most_unpacked(len(data))
-        for part in path.glob("*.db3"):
-            _check_plain_tables(part)
-        with (
-            _unpacking_at_most(ALWAYS_UNPACKED),
-            AnyReader([path], default_typestore=known) as reader,
-        ):
-            for connection, stamp, raw in reader.messages():
-                if (left := left - len(raw) - _MESSAGE) < 0:
-                    raise ValueError(f"its messages have more than {most:,} bytes")
-                fields = dict(_numbers("", reader.deserialize(raw, connection.msgtype)))
-                kept = topics.setdefault(connection.topic, {key: [] for key in fields})
-                if fields.keys() == kept.keys() and fields:
-                    times.setdefault(connection.topic, []).append(stamp)
-                    for key, value in fields.items():
-                        kept[key].append(value)
+    known = get_typestore(Stores.LATEST)  # of bags that do not hold the types of their messages
+    most = left = most_unpacked(len(data))
+    for part in path.glob("*.db3"):
+        _check_plain_tables(part)
+    with (
+        _unpacking_at_most(ALWAYS_UNPACKED),
+        AnyReader([path], default_typestore=known) as reader,
+    ):
+        for connection, stamp, raw in reader.messages():
+            if (left := left - len(raw) - _MESSAGE) < 0:
+                raise ValueError(f"its messages have more than {most:,} bytes")
+            fields = dict(_numbers("", reader.deserialize(raw, connection.msgtype)))
+            kept = topics.setdefault(connection.topic, {key: [] for key in fields})
+            if fields.keys() == kept.keys() and fields:
+                times.setdefault(connection.topic, []).append(stamp)
+                for key, value in fields.items():
+                    kept[key].append(value)
     usable = [topic for topic, stamps in times.items() if len(stamps) >= _LEAST]
     if not usable:
-        raise fault("no-rows", path, "no topic holds numbers.")
+        return None
     usable.sort(key=lambda topic: -len(times[topic]))
     main = usable[0 if table is None else min(table, len(usable)) - 1]
     start = times[main][0]

@@ -7,42 +7,28 @@ from typing import Any
 
 import numpy as np
 
-from ._file import damage_of, fault
 from ._sheet import Sheet, distinct, sheet_of_arrays
 
 MARK = b"TDSm"
 
 
 def tdms(path: Path, data: bytes, table: int | None = None) -> Sheet | None:
-    """The table of a TDMS file, or None where it is none.
+    """The table of a TDMS file, None where no channel holds numbers.
 
     The channels of a group are its columns, with "time" from their step where they have one; groups with
     the same channels are put under one another. Channels of another length than most are left out, and
     named.
-
-    Raises `InputError` `missing-extra` without npTDMS, `damaged-file`, `no-rows`.
     """
-    if data[:4] != MARK:
-        return None
-    try:
-        from nptdms import TdmsFile
-        from nptdms.log import log_manager
-    except ImportError:
-        raise fault(
-            "missing-extra", path, "TDMS files are read by npTDMS, which is not installed.",
-            "pip install 'hysid[rigs]', or export the file as text (.lvm, .csv).",
-        ) from None  # fmt: skip
+    from nptdms import TdmsFile
+    from nptdms.log import log_manager
+
     log_manager.set_level(logging.ERROR)  # a damaged file is said in our own words
-    with damage_of("damaged-file", path, "TDMS file"):
-        groups = {
-            group.name: group.channels() for group in TdmsFile.read(io.BytesIO(data)).groups()
-        }
-        units: dict[str, str] = {}
-        arrays = {name: _columns(channels, units, len(data)) for name, channels in groups.items()}
-    sheet = sheet_of_arrays(arrays, units, "a TDMS file", table=table)
-    if sheet is None:
-        raise fault("no-rows", path, "no channel holds numbers.")
-    return sheet
+    units: dict[str, str] = {}
+    arrays = {
+        group.name: _columns(group.channels(), units, len(data))
+        for group in TdmsFile.read(io.BytesIO(data)).groups()
+    }
+    return sheet_of_arrays(arrays, units, "a TDMS file", table=table)
 
 
 def _columns(channels: list[Any], units: dict[str, str], held: int) -> dict[str, np.ndarray]:

@@ -13,7 +13,6 @@ from typing import NamedTuple
 import numpy as np
 
 from ..._note import Note
-from ._file import fault
 from ._sheet import Sheet, chosen_table, distinct
 
 _HEAD = 12
@@ -37,25 +36,20 @@ class _Record(NamedTuple):
     y: np.ndarray
 
 
+def is_universal_file(data: bytes) -> bool:
+    """Whether bytes are those of a universal file."""
+    return _FIRST.match(data[:400]) is not None
+
+
 def universal_file(path: Path, data: bytes, table: int | None = None) -> Sheet | None:
-    """The table of a universal file, or None where the file is none.
+    """The table of a universal file, None without a channel over time.
 
     Channels over time with one clock are columns beside "time". Of several clocks the one with most
     channels is meant, or `table`.
-
-    Raises `InputError` `no-rows` without a channel over time, `damaged-file`, `bad-option`.
     """
-    if _FIRST.match(data[:400]) is None:
-        return None
-    try:
-        found = [_record(head, body) for head, body in _data_sets(data)]
-    except (ValueError, IndexError, OverflowError) as error:
-        raise fault("damaged-file", path, f"this UFF file is damaged: {error}.") from None
+    found = [_record(head, body) for head, body in _data_sets(data)]
     if not any(found):
-        said = "values over frequency and no record over time" if found else "no data set 58"
-        raise fault(
-            "no-rows", path, f"this is a UFF file: it holds {said}.", "export values over time."
-        )
+        return None
     families: dict[tuple, list[_Record]] = {}
     for one in found:
         if one is not None:

@@ -114,7 +114,7 @@ def test_a_workbook_that_asks_for_gigabytes(content: bytes, ending: str, tmp_pat
     pytest.importorskip("python_calamine")
     file = tmp_path / f"run.{ending}"
     file.write_bytes(content)
-    refused(file, "binary-file", "more than 2,147,483,648 bytes of memory")
+    refused(file, "damaged-file", "more than 2,147,483,648 bytes of memory")
 
 
 @pytest.mark.parametrize(("make", "ending"), [(old_workbook, "xls"), (binary_workbook, "xlsb")])
@@ -130,7 +130,7 @@ def test_a_workbook_of_too_many_characters(tmp_path: Path):
     pytest.importorskip("python_calamine")
     file = tmp_path / "run.xlsx"
     file.write_bytes(bombs.xlsx_words(3))
-    refused(file, "binary-file", "more than 256,000,000 characters")
+    refused(file, "damaged-file", "more than 256,000,000 characters")
 
 
 def test_a_long_word_of_a_long_column(tmp_path: Path):

@@ -219,8 +219,8 @@ def test_what_cannot_be_read_is_said(table, content, code):
     [
         ("nptdms", "rigs", b"TDSm"),
         ("python_calamine", "rigs", None),
-        ("pyarrow.parquet", "parquet", b"PAR1PAR1"),
-        ("rosbags.highlevel", "ros", b"#ROSBAG V2.0\n"),
+        ("pyarrow", "parquet", b"PAR1PAR1"),
+        ("rosbags", "ros", b"#ROSBAG V2.0\n"),
     ],
 )
 def test_a_reader_that_is_not_installed_is_named(table, monkeypatch, module, extra, head):
