@@ -1,6 +1,6 @@
 """Where an input sequence turns: turning points, branches and cycles that noise cannot make."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -191,15 +191,9 @@ class LoopSums(NamedTuple):
         """The mean distance between the branches, in the unit of y; NaN without a loop."""
         return self.total / self.span if self.span > 0 else float("nan")
 
-    @classmethod
-    def of(cls, each: Iterable["LoopSums"]) -> "LoopSums":
-        """Several sums together."""
-        net, total, span, count = np.sum([(0.0, 0.0, 0.0, 0), *each], axis=0)
-        return cls(float(net), float(total), float(span), int(count))
 
-
-def loop_sums(u: np.ndarray, y: np.ndarray, used: np.ndarray) -> LoopSums:
-    """The sums over the loops of one sequence.
+def loop_sums(record: Any, y: np.ndarray, used: np.ndarray) -> LoopSums:
+    """The sums over the loops of values (n,) over a record's input, in all its sequences.
 
     A loop is a pair of successive legs, over the inputs that both pass in rows where `used` holds:
     pairs with cut ends serve as well. A steady drift of the output is no loop: where half of three loops
@@ -207,7 +201,9 @@ def loop_sums(u: np.ndarray, y: np.ndarray, used: np.ndarray) -> LoopSums:
     It is no steeper than the gap beside a loop's own end tells: one reading that is off at an end, a first
     loop that starts elsewhere, or a single loop that stays open, is no drift.
     """
-    return LoopSums.of(_gaps(u, y, used))
+    each = [one for _, s in record.sequences() for one in _gaps(record.input[s], y[s], used[s])]
+    net, total, span, count = np.sum([(0.0, 0.0, 0.0, 0), *each], axis=0)
+    return LoopSums(float(net), float(total), float(span), int(count))
 
 
 def _opened(

@@ -192,8 +192,7 @@ def correlation(record: AbstractRecord) -> float:
 @once
 def loops_of(record: AbstractRecord) -> LoopSums:
     """The sums over the loops of all sequences, in the rows that count."""
-    u, y, used = record.input, record.output, record.mask
-    return LoopSums.of(loop_sums(u[s], y[s], used[s]) for _, s in record.sequences())
+    return loop_sums(record, record.output, record.mask)
 
 
 def _noise(record: AbstractRecord) -> float:

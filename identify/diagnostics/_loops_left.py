@@ -5,10 +5,10 @@ from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 
 from hysteresis import Record
-from hysteresis.records._cycles import LoopSums, loop_sums, noise_level
+from hysteresis.records._cycles import loop_sums, noise_level
 from hysteresis.records._excitation import WIDER
 
 from ..results._fit_result import FitResult
@@ -44,7 +44,7 @@ class LoopsLeft(NamedTuple):
 def loops_left(fit: FitResult) -> LoopsLeft:
     """Loops in the measured output and in the residuals, over the rows that were fitted."""
     width, noise, span = _measured(fit.train, fit.used)
-    return LoopsLeft(width, _width(fit.train, fit.residuals, fit.used), noise, span)
+    return LoopsLeft(width, loop_sums(fit.train, fit.residuals, fit.used).width, noise, span)
 
 
 _known: "WeakKeyDictionary[Record, dict[bytes, tuple[float, float, float]]]" = WeakKeyDictionary()
@@ -58,15 +58,8 @@ def _measured(record: Record, used: Bool[np.ndarray, " samples"]) -> tuple[float
         y, parts = record.output, [rows for _, rows in record.sequences()]
         noise = [noise_level(y[rows][used[rows]]) for rows in parts if used[rows].any()]
         known[rows_used] = (
-            _width(record, y, used),
+            loop_sums(record, y, used).width,
             float(np.median(noise)) if noise else 0.0,
             float(np.ptp(y[used])) if used.any() else 0.0,
         )
     return known[rows_used]
-
-
-def _width(
-    record: Record, values: Float[np.ndarray, " samples"], used: Bool[np.ndarray, " samples"]
-) -> float:
-    u = record.input
-    return LoopSums.of(loop_sums(u[r], values[r], used[r]) for _, r in record.sequences()).width
