@@ -59,7 +59,8 @@ _READERS = (
         instead="print the topics as CSV (rostopic echo -b FILE -p TOPIC)",
     ),
     _Reader(
-        "UFF file", is_universal_file, universal_file, "it holds no data set 58 over time.",
+        "UFF file", is_universal_file, universal_file,
+        "this is a UFF file without a record over time: values over frequency, or no data set 58.",
         "export values over time.",
     ),
 )  # fmt: skip
