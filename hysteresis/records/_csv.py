@@ -251,8 +251,6 @@ def read_csv(
     if dt is not None and (time is not None or not 0 < dt < np.inf):
         problem = f"time={time!r}, dt={dt!r}: give one of them, and a step above 0."
         raise InputError("bad-option", problem, fix="--time COL, or --dt SECONDS.")
-    if nan not in ("raise", "omit", "interpolate"):
-        raise InputError("bad-option", f"nan={nan!r}.", fix="--nan raise, omit or interpolate.")
     notes, units = list(table.notes), {}
     inputs = [input] if isinstance(input, str) else list(input)
     if not inputs or len(set(inputs)) < len(inputs):
