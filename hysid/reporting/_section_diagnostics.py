@@ -204,9 +204,14 @@ def _sloppiness(case: Case) -> Section:
     return section
 
 
-def _predictive(case: Case) -> Section:
+def _predictive(case: Case) -> Section | None:
     word, record = case.judged
-    found = identify.predictive(case.fit, posterior=case.posterior)
+    try:
+        found = identify.predictive(case.fit, posterior=case.posterior)
+    except InputError as error:  # of weights of a state, or of an earlier version
+        if error.code != "no-posterior":
+            raise
+        return None
     section = Section("Do new readings lie inside the predictive bands?", [found.said])
     levels = [f"{100 * level:.0f} % band" for level in identify.LEVELS]
     rows = [

@@ -80,8 +80,8 @@ class LinearFit(Generic[Unknowns]):
     def outputs(self, record: Record) -> Float[np.ndarray, " samples"] | None:
         """The model's output on a record, from its columns in blocks: compiled for no length.
 
-        None for a condition, and beyond the inputs of the fit, where a model is `extended`. Those of the
-        last record are kept: training and test rows are often of one record.
+        None for a condition, for a fit that is not `is_current`, and beyond the inputs of the fit, where a
+        model is `extended`. Those of the last record are kept: training and test rows are often of one.
         """
         if not self._has_columns(record):
             return None
@@ -94,7 +94,12 @@ class LinearFit(Generic[Unknowns]):
         meaning, u = self.meaning, record.input
         if isinstance(meaning, ConditionedUnknowns):
             return False
-        return bool(meaning.low <= u.min() and u.max() <= meaning.high)
+        return self.is_current and bool(meaning.low <= u.min() and u.max() <= meaning.high)
+
+    @property
+    def is_current(self) -> bool:
+        """Whether the unknowns are those that parts have now: an earlier version had other cells."""
+        return len(self.unknowns) == self.meaning.count
 
     def draws(
         self,

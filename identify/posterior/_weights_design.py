@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from hysteresis import Record
+from hysteresis import InputError, Record
 
 from ..linear._composition import CompositionUnknowns
 from ..linear._composition_fit import SLACK
@@ -50,8 +50,18 @@ class WeightsDesign(NamedTuple):
 def weights_design(
     linear: LinearFit, record: Record, used: Bool[np.ndarray, " samples"]
 ) -> WeightsDesign:
-    """Of a fit to the `used` rows of a record."""
+    """Of a fit to the `used` rows of a record.
+
+    Raises `InputError` `no-posterior` for unknowns that an earlier version cut in other cells.
+    """
     meaning = linear.meaning
+    if not linear.is_current:
+        raise InputError(
+            "no-posterior",
+            "a posterior cannot be drawn for a composition that an earlier version of hysid fitted.",
+            cause="its parts had another number of unknowns.",
+            fix="fit the record again.",
+        )
     if isinstance(meaning, GridUnknowns):
         return _of_grid(meaning, record, used)
     return _of_composition(meaning, record, used)

@@ -104,6 +104,8 @@ def _of_weights(
     linear: LinearFit, record: Record, group: Int[np.ndarray, " samples"]
 ) -> Iterator[tuple[int, AbstractModel]]:
     meaning = linear.meaning
+    if not linear.is_current:
+        return
     if isinstance(meaning, GridUnknowns):
         parts = Parts(group, (), None, "every group")
         normal = PreisachProblem(record, parts, meaning).normal

@@ -9,6 +9,7 @@ import pytest
 
 from compensate import invert
 from hysteresis import (
+    InputError,
     ModulatedStops,
     MonotoneCurve,
     NonlinearMaxwell,
@@ -207,6 +208,13 @@ def test_slack_is_seen_and_the_model_has_a_floor():
     found = fit(cut, "Composition", clocks="keep")
     assert found.detail.linear.meaning.floor == pytest.approx(floor)
     assert found.predict(cut).min() == pytest.approx(floor)
+    # Unknowns of an earlier version, whose parts had other cells: the model itself predicts.
+    linear = found.detail.linear
+    other = replace(linear, meaning=linear.meaning.of("curve"), last=None)
+    old = replace(found, detail=replace(found.detail, linear=other))
+    np.testing.assert_allclose(old.predict(cut), found.predict(cut), rtol=0, atol=1e-12)
+    with pytest.raises(InputError, match="no-posterior"):
+        sample(old, steps=20)
 
 
 def noisy(y: np.ndarray) -> np.ndarray:
