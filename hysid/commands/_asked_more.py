@@ -71,7 +71,7 @@ class Distortion(Command):
 
 
 class Datasheet(Command):
-    """Write the data sheet of a sensor: one page of PDF.
+    """Write the data sheet of a sensor: one page of PDF, and the same as HTML.
 
     Sensitivity, zero, non-linearity, hysteresis, repeatability, zero return, drift, creep and recovery,
     resolution, settling, and with --condition the coefficients, by the terms of IEC 61298-2 and ISO 376.

@@ -12,15 +12,20 @@ from ..reporting._data_sheet_page import write_data_sheet
 from ._asked_more import Datasheet
 from ._console import Done
 
+SUFFIXES = (".html", ".pdf")
+
 
 def run(asked: Datasheet) -> Done:
-    """Read the runs, write the page, and print the lines."""
+    """Read the runs, write both pages, and print the lines."""
     selection = Selection(**asked.selection).without_hold_out()
     selection.check_columns()
     first = asked.files[0]
     page = asked.out or first.with_name(f"{first.stem}-datasheet")
-    page = page if page.suffix.lower() == ".pdf" else page.with_name(f"{page.name}.pdf")
-    identify.internal.check_free(page.parent, asked.overwrite, page.name)
+    if page.suffix.lower() in SUFFIXES:
+        page = page.with_suffix("")
+    places = [page.with_name(f"{page.name}{suffix}") for suffix in SUFFIXES]
+    for place in places:
+        identify.internal.check_free(place.parent, asked.overwrite, place.name)
     runs: dict[str, Record] = {}
     for file in asked.files:
         records, faults = selection.records(selection.read(file))
@@ -28,9 +33,12 @@ def run(asked: Datasheet) -> Done:
             raise all_of(faults)
         ((runs[str(file)], _),) = records.values()
     sheet = identify.data_sheet(_joined(runs))
-    write_data_sheet(sheet, page)
-    lines = [*str(sheet).split("\n"), f"Page: {page}"]
-    return Done(sheet.document() | {"file": str(page)}, lines)
+    for place in places:
+        write_data_sheet(sheet, place)
+    return Done(
+        sheet.document() | {"files": [str(place) for place in places]},
+        [*str(sheet).split("\n"), f"Pages: {', '.join(map(str, places))}"],
+    )
 
 
 def _joined(runs: Mapping[str, Record]) -> Record:

@@ -1,5 +1,6 @@
 """The data sheet of a sensor as a page: four pictures, and every line with its definition."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -18,12 +19,20 @@ TOP, LINE = 0.535, 0.0253
 
 
 @f.styled
+def draw_panel(sheet: DataSheet, draw: Callable[[DataSheet, Any], None]) -> Figure:
+    """One of the pictures alone."""
+    figure, axes = f.single()
+    draw(sheet, axes)
+    return figure
+
+
+@f.styled
 def draw_sheet(sheet: DataSheet) -> Figure:
     """The whole sheet on one page."""
     figure = Figure(figsize=PAGE)
     figure.text(0.07, 0.962, title(sheet), fontsize=15, weight="bold", color=f.INK)
     figure.text(0.07, 0.944, subtitle(sheet), fontsize=8.5, color=f.EDGE)
-    for k, draw in enumerate(PANELS):
+    for k, (draw, _) in enumerate(PANELS):
         axes = figure.add_axes((0.1 + 0.465 * (k % 2), 0.772 - 0.198 * (k // 2), 0.385, 0.142))
         axes.tick_params(labelsize=7.5)
         for axis in (axes.xaxis, axes.yaxis):
@@ -106,5 +115,17 @@ def _percent(sheet: DataSheet, y: np.ndarray) -> np.ndarray:
     return 100 * y / abs(sheet.scale)
 
 
-PANELS = (_curve, _deviation, _scatter, _creep)
-"""The pictures of a sheet."""
+PANELS: tuple[tuple[Callable[[DataSheet, Any], None], str], ...] = (
+    (
+        _curve,
+        "The readings (grey), the mean upscale and downscale curves, and the line through their ends.",
+    ),
+    (
+        _deviation,
+        "Deviation of the mean curves from that line: their distance is the hysteresis, their bend the"
+        " non-linearity.",
+    ),
+    (_scatter, "Every loop less the mean loop: repeatability, and what differs between runs."),
+    (_creep, "Change of the output while the input is held in the upper half of the range."),
+)
+"""The pictures of a sheet, and what to look for in each."""

@@ -1,43 +1,62 @@
-"""A data sheet as a file: one page to print."""
+"""A data sheet as files: a page with definitions and pictures, and one page to print."""
 
 from pathlib import Path
 
-from hysteresis import InputError
 from hysteresis._atomic_file import telling, write_figure
 from hysteresis._precision import in_own_precision
 from identify.results._data_sheet import DataSheet
 
-from ..figures._base import styled
-from ..figures._data_sheet import draw_sheet
+from ..figures import _base as f
+from ..figures._data_sheet import PANELS, draw_panel, draw_sheet, subtitle, title
+from ..figures._format import measured
+from ._case import Section, Table
+from ._fit_page import render
+
+FIRST = (
+    "sensitivity", "non-linearity, best line", "hysteresis", "repeatability", "creep", "zero return",
+)  # fmt: skip
+"""Lines that stand large on the page."""
 
 
 @in_own_precision
 def write_data_sheet(sheet: DataSheet, path: str | Path) -> Path:
-    """Write a data sheet: one page, each line with its error and its definition.
+    """Write a data sheet: an HTML file that needs no other, or one page of PDF, by the file's name.
 
     **Arguments:**
 
     - `sheet`: what `data_sheet` returned.
-    - `path`: the file, which is overwritten: .pdf, .png or .svg.
+    - `path`: the file, which is overwritten; .pdf, .png or .svg is the printed page, anything else HTML.
 
     **Returns:** the path of the file.
 
-    **Raises:** `InputError` `bad-option` for another kind of file, `cannot-write`.
+    **Raises:** `InputError` `cannot-write` where the file cannot be written.
 
     **Example:**
 
         >>> sheet = identify.data_sheet(record)
-        >>> hysid.write_data_sheet(sheet, folder / "sensor.pdf").name
-        'sensor.pdf'
+        >>> hysid.write_data_sheet(sheet, folder / "sensor.html").name
+        'sensor.html'
     """
     path = Path(path)
-    if path.suffix.lower() not in (".pdf", ".png", ".svg"):
-        raise InputError(
-            "bad-option",
-            f"A data sheet is no {path.suffix or 'file without a suffix'}.",
-            place=str(path),
-            fix="Name a .pdf, .png or .svg.",
-        )
-    with telling(path):
-        styled(write_figure)(draw_sheet(sheet), path, dpi=150)
-    return path
+    if path.suffix.lower() in (".pdf", ".png", ".svg"):
+        with telling(path):
+            f.styled(write_figure)(draw_sheet(sheet), path, dpi=150)
+        return path
+    pictures, lines = Section("Pictures"), Section("Lines")
+    for draw, caption in PANELS:
+        pictures.draw(draw_panel(sheet, draw), caption, caption)
+    rows = [
+        (row.name, measured(row), row.basis or row.reason, row.definition) for row in sheet.rows
+    ]
+    lines.tables.append(Table("", ("line", "value", "from", "definition"), rows))
+    first = [sheet[name] for name in FIRST]
+    return render(
+        path,
+        title=title(sheet),
+        subtitle=subtitle(sheet),
+        level="",
+        headline="In short",
+        answers=[(row.name, measured(row), row.basis or row.reason) for row in first],
+        answers_note="± is the standard error that the noise of the readings leaves.",
+        sections=[lines, pictures],
+    )

@@ -87,13 +87,13 @@ def test_a_data_sheet_takes_two_commands(tmp_path):
         file.write_text(text(sponge()))
     assert run("init", files[0]).code == 0
     found = run("datasheet", *files, "--json").json()
-    assert found["file"].endswith("run0-datasheet.pdf")
+    assert [place.rpartition(".")[2] for place in found["files"]] == ["html", "pdf"]
     rows = {row["name"]: row for row in found["rows"]}
     assert rows["reproducibility"]["value"] == pytest.approx(0)
     assert rows["hysteresis"]["value"] > 1
     assert '"would-overwrite"' in run("datasheet", *files, "--json").err
     run("datasheet", *files, "--out", tmp_path / "sheet.pdf")
-    assert {place.name for place in tmp_path.glob("sheet*")} == {"sheet.pdf"}
+    assert {place.name for place in tmp_path.glob("sheet*")} == {"sheet.html", "sheet.pdf"}
     other = tmp_path / "other.csv"
     other.write_text(text(sponge()).replace("(N)", "(kN)"))
     columns = ("--input", "force (N)", "--output", "displacement (mm)", "--overwrite", "--json")
