@@ -7,8 +7,8 @@ from hysid._precision import enable_x64 as enable_x64
 from hysid._records import records as records
 from hysid.armor._calibration import calibrate_armor as calibrate_armor
 from hysid.armor._calibration import choose_presses as choose_presses
-from hysid.reporting._data_sheet_page import write_data_sheet as write_data_sheet
 from hysid.reporting._report import report as report
+from hysid.reporting._report import write_data_sheet as write_data_sheet
 from hysid.soft_sensor._contacts import train_contacts as train_contacts
 from hysid.soft_sensor._force_records import ForceRecord as ForceRecord
 from hysid.soft_sensor._force_training import train_force as train_force

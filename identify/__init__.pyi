@@ -24,7 +24,7 @@ from .fitting._creep import fit_step as fit_step
 from .fitting._fit import fit as fit
 from .fitting._shared import fit_shared as fit_shared
 from .forc._curves import forc_curves as forc_curves
-from .forc._diagram import forc_diagram as forc_diagram
+from .forc._curves import forc_diagram as forc_diagram
 from .forc._everett import everett_surface as everett_surface
 from .linear._density_fit import fit_density as fit_density
 from .linear._density_fit import fit_density_in_blocks as fit_density_in_blocks

@@ -7,7 +7,7 @@ they may change with any release.
 from hysteresis._format import plain as plain
 from hysteresis._verdict import Verdict as Verdict
 
-from .baselines._backwards import backwards as backwards
+from .baselines._contract import backwards as backwards
 from .calibration._calibrate import calibrate as calibrate
 from .calibration._optimal_design import choose as choose
 from .comparison._compare import Compared as Compared
@@ -37,12 +37,12 @@ from .records._folds import root_difference as root_difference
 from .records._run_model import predict as predict
 from .results._detail import answers_over as answers_over
 from .results._fit_result import check_unit as check_unit
-from .results._known_rows import told as told
+from .results._goodness_of_fit import metrics as metrics
 from .results._left_out import models_without_groups as models_without_groups
-from .results._metrics import metrics as metrics
 from .results._parameters import Parameter as Parameter
 from .results._questions import members_and_questions as members_and_questions
 from .results._repeatability import repeatability as repeatability
+from .results._trained_condition import told as told
 from .spectra._of_record import MODULI as MODULI
 from .spectra._of_record import PARTS as PARTS
 from .spectra._of_record import RUNS as RUNS
@@ -56,6 +56,6 @@ from .storage._file_set import whole_files as whole_files
 from .storage._file_set import write_set as write_set
 from .storage._json import check_free as check_free
 from .storage._json import read_json as read_json
+from .storage._json import versions as versions
 from .storage._json import write_json as write_json
-from .storage._provenance import versions as versions
 from .training._train import train as train

@@ -38,10 +38,9 @@ from identify.noise._reml import kinds
 from identify.noise._residual_statistics import estimate_noise
 from identify.parameters._settings import Settings, numbers_of, with_settings
 from identify.parameters._transform import Transform, transform, transform_for
-from identify.parametric._interval_skewness import Skewness
 from identify.parametric._maximum_likelihood import likeliest, linearised_at, skewness_at
 from identify.parametric._multistart import refine
-from identify.parametric._standard_errors import covariance_of, rescaled
+from identify.parametric._standard_errors import Skewness, covariance_of, rescaled
 from identify.posterior._log_posterior import Target
 
 from .._measure import Row, judged, noted

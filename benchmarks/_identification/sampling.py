@@ -22,7 +22,7 @@ from hysteresis import AbstractModel, Burgers, Preisach, Record
 from hysteresis.preisach import GaussianDensity
 from identify import FitResult, fit, load, sample, save
 from identify.internal import Posterior
-from identify.posterior._chains import Chains, Progress
+from identify.posterior._convergence import Chains, Progress
 from identify.posterior._emcee import _begun as _first
 from identify.posterior._emcee import (
     _Run,

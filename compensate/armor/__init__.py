@@ -1,6 +1,6 @@
 """Where a robot under a soft cover is touched, from the wrench at its base."""
 
-from ..runtime._contact_status import ContactStatus as ContactStatus
+from ..runtime._contact import ContactStatus as ContactStatus
 from ._armor import Armor as Armor
 from ._calibration import Presses as Presses
 from ._calibration import planned_presses as planned_presses

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from hysteresis import Scalar, parameter
 from hysteresis._type_variables import PyTree
 
-from ..runtime._contact_status import ContactStatus
+from ..runtime._contact import ContactStatus
 from ._solver import Contact, ContactSolver
 from ._wrench import AT_REST, Motion, WristSensor
 

@@ -11,9 +11,7 @@ from jaxtyping import Array
 
 from hysteresis import AbstractModel, InputError
 
-from ..export._document import write
-from ..export._precision import require_double
-from ..export._trees import program_of
+from ..export._document import program_of, require_double, write
 from ..runtime._armor import KIND
 from ..runtime._file import SCHEMA, number
 from ._cover import AbstractField, Bumps, Cover, Grid, Uniform

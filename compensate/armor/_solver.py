@@ -13,8 +13,7 @@ from hysteresis import InputError, Scalar, parameter
 from hysteresis._parameter import as_float, is_concrete
 
 from .. import _traced as traced
-from ..runtime._contact import Limits, Solver, Touch, solved, touched
-from ..runtime._contact_status import ContactStatus
+from ..runtime._contact import ContactStatus, Limits, Solver, Touch, solved, touched
 from ._cover import Cover, Material, as_cover
 from ._shapes import AbstractShape, dots
 

@@ -18,7 +18,7 @@ from hysteresis._parameter import as_float, is_concrete
 from .._contract import AbstractCompensator
 from .._invert import invert
 from .._readings import latest_of
-from ..runtime._contact_status import ContactStatus
+from ..runtime._contact import ContactStatus
 
 GRAVITY = 9.80665
 """m/s^2."""

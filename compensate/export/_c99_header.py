@@ -8,10 +8,8 @@ from hysteresis.laws._tree import around, parts_of
 
 from ..inverses._law import goes_back_only
 from ..runtime._status import Status
-from . import _c99_adaptive
 from ._band import band_in_c
-from ._c99_nodes import NodeCount, NodeFunction, Nodes
-from ._c99_state import size_of, state_in_c
+from ._c99_nodes import NodeCount, NodeFunction, Nodes, called, size_of, state_in_c
 from ._header_facts import (
     HEAD,
     STATUSES,
@@ -72,7 +70,7 @@ class _Header:
             self._functions(),
             self._step(),
             band_in_c(self.document, stem, self.real, self.single),
-            self._learns and _c99_adaptive.called(self._learns, self.root.number, self.document),
+            self._learns and called(self._learns, self.root.number, self.document),
             self._self_test(),
             f"#endif /* {upper}_H */\n",
         ]

@@ -1,13 +1,51 @@
 """The functions of a tree's nodes in C, and what they cost at most."""
 
 import ast
-from collections.abc import Mapping, Sequence
+import ctypes
+from collections.abc import Callable, Mapping, Sequence
 from types import SimpleNamespace
+from typing import Any
 
 from hysteresis.laws._nodes import AROUND, Node, function_of
+from hysteresis.laws._tree import Tree
 
 from ._operation_count import OF_A_NODE, Count
-from ._python_to_c99 import Element, Expression, Function
+from ._python_to_c99 import Element, Expression, Function, comment
+
+# In C: the functions by which a compensator that recalibrates itself learns.
+
+
+def called(home: Element, k: int, document: Tree) -> str:
+    """What is called from outside: a reading with its true input, and what is said of the compensator."""
+    real, prefix, stem = home.real, home.prefix, home.stem
+    held = f"{real} condition, " if document.get("condition") else ""
+    passed = "dt, reading, " + ("condition, " if held else "")
+    return f"""\
+/* As {stem}_step, of a reading whose true input, the reference, is known: the compensator learns from it.
+ * The estimate is made before. A reference that is not finite is none. */
+static inline int {stem}_learn(
+    {stem}_state *s, {real} dt, {real} reading, {held}{real} reference, {real} *estimate, {real} *deviation)
+{{
+    s->n{k}.known = isfinite(reference) ? 1 : 0;
+    s->n{k}.reference = s->n{k}.known ? reference : s->n{k}.reference;
+    int status = {stem}_step(s, {passed}estimate, deviation);
+    s->n{k}.known = 0;
+    return status;
+}}
+
+/* Why a calibration is needed now; 0 where none is. A change is being learnt, most of it of 1: the zero,
+ * 2: the gain, 3: the width of the loop. 4: errors are large, and none of these explains them. 5: the zero
+ * may have drifted too far since the last reference. */
+static inline int {stem}_advice({stem}_state *s)
+{{
+    return {prefix}_advice(&{stem}_{k}, &s->n{k});
+}}
+
+/* The rms error that estimates have beyond that of the fit. */
+static inline {real} {stem}_lost({stem}_state *s)
+{{
+    return {prefix}_lost(&{stem}_{k}, &s->n{k});
+}}"""
 
 
 def place_of(node: Node) -> str:
@@ -91,3 +129,60 @@ class NodeCount(Count):
         calls = dict.fromkeys(["look"], sum(looks))
         parameters = SimpleNamespace(**own.of["parameters"])
         return Count(self.nodes.elements[kind], parameters, calls).of_function(function)
+
+
+# What changes in a C99 compensator: its structure, its values before the first reading, and its size.
+
+
+def state_in_c(
+    parts: Sequence[Node],
+    elements: Mapping[str, Element],
+    stem: str,
+    listed: Callable[..., str],
+    number: Callable[..., str],
+) -> str:
+    """The structure of the nodes' states, and the function that resets it.
+
+    `listed` and `number`: values as C writes them.
+    """
+    fields, values = [], []
+    for part in parts:
+        if "state" not in part.of:
+            continue
+        home = elements[part.kind]
+        fields.append(f"    {home.prefix}_state {place_of(part)};")
+        given = [
+            listed(value) if t == "Reals" else number(value, t)
+            for k, t in home.structures["State"].items()
+            for value in [part.of["state"][k]]
+        ]  # fmt: skip
+        values.append("        {" + ", ".join(given) + "}")
+    body = ",\n".join(values)
+    return "\n".join(
+        [
+            comment("Everything that changes; the caller keeps it.", ""),
+            "typedef struct {", *fields, f"}} {stem}_state;", "",
+            f"static inline void {stem}_reset({stem}_state *s)", "{",
+            f"    static const {stem}_state initial {stem.upper()}_TABLE = {{\n{body}\n    }};",
+            f"    {stem.upper()}_COPY(s, &initial);", "}",
+        ]
+    )  # fmt: skip
+
+
+def size_of(parts: Sequence[Node], elements: Mapping[str, Element], single: bool) -> int:
+    """sizeof of that structure, by the rules that C compilers share."""
+    real = ctypes.c_float if single else ctypes.c_double
+    members: list[tuple[str, Any]] = []
+    for part in parts:
+        if "state" not in part.of:
+            continue
+        same = [p.of["state"] for p in parts if p.kind == part.kind]
+        fields: list[tuple[str, Any]] = [
+            (k, ctypes.c_int if t == "int" else real if t != "Reals"
+             else real * max(1, *(len(state[k]) for state in same)))
+            for k, t in elements[part.kind].structures["State"].items()
+        ]  # fmt: skip
+        members.append(
+            (f"n{part.number}", type("_Part", (ctypes.Structure,), {"_fields_": fields}))
+        )
+    return ctypes.sizeof(type("_State", (ctypes.Structure,), {"_fields_": members}))

@@ -32,14 +32,20 @@ from ..uncertainty._calibrated import CalibratedCompensator
 from ..uncertainty._guaranteed import GuaranteedCompensator
 from ._band import banded
 from ._c99_header import header
-from ._document import require_one_input, write
-from ._grids import with_grids
-from ._measured_operations import Operations, measured
-from ._motion import LONGEST as LONGEST_MOTION
-from ._motion import Motion
-from ._precision import require_double
-from ._starts import starts_in, states_over
-from ._trees import guard_tree, nodes_of, tree_of
+from ._document import LONGEST as LONGEST_MOTION
+from ._document import (
+    Motion,
+    guard_tree,
+    nodes_of,
+    require_double,
+    require_one_input,
+    starts_in,
+    states_over,
+    tree_of,
+    with_grids,
+    write,
+)
+from ._operation_count import Operations, measured
 
 FAR = 1000.0
 """Spans of the estimates that an input may be beyond."""

@@ -10,10 +10,8 @@ from numpy.typing import ArrayLike
 from hysteresis import AbstractModel, InputError, Series
 from hysteresis.models._staircase_network import StaircaseNetwork
 
-from ..export._document import write
+from ..export._document import nodes_of, require_double, tree_of, write
 from ..export._export import DEEP, Quantity, deepest, has_rates, longest_step
-from ..export._precision import require_double
-from ..export._trees import nodes_of, tree_of
 from ..runtime import _contact_forces, _network
 from ..runtime._file import SCHEMA, number
 from ._everett_network import EverettNetwork

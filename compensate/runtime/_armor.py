@@ -9,8 +9,7 @@ from hysteresis.laws._tree import Running, node_of
 
 from . import _arithmetic as plain
 from ._armor_fields import Vector, field
-from ._contact import NONE, Limits, Solver, Touch, cross, dot, square, touched
-from ._contact_status import ContactStatus
+from ._contact import NONE, ContactStatus, Limits, Solver, Touch, cross, dot, square, touched
 from ._file import READING_MISSING, replayed
 
 KIND = "hysid armor"

@@ -1,22 +1,169 @@
 """The command line: its commands, and how a run ends."""
 
 import gc
+import inspect
+import re
 import signal
 import sys
 import threading
+from collections.abc import Callable, Sequence
+from dataclasses import MISSING, Field, fields
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from io import TextIOWrapper
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from .._packages import fault_of_packages
 from ..commands import _asked, _asked_more
-from ..commands._console import INTERRUPTED, USER, Fault, example, explain, stop
-from ._config_file import FindsConfig
-from ._options import command_of
-from ._remedies import options_here
+from ..commands._asked import Command, Fit, as_fields, fields_of
+from ..commands._console import (
+    INTERRUPTED,
+    USER,
+    Fault,
+    example,
+    explain,
+    print_result,
+    start_jax,
+    stop,
+)
+from ..intake._selection_options import ASIDE, FIELDS
+from ._config_file import FindsConfig, configure
+
+# The options of a command, made from the fields of what it is asked for.
+
+
+def command_of(asked: type[Command]) -> Callable[..., None]:
+    """The function for typer that makes an `asked` of its options, has it done, and prints."""
+    chosen: dict[str, inspect.Parameter] = {}
+    known = {one.name: one for one in fields(asked)}
+    for one in [*(one for one in known.values() if one.name != "as_json"), known["as_json"]]:
+        for option in one.metadata.get("selection", ()):
+            chosen[option] = _parameter(FIELDS[option], **one.metadata["how"])
+        if "help" in one.metadata:
+            chosen[one.name] = _parameter(one)
+
+    def command(**values: Any) -> None:
+        given = fields_of(asked, values)
+        if "fit" in known:
+            given["fit"] = fit_of(given["config"])
+        found = asked(**given)  # says what is wrong before anything is loaded
+        if found.jax:
+            start_jax(double=not getattr(given.get("fit", found), "allow_float32", False))
+        if (done := found.run()) is None:  # a page has been served
+            return
+        print_result(done.document, found.as_json, done.lines)
+        if done.status:
+            raise SystemExit(done.status)  # stdout says why; the command itself did not fail
+
+    command.__name__, command.__doc__ = asked.title(), inspect.getdoc(asked)
+    command.__signature__ = inspect.Signature([*chosen.values()])  # type: ignore[attr-defined]
+    command.__annotations__ = {name: one.annotation for name, one in chosen.items()}
+    return command
+
+
+def fit_of(config: Path) -> Fit:
+    """What `hysid fit --config FILE` is asked for, of a file that is named later."""
+    from hysteresis import InputError  # late: a foreign package of that name is said before
+
+    from ..intake._own_config import read_config  # late: it loads NumPy
+
+    tables = read_config(config)
+    if "output" not in tables["selection"]:
+        raise InputError(
+            "bad-config",
+            "The table [selection] has no output.",
+            place=str(config),
+            fix='Name its column: output = "displacement (mm)".',
+        )
+    given: dict[str, Any] = fields_of(Fit, tables["fit"] | {"file": Path("FILE"), "config": config})
+    given["selection"] = as_fields(tables["selection"])
+    return Fit(**given)
+
+
+def _parameter(
+    one: Field[Any], optional: bool = False, needs_input: bool = False
+) -> inspect.Parameter:
+    """One option or argument for typer."""
+    said, kind, default = one.metadata, one.type, one.default
+    if said.get("repeated"):
+        needed = default is MISSING and (needs_input or one.name != "input")
+        kind, default = (list[str], MISSING) if needed else (list[str] | None, None)
+    elif said.get("joined"):
+        kind, default = str, ""
+    elif optional and kind is not bool:
+        kind, default = kind | None, None  # type: ignore[operator]
+    choices = said.get("choices", ())
+    known: dict[str, Any] = {
+        "help": said["help"], "metavar": said.get("metavar", "|".join(choices) or None),
+        "min": said.get("least"), "max": said.get("most"), "show_default": said.get("show_default", True),
+        "callback": _one_of(*choices) if choices else None,
+    }  # fmt: skip
+    if said.get("config"):
+        known |= {"is_eager": True, "callback": configure}
+    flag = said.get("flag", f"--{one.name.replace('_', '-')}")
+    made = typer.Argument(**known) if said.get("argument") else typer.Option(flag, **known)
+    return inspect.Parameter(
+        one.name,
+        inspect.Parameter.KEYWORD_ONLY,
+        default=inspect.Parameter.empty if default is MISSING else default,
+        annotation=Annotated[kind, made],
+    )
+
+
+def _one_of(*choices: str) -> Callable[[str | None], str | None]:
+    """A check that an option is one of these words."""
+
+    def check(value: str | None) -> str | None:
+        if value is not None and value not in choices:
+            raise typer.BadParameter(f"{value!r} is not {' or '.join(choices)}")
+        return value
+
+    return check
+
+
+# Remedies of errors: the options that they name are those of the command that says them.
+
+
+_OPTION = re.compile(r"(?<![\w-])--[a-z][a-z0-9-]+")
+_COMMAND = re.compile(r"hysid [a-z]+(?:[^;,.)]|\.\w)*")
+
+
+def options_here(error: Exception, root: Any, arguments: Sequence[str]) -> Exception:
+    """The error with a remedy that this command has.
+
+    Options in brackets that it lacks are left out; of others the command that has them is named.
+    """
+    fix = getattr(error, "fix", "")
+    if not isinstance(fix, str) or "--" not in fix:
+        return error
+    command = root
+    for word in arguments:
+        if word not in getattr(command, "commands", {}):
+            break
+        command = command.commands[word]
+    here = options_of_command(command)
+    named = lambda text: set(_OPTION.findall(_COMMAND.sub("", text)))  # noqa: E731
+    fix = ASIDE.sub(lambda m: m[0] if not named(m[0]) or named(m[0]) & here else "", fix)
+    if lost := sorted(named(fix) - here):
+        others = (one for one in root.commands.values() if options_of_command(one) >= set(lost))
+        owner = next((one.name for one in others), "")
+        fix += f" {', '.join(lost)}: see hysid {owner} --help." if owner else ""
+    if fix == error.fix:  # type: ignore[attr-defined]
+        return error
+    from hysteresis import InputError  # late: a foreign package is told before
+
+    assert isinstance(error, InputError)
+    return InputError(error.code, error.problem, place=error.place, cause=error.cause, fix=fix)
+
+
+def options_of_command(command: Any) -> set[str]:
+    """The long options of a command."""
+    names = (name for one in command.params for name in (*one.opts, *one.secondary_opts))
+    return {name for name in names if name.startswith("--")}
+
 
 SPONGE = "--input 'force (N)' --output 'displacement (mm)' --time 'time (s)'"
 

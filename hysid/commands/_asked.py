@@ -14,8 +14,7 @@ from typing import Any, ClassVar, dataclass_transform
 
 import typer
 
-from ..intake._fit_options import FIT_FIELDS, OF_SPECTRA, FitOptions
-from ..intake._option import is_given, option, option_words
+from ..intake._fit_options import FIT_FIELDS, OF_SPECTRA, FitOptions, is_given, option, option_words
 from ..intake._selection_options import FIELDS, HELD_OUT, OF_READING
 from ._console import Done, log
 

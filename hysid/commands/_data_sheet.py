@@ -8,7 +8,7 @@ import identify
 from hysteresis import InputError, Record
 
 from ..intake._selection import Selection, all_of
-from ..reporting._data_sheet_page import write_data_sheet
+from ..reporting._report import write_data_sheet
 from ._asked_more import Datasheet
 from ._console import Done
 

@@ -1,5 +1,7 @@
 """`hysid qualify`: a verdict on the compensator of a fit, from a file it has not seen."""
 
+import tempfile
+import time
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -11,8 +13,10 @@ import numpy as np
 import identify
 from compensate import estimate, guaranteed, invert
 from compensate import qualify as qualified
+from compensate.export._export import Program
 from compensate.guards._guarded import GuardedCompensator
 from compensate.qualification._qualify import Qualification, Step, Tell
+from compensate.runtime import load
 from compensate.uncertainty._calibrated import band_holds
 from compensate.uncertainty._ensemble import EnsembleCompensator
 from compensate.uncertainty._guaranteed import run_scores, runs_needed
@@ -26,7 +30,45 @@ from ..intake._columns import for_new_file, known_records, selection_of_fit
 from ..intake._folders import folders_of
 from ._asked import Qualify
 from ._console import USER, Done, Progress, warnings
-from ._step_time import step_of
+from ._export import readings_of_training
+
+# What a step of the exported compensator takes on the target that has to keep up.
+
+
+STEPS = 2000
+"""Steps that are timed, at most."""
+
+
+def step_of(fitted: identify.FitResult, target: str, mhz: float | None) -> Step | None:
+    """Over the training's readings: "c" by counted operations, a cycle of `mhz` each; "python" timed here.
+
+    None where the compensator cannot be exported.
+    """
+    readings, times = readings_of_training(fitted)
+    try:
+        program = Program(fitted.model, readings, times=times, trained=fitted.trained)
+    except InputError:
+        return None
+    if target == "python":
+        return Step("plain Python here", _seconds(program, readings, times))
+    mean, most, _ = program.operations
+    cycle = float("nan") if mhz is None else 1e-6 / mhz
+    return Step("C", cycle * mean, cycle * most, mean, most)
+
+
+def _seconds(program: Program, readings: np.ndarray, times: np.ndarray | None) -> float:
+    """The median time of a step."""
+    with tempfile.TemporaryDirectory() as place:
+        sensor = load(program.write_runtime(Path(place) / "it.json").path)
+    clock = np.zeros(len(readings)) if times is None else times
+    samples = np.column_stack([np.diff(clock, prepend=clock[0]), readings])[:STEPS].tolist()
+    taken = []
+    for sample in samples:
+        begin = time.perf_counter()
+        sensor.step(*sample)
+        taken.append(time.perf_counter() - begin)
+    return float(np.median(taken))
+
 
 DRAWS, ROWS = 50, 200_000
 """Of a posterior, side by side: so many draws, or fewer where rows times draws are more than this. A row of

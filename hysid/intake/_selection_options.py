@@ -8,7 +8,7 @@ from dataclasses import Field, dataclass, fields
 from functools import partial
 from typing import Any
 
-from ._option import option
+from ._fit_options import option
 
 ASIDE = re.compile(r"\s*\((?=[^()]*--[a-z])[^()]*\)")
 """Brackets of a message that name options, with the blanks before them."""

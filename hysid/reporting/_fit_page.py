@@ -19,7 +19,7 @@ from identify.results._motion_detail import Motion
 from .._plots_script import script, script_rule, styles
 from ..catalogue._synthetic import is_synthetic
 from ..figures._format import measured, pretty, quantity
-from ..intake._option import option_words
+from ..intake._fit_options import option_words
 from ..intake._selection_options import FIELDS, HELD_OUT
 from . import _section_creep as _report_step
 from . import _section_motion as _motion

@@ -12,9 +12,8 @@ from hysteresis.preisach import GridDensity
 from hysteresis.trees import plain
 from identify.internal import excited_cells
 
-from .._compensator import with_compensator
+from .._compensator import RunIn, with_compensator
 from .._invert import error_of
-from .._run_in import RunIn
 from ..figures import _base as f
 from ..figures._format import label, number, pretty, quantity
 from ._case import Case, Section, Table

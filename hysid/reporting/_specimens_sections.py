@@ -14,8 +14,8 @@ from identify.results._detail import DiscreteSpectrum
 
 from ..figures import _base as f
 from ..figures._format import label_of, number, pretty, quantity
-from ..figures._specimens import Spread, spreads
-from ..figures._specimens import loops as small_loops
+from ..figures._survey import Spread, spreads
+from ..figures._survey import loops as small_loops
 from ._case import TARGET, Link, Section, Table
 from ._specimens import FAR, FEW, Figure90, Specimen
 

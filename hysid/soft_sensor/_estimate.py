@@ -18,7 +18,7 @@ from hysteresis._show import aligned
 from hysteresis.records._csv import parse_condition
 from hysteresis.records._table import Table
 from identify.internal import metrics, read_checked
-from identify.results._metrics import Metrics
+from identify.results._goodness_of_fit import Metrics
 
 from ..intake._selection import Selection
 from ._sensor import MAKE, Estimates, SoftSensor, load_sensor

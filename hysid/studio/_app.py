@@ -27,13 +27,12 @@ from hysteresis._limits import damage_told
 
 from ..commands._asked import Command, Export, Fit, Report
 from . import _configuration
-from ._controls import ROLES, settings
 from ._equivalents import asked_for, equivalents
 from ._folder import Folder, zipped
 from ._guard import DOCUMENT_RULES, Sessions
 from ._measurement import Measurement, as_document
 from ._processes import Jobs
-from ._requests import Asked, Json, RequestError, asked_of, refusal
+from ._requests import ROLES, Asked, Json, RequestError, asked_of, refusal, settings
 from ._results import Fits, written_rows
 from ._views import of_loops, over_time
 

@@ -12,7 +12,7 @@ from hysteresis._escape import shell_word
 from ..commands import _asked
 from ..commands._asked import Command
 from ..intake._creep_fits import step_options
-from ..intake._option import is_given
+from ..intake._fit_options import is_given
 from ..intake._own_config import config_of, folder_of
 from ..intake._selection import Selection
 from ..intake._selection_options import FIELDS

@@ -1,5 +1,6 @@
 """The contract of a baseline: what it reads of a record, how it is fitted, what it predicts."""
 
+from dataclasses import replace
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
@@ -8,6 +9,8 @@ from jaxtyping import Bool, Float
 from hysteresis import Record
 
 from ..records._folds import Parts, held_out_errors, thinned
+from ._input_memory import branches_of
+from ._linear import cubic_per_branch, straight_line
 
 MOST = 20_000
 """Rows that a baseline is fitted to, at most: evenly from all."""
@@ -62,3 +65,38 @@ def scored(baseline: AbstractBaseline, record: Record, parts: Parts) -> Scored:
     blocks, unknowns = held_out_errors(parts.folds, fitted, error), fitted(parts.all)
     used = parts.label >= 0
     return Scored(baseline, blocks, used, unknowns, baseline.predicted(seen, unknowns))
+
+
+# Baselines of an inverse: the input behind an output, from the output alone and which way it goes.
+
+
+class Backwards(NamedTuple):
+    """A simple inverse: its name, and its estimates of the input in every row."""
+
+    name: str
+    estimates: Float[np.ndarray, " samples"]
+
+
+def backwards(train: Record, used: Bool[np.ndarray, " samples"], record: Record) -> list[Backwards]:
+    """A straight line from output to input, and a cubic for either way the output goes, of a record.
+
+    They are fitted to the `used` rows of `train`. Conditions are columns of the line.
+    """
+    turned, asked = _turned(train), _turned(record)
+    rows = thinned(np.flatnonzero(used & np.isfinite(train.output)), MOST)
+    found = []
+    for one in (straight_line((*train.conditions,)), cubic_per_branch(turned, branches_of(turned))):
+        unknowns = one.fitted(one.prepared(turned), turned.output, rows, turned.weights)
+        found.append(Backwards(one.name, one.predicted(one.prepared(asked), unknowns)))
+    return found
+
+
+def _turned(record: Record) -> Record:
+    """The record with its output as input; where that has a gap, the reading before is held."""
+    y = record.output.copy()
+    for _, rows in record.sequences():
+        known = np.flatnonzero(np.isfinite(y[rows]))
+        if len(known):
+            at = np.searchsorted(known, np.arange(rows.stop - rows.start), side="right") - 1
+            y[rows] = y[rows][known[np.maximum(at, 0)]]
+    return replace(record, input=np.nan_to_num(y), output=record.input, sigma_name="")

@@ -16,7 +16,7 @@ from hysteresis._parameter import parameter_at
 
 from ..parameters._precision import require_double
 from ..parametric._levenberg_marquardt import least_squares
-from ..posterior._chains import Progress
+from ..posterior._convergence import Progress
 from ..posterior._emcee import first_walkers, sample_ensembles
 from ..posterior._posterior import Posterior
 from ..posterior._sample import MOST_STEPS, posterior_of, walkers_for

@@ -1,13 +1,118 @@
 """Which held-out rows lie beyond the inputs, rates and hold times of the fitted ones."""
 
+import hashlib
+from typing import NamedTuple
+from weakref import WeakKeyDictionary
+
 import numpy as np
 from jaxtyping import Bool, Float
 
-from hysteresis import Record
+from hysteresis import AbstractModel, Note, Record
+from hysteresis._note import warning
+from hysteresis.models._viscoelastic import AbstractViscoelastic
+from hysteresis.records._cycles import loop_sums, noise_level
+from hysteresis.records._excitation import WIDER
 
-from ..results._extrapolation import Extrapolation, RowsBeyond
 from ..results._fit_result import SEAM, FitResult
+from ..results._trained_condition import Extrapolation, RowsBeyond
 from ._whiteness import speed
+
+# How wide the loops of a record are, and how much of that the residuals of a fit keep.
+
+
+SMALLEST = 1e-3
+"""A loop counts if it is wider than this part of the output's range, and than `WIDER` times the noise."""
+
+
+class LoopsLeft(NamedTuple):
+    """Mean distance between rising and falling branches of the fitted rows, in the output's unit.
+
+    - `width`: of the measured loops. `left`: of the residuals over the same input. NaN without a loop.
+    - `noise`: standard deviation of the reading from row to row; two branches with nothing but noise are
+      1.1 times that apart. `span`: range of the output.
+    """
+
+    width: float
+    left: float
+    noise: float
+    span: float
+
+    @property
+    def are_there(self) -> bool:
+        """Whether there are loops that the noise cannot make."""
+        return self.width > max(WIDER * self.noise, SMALLEST * self.span)
+
+    @property
+    def share(self) -> float:
+        """Part of the width that the fit does not describe."""
+        return self.left / self.width
+
+
+def loops_left(fit: FitResult) -> LoopsLeft:
+    """Loops in the measured output and in the residuals, over the rows that were fitted."""
+    width, noise, span = _measured(fit.train, fit.used)
+    return LoopsLeft(width, loop_sums(fit.train, fit.residuals, fit.used).width, noise, span)
+
+
+_known: "WeakKeyDictionary[Record, dict[bytes, tuple[float, float, float]]]" = WeakKeyDictionary()
+
+
+def _measured(record: Record, used: Bool[np.ndarray, " samples"]) -> tuple[float, float, float]:
+    """Width, noise and span of the measured loops: once for all candidates of a fit."""
+    rows_used = hashlib.sha256(used.tobytes()).digest()
+    known = _known.setdefault(record, {})
+    if rows_used not in known:
+        y, parts = record.output, [rows for _, rows in record.sequences()]
+        noise = [noise_level(y[rows][used[rows]]) for rows in parts if used[rows].any()]
+        known[rows_used] = (
+            loop_sums(record, y, used).width,
+            float(np.median(noise)) if noise else 0.0,
+            float(np.ptp(y[used])) if used.any() else 0.0,
+        )
+    return known[rows_used]
+
+
+# Time constants that a record cannot show: longer than it lasts, shorter than its sampling steps.
+
+
+def unseen_time_constants(model: AbstractModel, record: Record) -> list[Note]:
+    """A note for every branch whose time constant lies outside the times that the record shows.
+
+    The shortest is the step of the clock that follows a change of the input, the median over all changes: a
+    hold whose rows come ever more seldom shows what is over in its first second.
+
+    An element that creeps flows like a dashpot for much less than its time constant, and gives way
+    like a spring after much more; one that relaxes the other way round. Of the two parameters of such
+    a branch the record knows one.
+    """
+    if not isinstance(model, AbstractViscoelastic) or record.time is None:
+        return []
+    sequences = [(record.time[rows], record.input[rows]) for _, rows in record.sequences()]
+    span = max(float(np.ptp(t)) for t, _ in sequences)
+    # Before its first row a model is at rest.
+    changes = np.concatenate([np.abs(np.diff(u, prepend=0.0))[:-1] for _, u in sequences])
+    steps = np.concatenate([np.diff(t) for t, _ in sequences])
+    order = np.argsort(steps)
+    passed = np.cumsum(changes[order])
+    step = float(steps[order][np.searchsorted(passed, passed[-1] / 2)])
+    found, unit = [], record.time_unit
+    with np.errstate(divide="ignore"):
+        constants = 1 / np.asarray(model.chain().rates)
+    for number, constant in enumerate(constants, start=1):
+        if step <= constant <= span:
+            continue
+        slow = constant > span
+        than = f"longer than the record ({span:.3g} {unit})"
+        mend = "measure longer holds"
+        if not slow:
+            than = f"shorter than the sampling steps ({step:.3g} {unit})"
+            mend = "sample faster"
+        seen = "dashpot" if slow == model.creeps else "spring"
+        said = f"Branch {number} has a time constant of {constant:.3g} {unit}, {than}: it is"
+        said += f" identifiable only as a {seen}; {mend}, or fit a model without it."
+        found.append(warning("unseen-time-constant", said))
+    return found
+
 
 BAND = 0.02
 """Of the trained range: an input that stays within it is held."""

@@ -9,9 +9,9 @@ from ..noise._residual_statistics import Noise
 from ..parameters._settings import SettingWords
 from ..records._clocks import Clocks
 from ..records._sequence_terms import SequenceTerms
-from ..results._extrapolation import Extrapolation
 from ..results._fit_result import Parameter
-from ..results._metrics import Metrics
+from ..results._goodness_of_fit import Metrics
+from ..results._trained_condition import Extrapolation
 
 
 class Errors(TypedDict):

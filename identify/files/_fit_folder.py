@@ -27,12 +27,11 @@ from ..noise._model import NoiseModel
 from ..noise._reml import PARTS
 from ..parameters._settings import from_words, in_words
 from ..records._clocks import Clocks
-from ..results._baseline import Baseline
 from ..results._detail import detail_of
 from ..results._fit_result import Candidate, FitResult, Starts
+from ..results._goodness_of_fit import Baseline
 from ..storage._file_set import read_checked, whole_files, write_set
-from ..storage._json import check_free
-from ..storage._provenance import versions
+from ..storage._json import check_free, versions
 from ._fit_document import checked
 
 SCHEMA = 1

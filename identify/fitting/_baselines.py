@@ -13,8 +13,7 @@ from ..baselines._holds import of_holds
 from ..baselines._input_memory import branches_of
 from ..baselines._linear import constant, cubic_per_branch, ridges, straight_line
 from ..records._folds import Parts, block_errors
-from ..results._baseline import Baseline
-from ..results._metrics import metrics
+from ..results._goodness_of_fit import Baseline, metrics
 
 
 def baselines_of(

@@ -15,7 +15,7 @@ from ..noise._residual_statistics import estimate_noise
 from ..records._folds import block_errors, parts
 from ..results._detail import DiscreteSpectrum, Parametric
 from ..results._fit_result import FitResult, Parameter, Status
-from ..results._metrics import Metrics, metrics
+from ..results._goodness_of_fit import Metrics, metrics
 from ..spectra._extrapolation import CONFIDENCE
 from ..spectra._of_record import answers_on, is_moduli, is_survey, responses_of, sizes_of, weighed
 from ..spectra._prony_series import Input, Way

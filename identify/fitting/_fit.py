@@ -20,8 +20,8 @@ from ..records._from_known import by_sequence, sequence_error, with_past
 from ..records._sequence_terms import SequenceTerms, learnt, sequence_rms
 from ..results._detail import Composition, FoldedState, GridWeights
 from ..results._fit_result import FitResult
-from ..results._known_rows import misfit_of
 from ..results._repeatability import with_repeatability
+from ..results._trained_condition import misfit_of
 from ._candidate import Candidate, Options, Report, Said, Trial
 from ._candidates import Asked, candidates
 from ._least_score import least_score

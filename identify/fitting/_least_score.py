@@ -15,8 +15,7 @@ from hysteresis.numerics._hats import hats_of
 
 from ..baselines._input_memory import slow_states
 from ..records._folds import held_out_errors
-from ..records._relaxation_times import longest_sequence
-from ..records._speeds import usual_speed
+from ..records._latest import longest_sequence, usual_speed
 from ._training_data import TrainingData
 
 PIECES = 100

@@ -38,9 +38,8 @@ from ..dynamics._output_error import (
 from ..dynamics._recorded_motion import RecordedMotion
 from ..noise._residual_statistics import Noise, estimate_noise
 from ..records._folds import block_errors
-from ..results._baseline import Baseline
 from ..results._fit_result import Candidate, FitResult, Parameter
-from ..results._metrics import Metrics, metrics
+from ..results._goodness_of_fit import Baseline, Metrics, metrics
 from ..results._motion_detail import Motion, digest_of
 from ._candidates import OSCILLATOR
 from ._verdict import judge

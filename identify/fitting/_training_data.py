@@ -11,17 +11,15 @@ from hysteresis.records._excitation import check_identifiable
 
 from ..diagnostics._rows_beyond import extrapolation
 from ..linear._channel_map_fit import fit_channel_map
-from ..records._channel_map import combine
 from ..records._clocks import Clocks, is_held
 from ..records._conditions import condition_parts, name_of_condition
 from ..records._folds import Parts, block_errors, parts
-from ..records._orientation import initial_states, orientations, output_falls
+from ..records._latest import rates_differ
+from ..records._new_record import combine
+from ..records._orientation import initial_states, orientations, output_falls, thinned
 from ..records._sequence_terms import SequenceTerms
-from ..records._speeds import rates_differ
-from ..records._thinned import thinned
-from ..results._baseline import Baseline
 from ..results._fit_result import FitResult
-from ..results._metrics import metrics
+from ..results._goodness_of_fit import Baseline, metrics
 from ._baselines import baselines_of
 
 

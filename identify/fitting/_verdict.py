@@ -6,15 +6,14 @@ from hysteresis import InputError, Note
 from hysteresis._format import quantity
 from hysteresis._verdict import Level, Verdict
 
-from ..diagnostics._loops_left import loops_left
 from ..diagnostics._profile_likelihood import another_minimum
+from ..diagnostics._rows_beyond import loops_left, unseen_time_constants
 from ..diagnostics._sloppiness import without_effect
-from ..diagnostics._time_constants import unseen_time_constants
 from ..records._folds import LEAST_GAIN, root_difference
-from ..results._baseline import best_baseline
 from ..results._detail import DiscreteSpectrum
-from ..results._extrapolation import RowsBeyond
 from ..results._fit_result import PURPOSES, FitResult
+from ..results._goodness_of_fit import best_baseline
+from ..results._trained_condition import RowsBeyond
 from ._verdict_over_cycles import Reasons, over_cycles
 
 GOOD, USABLE = 5.0, 15.0

@@ -21,11 +21,9 @@ from jaxtyping import Bool, Float, Int
 from hysteresis import ChannelMap, InputError, Note, Record
 from hysteresis.models._channel_map import memory_columns
 
-from ..records._channel_map import combine
 from ..records._folds import Fold, earned, held_out_errors, thinned
-from ..records._latest import repeats
-from ..records._relaxation_times import longest_sequence
-from ..records._speeds import usual_speed
+from ..records._latest import longest_sequence, repeats, usual_speed
+from ..records._new_record import combine
 from ._cross_validation import ROWS, normal_equations_of
 from ._group_strengths import APART, Group, GroupedColumns, Strengths
 

@@ -21,9 +21,15 @@ from ..records._folds import (
     simplest,
     thinned,
 )
+from ..records._latest import (
+    amplitudes_differ,
+    longest_sequence,
+    moves_evenly,
+    rates_differ,
+    relaxation_times,
+    usual_speed,
+)
 from ..records._orientation import SLACK, output_falls, slack
-from ..records._relaxation_times import longest_sequence, relaxation_times
-from ..records._speeds import amplitudes_differ, moves_evenly, rates_differ, usual_speed
 from ._composition import AT_ONCE, SHARP, SMOOTHING, CompositionUnknowns
 from ._composition_memory import Memory, memory_blocks, memory_of
 from ._composition_parts import (

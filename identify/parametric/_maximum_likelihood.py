@@ -15,11 +15,10 @@ from ..noise._arithmetic import Arithmetic, Rows
 from ..noise._model import NoiseModel
 from ..noise._reml import Linearised, noise_fit, of_free
 from ..noise._reml import score as own_score
-from ..noise._residual_statistics import Noise
-from ..noise._variance_inflation import widening
+from ..noise._residual_statistics import Noise, widening
 from ..parameters._transform import Transform
-from ._interval_skewness import Skewness, points_about, skewness
 from ._multistart import Optimum, refine
+from ._standard_errors import Skewness, points_about, skewness
 
 ROUNDS = 40
 """Gauss-Newton rounds at most; each linearises the model about the present estimate."""

@@ -27,16 +27,14 @@ from ..results._detail import (
 )
 from ..results._fit_result import FitResult
 from ..storage._checkpoint import Checkpoint, digest
-from ..storage._provenance import versions
-from ._chains import Chains, Progress
-from ._emcee import LEAST, drawn_so_far, first_walkers, sample_ensembles
-from ._emcee_moves import LogProbability
+from ..storage._json import versions
+from ._convergence import Chains, Progress
+from ._emcee import LEAST, LogProbability, drawn_so_far, first_walkers, sample_ensembles
 from ._linear_weights import Length, sample_weights
 from ._log_posterior import Target, target
 from ._mode import top_of
 from ._motion_target import MotionTarget, motion_target
-from ._pointwise import per_row
-from ._posterior import Posterior, modes_of, summary_of
+from ._posterior import Posterior, modes_of, per_row, summary_of
 
 MOST_STEPS = 20_000
 UNCERTAIN = 2.0

@@ -2,8 +2,96 @@
 
 import numpy as np
 
-from hysteresis import Record
+from hysteresis import Note, Record
+from hysteresis._format import quantity
+from hysteresis.records._arrays import pieces
+from hysteresis.records._cycles import noise_level
 from hysteresis.records._excitation import loop_direction
+
+from ._folds import thinned as thinned_rows
+
+# Fewer rows of a long record: one in k counts, and those stay that the input's path needs.
+#
+# |u - line through the kept rows beside it| <= tolerance, at every row
+#
+# So every reversal that is wider than twice the tolerance stays, and a model passes the same history at
+# the
+# same times. A rig at 10 kHz writes a thousand times as many rows as a fit can learn from.
+# The rows that are furthest off the lines are added until none is off: O(n) a round, about ten rounds.
+
+
+MOST = 1_000_000
+"""Rows that a fit works on: a minute of work, and a gigabyte."""
+
+FINE, COARSE = 1e-4, 1e-2
+"""Of the input's range: how far the path may be off where rows are enough, and where they are few. The
+best models leave some thousandths unexplained, and a verdict allows some hundredths."""
+
+NOISE = 8.0
+"""Standard deviations of the input's noise: its extremes lie so far apart, and are no path."""
+
+
+def thinned(record: Record) -> Record:
+    """A record of at most `MOST` rows, of which half or fewer count; a shorter one as it is.
+
+    The rows kept for the path do not count. A record whose path needs more rows, say of ten to a cycle, is
+    given back whole.
+    """
+    if len(record) <= MOST:
+        return record
+    u, counted = record.input, np.zeros(len(record), bool)
+    counted[thinned_rows(np.flatnonzero(record.mask), MOST // 2)] = True
+    tolerance, most = _tolerance(u), COARSE * float(np.ptp(u))
+    while (rows := _kept(record, counted, tolerance)).size > MOST:
+        if (tolerance := 2 * tolerance) > most:
+            return record
+    said = (
+        f"Of {record.mask.sum():,} rows {counted.sum():,} count; {len(rows):,} keep the input's path "
+        f"to {quantity(tolerance, record.input_unit)}."
+    )
+    return record._in_order(rows, Note("thinned", said), mask=counted[rows])
+
+
+def _kept(record: Record, counted: np.ndarray, tolerance: float) -> np.ndarray:
+    """The rows that count and those that the path needs, rising; more than `MOST` where it needs more."""
+    kept = counted.copy()
+    kept[record.starts] = kept[record.starts - 1] = True  # the first and the last row of a sequence
+    while np.count_nonzero(kept) <= MOST:
+        beyond = _furthest(record, np.flatnonzero(kept), tolerance)
+        if not beyond.size:
+            break
+        kept[beyond] = True
+    return np.flatnonzero(kept)
+
+
+def _tolerance(u: np.ndarray) -> float:
+    """How far the input may be off the lines: it is no finer than its noise and than two of its steps."""
+    least = np.inf
+    for rows in pieces(len(u)):
+        step = np.abs(np.diff(u[rows.start : rows.stop + 1]))
+        least = min(least, step.min(where=step > 0, initial=np.inf))
+    steps = 2 * least if least < np.inf else 0.0
+    return max(FINE * float(np.ptp(u)), NOISE * noise_level(u), steps)
+
+
+def _furthest(record: Record, kept: np.ndarray, tolerance: float) -> np.ndarray:
+    """The row that is furthest off the line between each two kept rows, where that is too far."""
+    found, u, t = [np.empty(0, int)], record.input, record.time
+    for some in pieces(len(kept) - 1):
+        ends = kept[some.start : some.stop + 1]
+        rows, count = np.arange(ends[0], ends[-1]), np.diff(ends)
+        clock = np.arange(ends[0], ends[-1] + 1.0) if t is None else t[ends[0] : ends[-1] + 1]
+        begins = ends - ends[0]
+        # From one sequence to the next there is no row between, and time may stand still.
+        with np.errstate(divide="ignore", invalid="ignore"):
+            slope = np.diff(u[ends]) / np.diff(clock[begins])
+            since = clock[:-1] - np.repeat(clock[begins[:-1]], count)
+            off = np.abs(u[rows] - np.repeat(u[ends[:-1]], count) - np.repeat(slope, count) * since)
+        worst = np.maximum.reduceat(off, begins[:-1])
+        worst[~(worst > tolerance)] = np.nan
+        found.append(rows[off == np.repeat(worst, count)])
+    return np.concatenate(found)
+
 
 TOLD = 0.3
 """Loops tell their direction where so much of their area has it."""

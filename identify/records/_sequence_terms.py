@@ -28,7 +28,7 @@ from hysteresis import Record
 from hysteresis.numerics._blocked_recurrences import clamped, relaxed
 from hysteresis.numerics._hats import hats_of
 
-from ._speeds import usual_speed
+from ._latest import usual_speed
 
 LEAST, FOLDS = 12, 6
 """Sequences with known and with unknown rows, and groups of them that are held out in turn."""

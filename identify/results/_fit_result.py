@@ -23,24 +23,20 @@ from hysteresis.records._loop_table import LoopTable
 from ..noise._model import NoiseModel
 from ..noise._residual_statistics import Noise
 from ..parameters._settings import Settings
-from ..records._channel_map import beyond, combine
 from ..records._clocks import Clocks
-from ..records._new_record import new_record
+from ..records._new_record import beyond, combine, new_record
 from ..records._run_model import predict
 from ..records._sequence_terms import SequenceTerms
-from ._baseline import Baseline
 from ._characteristics import Characteristic, characteristics, fitted_loops
 from ._detail import Composition, Detail, Parametric
-from ._extrapolation import Extrapolation
-from ._known_rows import check_unit as check_unit
-from ._known_rows import told
+from ._goodness_of_fit import Baseline, Metrics
 from ._likelihood import Criteria, criteria_of
-from ._metrics import Metrics
 from ._motion_detail import Motion
 from ._parameters import Parameter as Parameter
 from ._parameters import Status as Status
 from ._parameters import correlated, named
-from ._trained_condition import TrainedCondition, trained_condition
+from ._trained_condition import Extrapolation, TrainedCondition, told, trained_condition
+from ._trained_condition import check_unit as check_unit
 
 SEAM = 0.01
 """Of the trained range of the input or of a channel: so little beyond it is not extrapolation."""

@@ -10,7 +10,7 @@ from hysteresis.records._cycles import counted_cycles
 
 from ..records._conditions import condition_parts, inner_folds, name_of_condition, trained_values
 from ..records._folds import BLOCKS_OF_FOLD, KIND, Fold, Parts, parts
-from ..records._speeds import VARIED
+from ..records._latest import VARIED
 from ._detail import Composition
 from ._fit_result import FitResult
 

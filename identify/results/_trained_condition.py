@@ -1,16 +1,81 @@
 """The condition that a fitted model depends on: its trained values, and the error between them."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from hysteresis import AbstractModel, Conditioned, Record
+from hysteresis import AbstractModel, Conditioned, InputError, Record
 from hysteresis._format import quantity
 from hysteresis.models._conditioned import condition_column, condition_of
+from hysteresis.models._extrapolation import extended
 
 from ..records._conditions import between, inner_folds, outside, trained_values
 from ..records._folds import BLOCKS_OF_FOLD
+from ..records._from_known import RELATIVE, FromKnown, Misfit, from_known
+
+# What a fit predicts behind known rows.
+
+
+def misfit_of(fit: Any) -> Misfit:
+    """What the model of a fit errs by on its training rows, and how long an error lasts."""
+    error, relative = fit.metrics["train"], fit.train.sigma_name == RELATIVE
+    rms = 0.0 if error is None else error.rmse
+    rms = rms / fit.train.typical_sigma if relative else rms
+    return Misfit(rms, relative, fit.noise.correlation_time / 2)
+
+
+def told(fit: Any, record: Record) -> FromKnown:
+    """Outputs on a record as the model sees it, and their deviation for want of knowing the first state.
+
+    Raises `InputError` `wrong-unit` where the output has another unit than the fit's.
+    """
+    check_unit(record.output_name, record.output_unit, fit.train.output_unit)
+    if fit.sequences is not None:
+        return FromKnown(*fit.sequences.predicted(record))
+    low, high = float(np.nanmin(record.input)), float(np.nanmax(record.input))
+    return from_known(extended(fit.model, low, high), record, misfit_of(fit))
+
+
+def check_unit(name: str, unit: str, fitted: str) -> None:
+    """Raise `InputError` where a column is in another unit than it was fitted in, and both are known."""
+    if unit != fitted and "1" not in (unit, fitted):
+        raise InputError(
+            "wrong-unit",
+            f"{name} is in {unit}; the model was fitted to {fitted}.",
+            cause="another quantity, or the same in another unit.",
+            fix=f"give the column in {fitted}, and say so in its header.",
+        )
+
+
+# How many of the held-out rows lie beyond what a fit has seen, and how large its error is there.
+
+
+class RowsBeyond(NamedTuple):
+    """Some held-out rows: how many, and the rms error over them; None where there are none."""
+
+    rows: int
+    rmse: float | None
+
+
+class Extrapolation(NamedTuple):
+    """Held-out rows beyond the range of the fitted ones, by what is beyond, and those inside all ranges.
+
+    - `input`: the input, a channel of it or a condition lies outside the trained ones, see
+      `FitResult.beyond`. `rate`: it moves faster than ever.
+    - `time`: it has been held for longer than ever, where that means within 2 % of its range.
+    - `inside`: none of these.
+    """
+
+    input: RowsBeyond
+    rate: RowsBeyond
+    time: RowsBeyond
+    inside: RowsBeyond
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        return {name: part._asdict() for name, part in self._asdict().items()}
 
 
 class TrainedCondition(NamedTuple):

@@ -1,6 +1,10 @@
 """JSON documents, written whole and read with an error that says what is wrong."""
 
 import json
+import platform
+from collections.abc import Iterable
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +13,25 @@ from hysteresis._atomic_file import atomic_file
 from hysteresis._escape import json_text
 from hysteresis._format import plain
 from hysteresis._limits import parse_json
+
+# Which versions of which software made a result.
+
+
+FIT = ("hysid", "jax", "equinox", "optimistix", "emcee", "numpy")
+"""Packages that a fit depends on."""
+
+
+def versions(packages: Iterable[str] = FIT) -> dict[str, str]:
+    """The versions of Python and of `packages`; "not installed" for one that is missing."""
+    return {"python": platform.python_version()} | {name: _version(name) for name in packages}
+
+
+@cache
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "not installed"
 
 
 def write_json(file: Path, document: dict[str, Any]) -> None:

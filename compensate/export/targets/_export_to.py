@@ -1,20 +1,162 @@
 """`export_to`: a compensator for one of the targets."""
 
+import inspect
+import platform
+import uuid
 from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 from numpy.typing import ArrayLike
 
-from hysteresis import AbstractModel, InputError
+from hysteresis import AbstractModel, InputError, laws
 
+from ...runtime import _file
+from .._document import nodes_of
 from .._export import Exported, Program
-from ._arduino import arduino
-from ._fmu import fmu2, fmu3
-from ._mujoco import mujoco
+from ._artefact import Artefact, name_in_c
+from ._fixed_point import add_fixed_point
 from ._onnx import onnx
-from ._ros2 import ros2
-from ._sklearn import sklearn
+
+# A ROS 2 package: filter plugins for numbers and for wrenches.
+
+
+def ros2(program: Program, out: Path, real: str) -> Exported:
+    """Write a package that colcon builds."""
+    made = Artefact(program, name_in_c(out, lower=True), real)
+    made.add_header(f"src/{made.stem}.h")
+    made.add_template("ros2/filter.cpp", "src/filter.cpp")
+    for name in ("plugins.xml", "package.xml", "CMakeLists.txt", "README.md"):
+        made.add_template(f"ros2/{name}", name)
+    made.add_template("ros2/filters.yaml", "config/filters.yaml")
+    made.add_template("ros2/ci.yml", ".github/workflows/build.yml")
+    made.add_runtime()
+    return Exported(made.write_folder(out), (*program.notes, *made.notes))
+
+
+# An Arduino and PlatformIO library: the header, its tables in flash, and an example.
+
+
+def arduino(program: Program, out: Path, real: str) -> Exported:
+    """Write library.properties, library.json, src/NAME.h and an example sketch."""
+    made = Artefact(program, name_in_c(out), real)
+    if real == "fixed":
+        add_fixed_point(made, f"src/{made.stem}.h")
+    else:
+        made.add_header(f"src/{made.stem}.h")
+    made.add_template("arduino/library.properties", "library.properties")
+    made.add_template("arduino/library.json", "library.json")
+    example = "arduino/example_fixed.ino" if real == "fixed" else "arduino/example.ino"
+    made.add_template(example, "examples/Compensate/Compensate.ino")
+    made.add_template("arduino/README.md", "README.md")
+    made.add_runtime()
+    return Exported(made.write_folder(out), (*program.notes, *made.notes))
+
+
+# An engine plugin for MuJoCo: a sensor and an actuator, compiled where MuJoCo's package is installed.
+
+
+def mujoco(program: Program, out: Path, real: str) -> Exported:
+    """Write the plugin's source, how it is built, an example, and the library for this machine."""
+    made = Artefact(program, name_in_c(out), real)
+    made.words["predicts"] = program.predicts
+    made.add_header(f"{made.stem}.h")
+    made.add_template("mujoco/plugin.c", f"{made.stem}_plugin.c")
+    sources = dict(made.files)
+    for name in ("CMakeLists.txt", "example.xml", "README.md"):
+        made.add_template(f"mujoco/{name}", name)
+    made.add_runtime()
+    package = find_spec("mujoco")
+    folder = Path(package.origin).parent if package and package.origin else None
+    libraries = sorted(folder.glob("libmujoco.so*")) if folder else []
+    if folder and libraries:
+        options = (f"-I{folder / 'include'}", str(libraries[-1]))
+        binary = made.compiled(sources, f"{made.stem}_plugin.c", *options)
+        if binary:
+            made.files[f"lib{made.stem}.so"] = binary
+    else:
+        made.notes.append(
+            "MuJoCo's Python package for Linux is not installed, so only sources were written; README.md"
+            " says how they are built."
+        )
+    return Exported(made.write_folder(out), (*program.notes, *made.notes))
+
+
+# A Python package with an estimator for scikit-learn, and the runtime in plain Python that it runs.
+
+
+RUNTIME = Path(_file.__file__).parent
+MODULES = ("_compensator.py", "_file.py", "_status.py")
+LAWS = Path(laws.__file__).parent
+
+
+def sklearn(program: Program, out: Path, real: str) -> Exported:
+    """Write a package that imports scikit-learn and NumPy, and nothing of hysid."""
+    made = Artefact(program, name_in_c(out), real)
+    made.words["step"] = made.usual_step
+    made.add_template("sklearn/__init__.py.txt", "__init__.py")
+    made.add_template("sklearn/README.md", "README.md")
+    begin = '"""As much of compensate.runtime as a compensator needs."""\n'
+    kinds = {node["kind"] for node in nodes_of(made.document["tree"])}
+    for kind in kinds.intersection(laws.announced()):
+        made.files[f"runtime/laws/{kind}.py"] = inspect.getsource(laws.module_of(kind))
+        begin += f"from .laws import {kind}, announce\n\nannounce({kind})\n"
+    made.files["runtime/__init__.py"] = begin
+    for file in (*map(RUNTIME.joinpath, MODULES), *sorted(LAWS.glob("*.py"))):
+        name = file.name if file.parent == RUNTIME else f"laws/{file.name}"
+        text = file.read_text("utf-8").replace("from hysteresis.laws", "from .laws")
+        made.files[f"runtime/{name}"] = text
+    made.add_runtime()
+    return Exported(made.write_folder(out), (*program.notes, *made.notes))
+
+
+# A functional mock-up unit of FMI 2.0 or 3.0 for co-simulation: its sources, and a binary.
+
+
+BINARIES = {
+    2: {"x86_64": "linux64"},
+    3: {"x86_64": "x86_64-linux", "aarch64": "aarch64-linux"},
+}
+"""Folders of binaries, by version of FMI and machine."""
+
+
+def fmu2(program: Program, out: Path, real: str) -> Exported:
+    """Write an FMU of FMI 2.0."""
+    return _fmu(program, out, real, 2)
+
+
+def fmu3(program: Program, out: Path, real: str) -> Exported:
+    """Write an FMU of FMI 3.0."""
+    return _fmu(program, out, real, 3)
+
+
+def _fmu(program: Program, out: Path, real: str, version: int) -> Exported:
+    made = Artefact(program, name_in_c(out), real)
+    token = str(
+        uuid.uuid5(uuid.NAMESPACE_OID, f"{made.stem} {version} {made.document['checksum']}")
+    )
+    made.words |= {
+        "token": f"{{{token}}}",
+        "version": version,
+        "step": made.usual_step / made.per_second,
+    }
+    made.add_template("fmu/modelDescription.xml", "modelDescription.xml")
+    made.add_header(f"sources/{made.stem}.h")
+    made.add_template("fmu/fmu.c", f"sources/{made.stem}_fmu.c")
+    if version == 3:
+        made.add_template("fmu/buildDescription.xml", "sources/buildDescription.xml")
+    made.add_runtime("resources/hysid-export.json")
+    made.add_template("fmu/index.html", "documentation/index.html")
+    folder = BINARIES[version].get(platform.machine())
+    binary = folder and made.compiled(
+        {path: text for path, text in made.files.items() if path.startswith("sources/")},
+        f"sources/{made.stem}_fmu.c",
+    )
+    if binary:
+        made.files[f"binaries/{folder}/{made.stem}.so"] = binary
+    return Exported(made.write_archive(out), (*program.notes, *made.notes))
+
 
 TARGETS: dict[str, tuple[Callable[[Program, Path, str], Exported], tuple[str, ...]]] = {
     "c": (lambda program, out, real: program.write_c(out, real), ("double", "float")),

@@ -231,7 +231,7 @@ def test_of_a_long_record_some_rows_are_sent_through_the_compensator(
     preisach: Path, monkeypatch: pytest.MonkeyPatch
 ):
     """Those that count, after half as many that come before."""
-    monkeypatch.setattr("hysid.reporting._residual_rows.TRIP", 40)
+    monkeypatch.setattr("hysid.reporting._case.TRIP", 40)
     loaded = load(preisach)
     test = loaded.test
     assert test is not None

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import identify
-from hysid.studio._controls import on_page, worded
+from hysid.studio._requests import on_page, worded
 from hysteresis import Burgers, InputError, Record
 from hysteresis.rigs import SpongeRig
 from tests.test_hysid.test_studio.served import studio_of

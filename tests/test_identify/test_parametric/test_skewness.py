@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from identify.parametric._interval_skewness import Skewness, points_about, skewness
+from identify.parametric._standard_errors import Skewness, points_about, skewness
 
 SIZE, NINETY = 0.1, 1.6448536
 AXIS = np.linspace(-1.0, 0.6, 200_001)

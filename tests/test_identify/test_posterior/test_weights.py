@@ -10,8 +10,7 @@ from hysteresis import Preisach, Record, read_csv
 from hysteresis.preisach import GridDensity
 from hysteresis.rigs import SpongeRig
 from identify import FitResult, fit, predictive, sample
-from identify.posterior._neighbour_sums import neighbour_sums
-from identify.posterior._weights_evidence import WeightsEvidence, basis_of
+from identify.posterior._weights_evidence import WeightsEvidence, basis_of, neighbour_sums
 
 SEQUENCES = [slice(0, 30), slice(30, 31), slice(31, 80)]
 
