@@ -87,7 +87,9 @@ class FindsConfig(TyperCommand):
         if chosen is None and {"input", "output", "step"} & {*given}:
             return None
         start_jax()
-        from ..intake._own_config import check_there, compared, config_of  # after JAX is set up
+        from hysteresis._escape import shell_word  # after JAX is set up
+
+        from ..intake._own_config import check_there, compared, config_of, written_for
 
         if chosen is not None:
             if file.exists() and (note := compared(Path(chosen), file, chosen=True)):
@@ -95,6 +97,13 @@ class FindsConfig(TyperCommand):
             return None
         check_there(file)
         config = config_of(file)
+        if file.suffix == ".toml" and (name := str(written_for(file).get("name", ""))):
+            raise _error(
+                "bad-option",
+                "This file holds options, no readings.",
+                place=str(file),
+                fix=f"hysid {self.name} {shell_word(name)} --config {shell_word(str(file))}.",
+            )
         if config == file or not config.is_file():
             return self._begun(ctx, file, given)
         log(f"Options of {config}.")

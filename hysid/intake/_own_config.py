@@ -34,7 +34,7 @@ def config_of(file: Path) -> Path:
     usual, own = file.with_suffix(".toml"), file.with_name(f"{file.name}.toml")
     if own.exists():
         return own
-    name = str(_written_for(usual).get("name", file.name))
+    name = str(written_for(usual).get("name", file.name))
     shared = name != file.name and Path(name).stem == file.stem and name in os.listdir(file.parent)
     return own if shared else usual
 
@@ -65,7 +65,7 @@ def compared(config: Path, file: Path, *, chosen: bool) -> Note | None:
 
     Raises `InputError` `other-settings` where it was found by its name alone and the first lines differ.
     """
-    then, now = _written_for(config), facts_of(file)
+    then, now = written_for(config), facts_of(file)
     lines = [str(facts.get("first_line", "")) for facts in (then, now)]
     if all(lines) and lines[0] != lines[1]:
         said = (
@@ -91,7 +91,7 @@ def compared(config: Path, file: Path, *, chosen: bool) -> Note | None:
     return Note("other-settings", f"{said} Its options are used as they are.")
 
 
-def _written_for(config: Path) -> Mapping[str, Any]:
+def written_for(config: Path) -> Mapping[str, Any]:
     """The table [file] of a configuration; empty where there is none, or none that can be read."""
     try:
         found = parse_toml(config.read_text("utf-8")).get("file", {})

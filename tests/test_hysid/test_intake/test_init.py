@@ -57,6 +57,7 @@ def test_fit_takes_what_init_wrote():
     looked = run("check", "run.csv", "--config", "run.toml")
     assert looked.code == 0
     assert "5 complete cycles" in looked.out
+    refused(run("fit", "run.toml"), "holds options", "hysid fit run.csv --config run.toml")
 
 
 def test_a_configuration_that_is_there_is_kept():
