@@ -57,7 +57,8 @@ def _tests(asked: Asked) -> list[PeriodicTest]:
     selection = Selection(**asked.selection, output=asked.output[0])
     table = selection.read(asked.file)
     record = selection.records(table)[0][""][0]
-    unit, seconds = record.time_unit, conversion(record.time_unit, "s")
+    unit = record.time_unit if record.time_unit != "1" else "s"
+    seconds = conversion(unit, "s")
     if seconds is None and record.time is not None:
         raise InputError(
             "wrong-unit",

@@ -182,7 +182,7 @@ def option_value(file: Path, one: Field[Any], value: Any) -> Any:
     repeats, joined = said.get("repeated"), said.get("joined") or one.name == "model"
     of = [str] if repeats or joined else get_args(one.type) or (one.type,)
     kind = next(k for k in of if k is not NoneType)
-    kinds = (int, float) if kind is float else (kind,)
+    kinds = (int, float) if kind is float else (str, int, float) if joined else (kind,)
     listed = value if isinstance(value, list) else [value]
     choices, least = said.get("choices"), said.get("least")
     fits = " or ".join(choices or [WORDS[kind]])
@@ -194,7 +194,7 @@ def option_value(file: Path, one: Field[Any], value: Any) -> Any:
         or (least is not None and value < least)
     ):
         raise InputError("bad-config", f"{one.name} = {value!r} is not {fits}.", place=str(file))
-    return listed if repeats else ",".join(listed) if joined else value
+    return listed if repeats else ",".join(map(str, listed)) if joined else value
 
 
 def read_toml(file: Path) -> dict[str, Any]:

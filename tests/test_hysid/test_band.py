@@ -1,6 +1,5 @@
 """The band of a fit is learnt once, kept with it, and told alike by all that use it."""
 
-import csv
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -52,15 +51,6 @@ def test_every_consumer_tells_the_same_coverage(
     assert run("export", folder, "--runtime", tmp_path / "it.json").code == 0
     assert load_runtime(tmp_path / "it.json").coverage == known
     assert f"deviations hold {100 * known:#.3g} %" in write_report(folder).read_text("utf-8")
-    out = ("--out", tmp_path / "estimated.csv", "--json")
-    estimated = run("microchannel", "estimate", folder, file, *out).json()
-    assert any(f"{100 * known:.3g} %" in note for note in estimated["notes"])
-    with open(found["file"]) as one, (tmp_path / "estimated.csv").open() as other:
-        pairs = [
-            (float(a["standard deviation"]), float(b["force_sd"]))
-            for a, b in zip(csv.DictReader(one), csv.DictReader(other), strict=True)
-        ]
-    np.testing.assert_allclose(*np.transpose(pairs), rtol=1e-9)
 
 
 def test_a_model_that_a_line_beats_backwards_is_exported_with_a_verdict_that_says_so(

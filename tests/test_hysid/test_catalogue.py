@@ -14,7 +14,6 @@ from typing import Any
 import pytest
 
 from hysid.catalogue._synthetic import SYNTHETIC
-from hysid.intake._own_config import read_config
 from tests.test_hysid.command import Result, refused, run
 
 SHIPPED = Path(__file__).parents[2] / "datasets" / "catalogue.toml"
@@ -111,20 +110,17 @@ def test_the_catalogue_holds_no_measurements():
 @pytest.mark.parametrize("dataset", CATALOGUE, ids=lambda dataset: dataset["name"])
 def test_configurations_are_what_fit_takes(dataset, tmp_path: Path):
     """Known keys and kinds, and columns that the CSV will have."""
-    from hysid.catalogue._catalogue import config_text
-
-    file = tmp_path / "fit.toml"
-    file.write_text(config_text(dataset, {"a": "b"}), encoding="utf-8")
-    tables = read_config(file)
-    found = tables["selection"] | tables["fit"]
-    inputs = found.get("input", [])
-    assert found == {
-        **dataset.selection, **dataset.fit, **({"input": inputs} if inputs else {})
-    }  # fmt: skip
-    assert inputs == ([dataset.selection["input"]] if inputs else [])
-    there = {column.name for column in dataset.layout.columns} | {dataset.layout.blocks}
-    there |= {"file"} if len(dataset.files) > 1 else set()
-    said = [*inputs, *(found[key] for key in ("output", "time", "each") if key in found)]
+    found, layout = dataset["selection"], dataset["read"]
+    names = [column["name"] for column in layout["columns"]] + [layout.get("blocks", "")]
+    names += ["file"] if len(dataset["file"]) > 1 else []
+    there = {*names} - {""}
+    config, file = tmp_path / "fit.toml", tmp_path / "run.csv"
+    lines = [f"[{part}]\n{tables(dataset[part])}" for part in ("selection", "fit")]
+    config.write_text("".join(lines), encoding="utf-8")
+    file.write_text(",".join(f'"{name}"' for name in there) + "\n")
+    # The file has its columns and no rows, which is told after all that may be wrong with options.
+    refused(run("fit", file, "--config", config), "[no-rows]")
+    said = [found[key] for key in ("input", "output", "time", "each") if key in found]
     said += found["group"].split(",") if "group" in found else []
     said += [
         w.split("=")[0].split("%")[0] for k in ("where", "test_where") for w in found.get(k, ())

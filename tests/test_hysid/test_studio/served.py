@@ -12,11 +12,13 @@ from urllib.parse import urlsplit
 from hysid.studio._server import Prepared, prepared
 from hysteresis import model_names
 
+MODELS = (*model_names(), "Composition", "EverettSurface", "Butterfly", "Oscillator")
+
 
 @contextmanager
 def serving(files: Sequence[Path], said: Callable[[str], None] | None = None) -> Iterator[Prepared]:
     """The studio of these files, until the block ends."""
-    ready = prepared(files, 0, model_names(), said)
+    ready = prepared(files, 0, MODELS, said)
     thread = threading.Thread(target=ready.run)
     thread.start()
     try:
@@ -30,7 +32,7 @@ def serving(files: Sequence[Path], said: Callable[[str], None] | None = None) ->
 @contextmanager
 def studio_of(*files: Path) -> Iterator[Any]:
     """The studio of these files, which answers nobody."""
-    ready = prepared(files, 0, model_names())
+    ready = prepared(files, 0, MODELS)
     try:
         yield ready.studio
     finally:
