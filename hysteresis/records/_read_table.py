@@ -151,7 +151,8 @@ def _by_its_head(asked: _Asked, data: bytes | Streamed, size: int) -> Table | No
         if sheet.layout is None or data[:cut].count(b'"') % 2:  # a cell may go on below
             return None
         last = data[max(cut, len(data) - TAIL) :].decode("latin-1").splitlines()[1:]
-        if feet_of([one.split(sheet.layout.separator or None) for one in last], len(sheet.columns)):
+        cells = [one.split(sheet.layout.separator or None) for one in last if one.strip()]
+        if feet_of(cells, len(sheet.columns)):
             return None
         begun = _table(asked, data, size, sheet)
         lines = len(re.findall(rb"\r\n|\r|\n", data[:cut]))

@@ -73,7 +73,7 @@ def feet_of(rows: Sequence[Sequence[str]], width: int) -> int:
     as a mean or a maximum, in a column that holds numbers in all rows above.
     """
     first, labelled = len(rows), False
-    while first:
+    while first and len(rows) - first <= MOST_FEET:
         cells = trimmed(rows[first - 1])
         numbers = sum(map(is_number, cells))
         label = cells[0] if numbers and not is_number(cells[0]) else ""
@@ -83,11 +83,9 @@ def feet_of(rows: Sequence[Sequence[str]], width: int) -> int:
             break
         first, labelled = first - 1, labelled or numbers > 0
     count = len(rows) - first
-    if count > min(MOST_FEET, first) or (
-        labelled and not all(is_number(row[0]) for row in rows[:first])
-    ):
-        return 0
-    return count
+    # Words in the first column above are labels of rows, not of figures.
+    words = labelled and not all(is_number(cell) for row in rows[:first] for cell in row[:1])
+    return 0 if words or count > min(MOST_FEET, first) else count
 
 
 def feet_left_out(lines: Sequence[int]) -> Note:

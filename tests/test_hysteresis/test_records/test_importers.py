@@ -150,6 +150,8 @@ def test_a_mean_below_the_table_is_no_reading(table, above, count):
     assert len(phases.line) == N
     missing = table(above + "Time (s),Force (N)\n" + rows(T, F) + "nan,0.5\n")
     assert len(missing.line) == N + 1
+    lines = text.replace(",", "  ").splitlines()
+    assert len(table("\n".join([*lines[:-2], "", *lines[-2:], "Mean  0.5"])).line) == count
 
 
 def test_a_line_that_is_no_row_does_not_end_the_table(table):
