@@ -291,14 +291,18 @@ def _step(seen: Seen, columns: list[Column], still: list[Column]) -> Choice:
     if time is not None and not given and aside:
         raise NothingDrivenError("no column beside the clock drives or answers another")
     numbers = [name for name, x in table.columns.items() if x.dtype.kind == "f"]
+    if time is None and found and given.get("step"):
+        said = "No column is a clock, over which the output of a constant input changes."
+        fix = "Name the column of times (--time COL)."
+        raise InputError("cannot-decide", said, place=table.path, fix=fix)
     if time is None or not found:
-        what = f"{len(found) or 'None'} of them can be an input or an output"
+        what = f"{len(found) or 'None'} of them can be an input or an output; a loop needs two that change."
         if len(found) > 1:
-            what = f"{' and '.join(repr(c.name) for c in found[:4])} hold one quantity"
+            alike = " and ".join(repr(c.name) for c in found[:4])
+            what = f"{alike} hold one quantity; a loop needs two that change."
         raise InputError(
             "cannot-decide",
-            f"Columns of numbers: {', '.join(map(repr, numbers)) or 'none'}."
-            f" {what}; a loop needs two that change.",
+            f"Columns of numbers: {', '.join(map(repr, numbers)) or 'none'}. {what}",
             place=table.path,
             cause="A single column, words instead of numbers, or a separator other than , ; tab |.",
             fix="Export input and output side by side; for creep give --step VALUE.",
@@ -307,8 +311,8 @@ def _step(seen: Seen, columns: list[Column], still: list[Column]) -> Choice:
     why = {"output": "the only column that changes over time"}
     value, unit, sure = given.get("step"), given.get("input_unit"), "sure"
     kept = next((c for c in still if c.kind.name in HELD), None)
-    once = [c for c in every.values() if c.kind.name in HELD and c is not kept and _steps_once(c.x)]
-    once = [c for c in once if c.name != output.name]
+    others = (c for c in every.values() if c.kind.name in HELD and c.name != output.name)
+    once = [c for c in others if _steps_once(c.x)]
     if value is None and kept is None and len(once) == 1:
         why = {
             "input": f"it steps to {once[0].x[-1]:g} and stays there",
