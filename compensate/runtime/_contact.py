@@ -15,7 +15,7 @@ class ContactStatus(IntEnum):
 
     OK = 0
     NO_CONTACT = 1
-    """No force to speak of, less than a tenth of the threshold: there is no line of action."""
+    """No force to speak of, less than a tenth of the threshold: no line of action is known."""
     BELOW_THRESHOLD = 2
     """No surface is pushed with the threshold's force."""
     PULLING = 3

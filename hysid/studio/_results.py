@@ -30,14 +30,12 @@ from ._views import ALL, GAP, clock_of, peaks
 #
 # The figures are those of `FitResult.characteristics`, which every model has: a composition's own numbers
 # mean little one by one. The model's output is taken apart into the middle line of its loops over the
-# input,
-# m(u), and the distance from it. Of a record y = m(u) + d
+# input, m(u), and the distance from it. Of a record y = m(u) + d
 #
 # y' = m(0) + s (m(u) - m(0)) + w d,
 #
 # with s the factor of the stiffness (its inverse where the output is the deformation) and w that of the
-# loop
-# width. A relaxation time that is r times as long is a clock that runs r times as slowly.
+# loop width. A relaxation time that is r times as long is a clock that runs r times as slowly.
 
 
 LEVELS = 60

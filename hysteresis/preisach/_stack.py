@@ -154,7 +154,7 @@ class Hung(NamedTuple):
     - `tree`: of the path, but `anchor` is that of the samples of `u` alone.
     - `at_node` (anchors,): inputs at the nodes.
     - `past`, `past_anchor`: inputs of all the pasts, and their anchors.
-    - `place` (anchors,): where a node stands in (pasts, samples of u), one after the other.
+    - `place` (anchors,): the position of a node in (pasts, samples of u), joined.
     """
 
     tree: MemoryTree

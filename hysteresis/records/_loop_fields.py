@@ -82,8 +82,9 @@ def field_figures(
     """Name, value with error, unit and reason of each figure of loops over a field."""
     unit_u, unit_y = record.input_unit, record.output_unit
     slope_unit = over(unit_y, unit_u)
-    crossings, _ = map(_by_branch, _at_zero(loops, over_input=False))
-    at_zero, tangents = map(_by_branch, _at_zero(loops, over_input=True))
+    rows = _single(loops)
+    crossings, _ = map(_by_branch, _at_zero(loops, rows, over_input=False))
+    at_zero, tangents = map(_by_branch, _at_zero(loops, rows, over_input=True))
     why = np.where(np.isfinite(crossings[0][0] + crossings[1][0]), "", NOT_CROSSED)
     for way, pair in zip(("rising", "falling"), crossings, strict=True):
         own = np.where(np.isfinite(pair[0]), "", NOT_CROSSED)
@@ -158,13 +159,12 @@ def _single(loops: Loops) -> _Single:
     return _Single(u, y, su, sy, branch, np.cumsum(lengths) - lengths)
 
 
-def _at_zero(loops: Loops, over_input: bool) -> tuple[Pair, Pair]:
+def _at_zero(loops: Loops, rows: _Single, over_input: bool) -> tuple[Pair, Pair]:
     """The output where the input crosses zero, or the input where the output does, and its slope over that:
     (k, 2) each, with errors.
 
     On the rising and the falling branch, NaN where a branch does not cross zero.
     """
-    rows = _single(loops)
     own, level, sigma_x, sigma_y = rows[:4] if over_input else (rows.y, rows.u, rows.sy, rows.su)
     begins, stop = rows.begins, np.append(rows.begins[1:], len(own))
     number = np.arange(len(own))

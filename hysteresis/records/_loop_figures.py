@@ -140,7 +140,7 @@ class Loops:
         if self.t is not None:
             self.t = self.t[whole].mean(1)
         self.su, self.sy = self.su / np.sqrt(rows), self.sy / np.sqrt(rows)
-        self.before = np.full(self.size, (rows - 1) / 2) / rows
+        self.before = np.full(self.size, (rows - 1) / (2 * rows))
         self.after = self.before + rest[sequence] / rows
         first, turn, last = (
             new[sequence] + np.minimum((at - bounds[sequence]) // rows, counts[sequence] - 1)

@@ -16,8 +16,7 @@ from ._arithmetic import Rows
 #
 # Residuals r = M e of a linear fit are smaller than the noise e, and less correlated, because the fit
 # follows the slow part of e: under AR(1) noise of 0.7 the residuals of a Preisach grid have a correlation
-# of
-# 0.53, and intervals made of them held 64 to 74 per cent of the truths at nominal 90. M is known. So the
+# of 0.53, and intervals made of them held 64 to 74 per cent of the truths at nominal 90. M is known. So the
 # noise is the one whose simulated residuals M e have the size and the correlation that were found.
 
 

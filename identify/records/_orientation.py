@@ -14,10 +14,9 @@ from ._folds import thinned as thinned_rows
 #
 # |u - line through the kept rows beside it| <= tolerance, at every row
 #
-# So every reversal that is wider than twice the tolerance stays, and a model passes the same history at
-# the
-# same times. A rig at 10 kHz writes a thousand times as many rows as a fit can learn from.
-# The rows that are furthest off the lines are added until none is off: O(n) a round, about ten rounds.
+# So every reversal that is wider than twice the tolerance stays, and a model passes the same history at the
+# same times. A rig at 10 kHz writes a thousand times as many rows as a fit can learn from. The rows that
+# are furthest off the lines are added until none is off: O(n) a round, about ten rounds.
 
 
 MOST = 1_000_000
