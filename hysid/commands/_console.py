@@ -72,14 +72,20 @@ def _print(text: str) -> None:
 
 
 class Left:
-    """What is left of a run whose parts to come take as long as those done; it begins when it is made."""
+    """What is left of a run whose parts to come take as long as those done; it begins when it is made, and
+    anew behind the line after which the parts are counted anew, as for each value of a column."""
 
     def __init__(self) -> None:
-        self.begin: float = time.monotonic()
+        self.begin = self._last = time.monotonic()
+        self._done = 0
 
     def __call__(self, done: int, total: int) -> str:
         """As words behind a line; "" in the first `SOON` seconds, and at the end."""
-        spent = time.monotonic() - self.begin
+        now = time.monotonic()
+        if total:
+            self.begin = self._last if done < self._done else self.begin
+            self._done, self._last = done, now
+        spent = now - self.begin
         if spent < SOON or not 0 < done < total:
             return ""
         seconds = spent * (total - done) / done

@@ -113,4 +113,6 @@ def test_what_is_left_takes_as_long_as_what_was_done(spent, words):
     left = Left()
     left.begin = time.monotonic() - spent
     assert left(1, 4) == words
-    assert left(0, 4) == left(4, 4) == left(0, 0) == ""
+    assert left(4, 4) == left(0, 4) == left(0, 0) == ""
+    # Of the next value of --each the parts are counted anew: what the first one took tells nothing.
+    assert left(1, 4) == ""
