@@ -5,8 +5,9 @@
 3. Groups of channels in that order, by Gauss-Newton in three stages: reactions, how they enter, what drives
    them. A group stays where the tests that are held out gain from it; then all tests, at last the held-out
    ones.
+4. The same groups from tests of all levels but the middle one, which those then predict.
 
-Cost: a pass of every test for each of some forty steps.
+Cost: a pass of every test for each of some forty steps, and of the fourth stage as many.
 """
 
 import time
@@ -52,6 +53,8 @@ class FeedbackFit(NamedTuple):
     - `levels`: root mean square of the inputs at each level. `errors`, `linear_errors`: of each level, on
       the test that was held out of the fit then, but has chosen modes and groups: rms of the error of the
       mean period over that of the output, mean over outputs; NaN of a level with one test.
+    - `unseen`: the same error on all tests of the middle level of the same groups, fitted to the other
+      levels' tests alone; NaN where no time was left, or there are fewer than two other levels.
     - `held_out`: which tests those were. `left_out`: tests whose periods differ three times as much as
       those of others.
     - `screening`: candidate laws and drives. `groups`: those of the model's channels, in order.
@@ -63,6 +66,7 @@ class FeedbackFit(NamedTuple):
     levels: tuple[float, ...]
     errors: tuple[float, ...]
     linear_errors: tuple[float, ...]
+    unseen: float
     held_out: tuple[int, ...]
     left_out: tuple[int, ...]
     screening: tuple[Screened, ...]
@@ -155,6 +159,7 @@ def fit_feedback(
     if names:
         model = search.polished(model)
     errors, before = search.errors(model), search.errors(linear)
+    unseen = _unseen(data, out, names, search)
     found = gauss_newton(
         model, data.finer(search.fine), Unknowns(), steps=3 if names else 0, damping=5e-3, thin=4,
         until=search.late,
@@ -164,7 +169,7 @@ def fit_feedback(
         scales.model(found.model), scales.model(linear),
         tuple(float(np.sqrt(squares[data.level == k].mean())) for k in levels),
         tuple(errors.get(k, np.nan) for k in levels), tuple(before.get(k, np.nan) for k in levels),
-        tuple(kept[out].tolist()),
+        unseen, tuple(kept[out].tolist()),
         tuple(np.flatnonzero(~steady).tolist()), shares, tuple(names),
         max(s.left for s in found.states), time.process_time() - begin,
     )  # fmt: skip
@@ -188,6 +193,26 @@ def _held_out(level: np.ndarray) -> np.ndarray:
     return out
 
 
+def _unseen(data: Spectra, out: np.ndarray, names: list[str], search: "_Search") -> float:
+    """The error at the middle level of a fit of these groups to the others."""
+    levels = np.unique(data.level)
+    own = data.level == levels[len(levels) // 2]
+    # It takes as long as the fit took.
+    if len(levels) < 3 or not (out & ~own).any() or search.spent() > search.seconds / 2:
+        return float("nan")
+    others = _Search(
+        data.part(~own & ~out), data.part(~own & out), search.begin, search.seconds, lambda _: None
+    )
+    model = others.modes()
+    for name in names:
+        model = others.with_group(model, name)
+    model = others.polished(model) if names else model
+    middle = data.part(own)
+    error = float(np.mean([*middle.errors(simulated(model, middle).output).values()]))
+    search.say(f"{search.spent():5.0f} s  a level left out: error {100 * error:.2f} %")
+    return float("nan") if others.late() else error
+
+
 class _Search:
     """The stages of a fit, on tests it sees and tests that are held out."""
 
@@ -203,8 +228,11 @@ class _Search:
             first[np.flatnonzero(train.level == k)[:2]] = True
         self.few = train.part(first)
 
+    def spent(self) -> float:
+        return time.process_time() - self.begin
+
     def late(self) -> bool:
-        return time.process_time() - self.begin > self.seconds
+        return self.spent() > self.seconds
 
     def errors(self, model: Feedback) -> dict[int, float]:
         """On the held-out tests."""
@@ -212,7 +240,7 @@ class _Search:
 
     def told(self, what: str, model: Feedback) -> Feedback:
         each = ", ".join(f"{100 * e:.2f}" for e in self.errors(model).values())
-        self.say(f"{time.process_time() - self.begin:5.0f} s  {what}: held-out error {each} %")
+        self.say(f"{self.spent():5.0f} s  {what}: held-out error {each} %")
         return model
 
     def modes(self) -> Feedback:

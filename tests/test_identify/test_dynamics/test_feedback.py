@@ -80,6 +80,7 @@ def test_modes_of_a_linear_system_are_found():
     fit = fit_feedback(tests, groups=0)
     assert fit.groups == ()
     assert fit.errors == fit.linear_errors
+    assert np.isnan(fit.unseen)  # of a single level
     assert fit.errors[0] < 1e-3
     found = np.sort_complex(fit.model.poles)
     assert len(found) == len(poles)
@@ -94,6 +95,8 @@ def test_a_fit_explains_what_modes_alone_leave():
     assert np.allclose(fit.levels, [0.5, 1.0, 2.0], rtol=1e-6)
     assert max(fit.errors) < 0.12
     assert np.mean(fit.errors) < 0.25 * np.mean(fit.linear_errors)
+    # A level that no test of the fit had: hardly worse than one that others showed.
+    assert fit.errors[1] < fit.unseen < 1.5 * max(fit.errors)
     assert fit.screening[0].share > 0.5
     assert len(fit.groups) == 1
     moved = replace(fit.model, memory=20.0).simulate(np.tile(tests[4].u, (4, 1)), DT)[-PERIOD:]
