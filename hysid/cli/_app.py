@@ -233,7 +233,7 @@ for _name, _about, _commands_of in (
         },
     ),
 ):
-    _group = typer.Typer(help=_about, no_args_is_help=True)
+    _group = typer.Typer(help=_about)
     for _command, _example in _commands_of.items():
         _group.command(epilog=example(_example))(command_of(_command))
     app.add_typer(_group, name=_name)
@@ -281,7 +281,9 @@ def main() -> None:
 
     An error is the last line on stderr: a sentence or, with `--json`, one JSON object.
     """
-    arguments = sys.argv[1:] or ["--help"]
+    arguments = sys.argv[1:]
+    if arguments in ([], *([one.name] for one in app.registered_groups)):
+        arguments = [*arguments, "--help"]
     # Tracing makes millions of small objects: Python would look for cycles among them 900 times in a fit.
     gc.set_threshold(20_000)
     as_json = "--json" in arguments

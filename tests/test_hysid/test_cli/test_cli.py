@@ -201,7 +201,13 @@ def test_where_there_is_no_json_people_can_read_it(folder, tmp_path):
 COMMANDS = [command.callback.__name__ for command in app.registered_commands if command.callback]
 
 
-@pytest.mark.parametrize("arguments", [(), ("--help",), *((name, "--help") for name in COMMANDS)])
+GROUPS = [group.name for group in app.registered_groups]
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [(), ("--help",), *((one,) for one in GROUPS), *((one, "--help") for one in COMMANDS)],
+)
 def test_help(arguments):
     said = run(*arguments)
     assert (said.code, said.err) == (0, "")
