@@ -17,6 +17,21 @@ def quantity(x: float, unit: str, digits: int = 4) -> str:
     return f"{x:.{digits}g}" if unit == "1" else f"{x:.{digits}g} {unit}"
 
 
+def with_error(x: float, error: float) -> str:
+    """A value with its error in two digits, rounded where that ends.
+
+    **Example:**
+
+        >>> with_error(30.7042, 0.181)
+        '30.70 ± 0.18'
+    """
+    digits = 4
+    if x and 0 < error < math.inf:
+        digits = 2 + math.floor(math.log10(abs(x))) - math.floor(math.log10(error))
+    value = f"{x:#.{min(max(digits, 1), 8)}g}".rstrip(".") if x else "0"
+    return f"{value} ± {error:.2g}"
+
+
 def number_of(n: int, what: str) -> str:
     """So many of something: 1 loop, 2 loops."""
     return f"{n} {what}{'s' * (n != 1)}"

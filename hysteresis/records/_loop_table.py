@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .._errors import InputError
-from .._format import plain
+from .._format import plain, with_error
 from .._show import aligned, at_most
 from ._abstract_record import AbstractRecord
 from ._loads import kind_of_units, over, times
@@ -162,7 +162,7 @@ class LoopTable:
         for one, model in zip(self.summary, models, strict=True):
             more = one.scatter, one.first, one.later
             told = ("" if x is None else f"{x:.4g}" for x in (model.value, *more))
-            mean = "-" if one.value is None else f"{one.value:.5g} ± {one.error:.2g}"
+            mean = "-" if one.value is None else with_error(one.value, one.error)
             unit = "" if one.unit == "1" else one.unit
             rows.append((one.name, mean, *told, unit, one.reason))
         return rows if self.model is not None else [(*row[:2], *row[3:]) for row in rows]
@@ -183,7 +183,7 @@ class LoopTable:
         rows = [("  run", "cycle", "lines", *heads)]
         for k in range(min(len(self), SHOWN)):
             told = [
-                "-" if np.isnan(one.value[k]) else f"{one.value[k]:.4g} ± {one.error[k]:.1g}"
+                "-" if np.isnan(one.value[k]) else with_error(one.value[k], one.error[k])
                 for one in main
             ]
             lines = f"{self.first[k]}-{self.last[k]}"

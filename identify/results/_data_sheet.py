@@ -8,7 +8,7 @@ import numpy as np
 
 from hysteresis import InputError, Record
 from hysteresis._drawing import html_of, plot_of
-from hysteresis._format import number_of, plain, quantity
+from hysteresis._format import number_of, plain, quantity, with_error
 from hysteresis._show import aligned
 from hysteresis.records._loads import over
 from hysteresis.records._loop_cut import Pair, step_of
@@ -127,8 +127,8 @@ class DataSheet:
 def _cells(row: SheetRow) -> tuple[str, ...]:
     if row.value is None:
         return row.name, "-", "", row.reason
-    error = "" if row.error is None else f" ± {row.error:.2g}"
-    return row.name, f"{row.value:.4g}{error}", row.unit.replace("percent", "%"), row.basis
+    value = f"{row.value:.4g}" if row.error is None else with_error(row.value, row.error)
+    return row.name, value, row.unit.replace("percent", "%"), row.basis
 
 
 ALIKE = 0.9
