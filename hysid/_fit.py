@@ -1,12 +1,13 @@
-"""`hysid.fit`: `identify.fit` of a record, of two arrays, or of the columns of a data frame."""
+"""`hysid.fit`: `identify.fit` of a record, of two arrays, or of columns of a file or a data frame."""
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import identify
-from hysteresis import InputError, Record
+from hysteresis import InputError, Record, read_csv
 from hysteresis._precision import in_double
 from hysteresis.records._csv import turned
 
@@ -40,10 +41,11 @@ def fit(
     **Arguments:**
 
     - `data`: a `Record`; or the inputs (n,), with the outputs (n,) as second argument; or a pandas or
-      polars data frame or a mapping of columns, with the names of `input`, `output`, `time` and `group`.
+      polars data frame, a mapping of columns, or the path of a file that `read_csv` reads, with the names
+      of `input`, `output`, `time` and `group`.
     - `other`: the model beside a record, or the outputs (n,) beside an array.
-    - `condition`: columns of a data frame, such as a temperature, on which the output depends too.
-    - `turn`: columns of a data frame whose sign is turned.
+    - `condition`: columns, such as a temperature, on which the output depends too.
+    - `turn`: columns whose sign is turned.
     - `time`: the times (n,) of arrays, or the name of a column. Without it the fit is rate-independent.
     - `model`: "auto", names, or a model to start from, as in `identify.fit`.
     - `options`: those of `Record.from_arrays` (`dt`, `nan`, `sigma`, ...) and of `identify.fit`
@@ -59,7 +61,8 @@ def fit(
     fit of the next process does not wait for them. A folder given to JAX is taken instead, and
     `JAX_ENABLE_COMPILATION_CACHE=0` keeps none.
 
-    **Raises:** `InputError` as `Record.from_arrays`, `Record.from_columns` and `identify.fit` do.
+    **Raises:** `InputError` as `Record.from_arrays`, `Record.from_columns`, `read_csv` and `identify.fit`
+    do.
 
     **Example:**
 
@@ -78,7 +81,11 @@ def fit(
         return fitted_to_compensate(data, "auto" if chosen is None else chosen, **options)
     own = {key: options.pop(key) for key in _OF_RECORDS if key in options}
     if output is not None and input is not None:
-        record = Record.from_columns(data, input, output, time, group, condition, **own)
+        if isinstance(data, str | Path):
+            own["condition"] = [condition] if isinstance(condition, str) else condition
+            record = read_csv(data, input, output, time, group=group, **own)
+        else:
+            record = Record.from_columns(data, input, output, time, group, condition, **own)
         record = turned(record, turn) if turn else record
         model = other if model is None else model
     elif other is not None and not isinstance(other, str):
@@ -87,7 +94,7 @@ def fit(
         raise InputError(
             "bad-option",
             f"fit() cannot tell input and output in a {type(data).__name__}.",
-            fix="fit(record), fit(x, y), or fit(frame, input=NAME, output=NAME).",
+            fix="fit(record), fit(x, y), or fit(frame or file, input=NAME, output=NAME).",
         )
     if not record.channels and np.array_equal(record.input, record.output):
         raise InputError(

@@ -4,12 +4,16 @@ import warnings
 from pathlib import Path
 from typing import Any
 
-from hysteresis import Record
+from hysteresis import InputError, Record
+from hysteresis._registry import similar
 
-from .intake._selection import selection_of
+from .intake._selection import fits_option, selection_of
+from .intake._selection_options import FIELDS
 
 
-def records(file: str | Path, **selection: Any) -> dict[str, tuple[Record, Record | None]]:
+def records(
+    file: str | Path, *, output: str, **selection: Any
+) -> dict[str, tuple[Record, Record | None]]:
     """Training and test record of a file, as `hysid fit FILE` makes them with the same options.
 
     A constant input (`step`), a column that is held (`hold`) and a fit of each value of a column (`each`)
@@ -24,7 +28,8 @@ def records(file: str | Path, **selection: Any) -> dict[str, tuple[Record, Recor
     **Returns:** `(train, test)` by the values of `each`, by "" without it; `test` is None where nothing is
     held out. A value whose rows cannot be used is left out, with a warning.
 
-    **Raises:** `InputError` as `read_csv` does, and `conflicting-options`, `not-a-step`, `no-hold`.
+    **Raises:** `InputError` as `read_csv` does, and `bad-option`, `conflicting-options`, `not-a-step`,
+    `no-hold`.
 
     **Example:**
 
@@ -34,7 +39,12 @@ def records(file: str | Path, **selection: Any) -> dict[str, tuple[Record, Recor
         >>> {value: len(train) for value, (train, _) in pairs.items()}
         {'1': 21, '2': 20}
     """
-    chosen = selection_of(selection)
+    for name, value in selection.items():
+        if name not in FIELDS or not fits_option(name, value):
+            meant = similar(name, tuple(FIELDS))
+            fix = f"did you mean {meant}?" if meant and meant != name else "see hysid fit --help."
+            raise InputError("bad-option", f"records() cannot take {name}={value!r:.40}.", fix=fix)
+    chosen = selection_of({"output": output, **selection})
     chosen.check_columns()
     found, faults = chosen.records(chosen.read(Path(file)))
     for value, error in faults.items():

@@ -35,10 +35,13 @@ class Frame:
         return self.data[name]
 
 
-def test_fit_takes_arrays_frames_and_mappings():
+def test_fit_takes_arrays_frames_mappings_and_files(tmp_path: Path):
     columns = {"force (N)": U.tolist(), "x_mm": Y}
     whole = hysid.fit(U, Y, **UNITS, **HOW)
-    for data in (columns, Frame(columns)):
+    file = tmp_path / "run.csv"
+    rows = zip(*columns.values(), strict=True)
+    file.write_text("\n".join([",".join(columns), *(f"{u!r},{float(y)!r}" for u, y in rows)]))
+    for data in (columns, Frame(columns), file, str(file)):
         found = hysid.fit(data, input="force (N)", output="x_mm", **HOW)
         assert found.parameters[0].value == whole.parameters[0].value
         assert (found.train.input_unit, found.train.output_unit) == ("N", "mm")

@@ -39,6 +39,8 @@ def test_held_out_lines_are_tested_and_excluded_ones_are_not():
         ({"test_lines": ("5000-6000",)}, "no-match"),
         ({"exclude_lines": ("2-5000",)}, "no-rows"),
         ({"test_lines": ("2-9",), "test_cycles": 1}, "conflicting-options"),
+        ({"test_line": ("2-9",)}, "bad-option"),
+        ({"test_cycles": "1"}, "bad-option"),
     ],
 )
 def test_lines_that_cannot_be_used(options, code):
