@@ -8,12 +8,12 @@ from identify.results._data_sheet import SheetRow
 
 
 def number(x: float, error: float | None = None) -> str:
-    """Three digits, or as many as leave two of the `error`; powers of ten written out."""
+    """Three digits, or those that leave two of the `error`; powers of ten written out."""
     if not math.isfinite(x):
         return "not finite"
     digits = 3
     if error is not None and math.isfinite(error) and error > 0 and x != 0:
-        digits = min(max(3, 2 + math.floor(math.log10(abs(x))) - math.floor(math.log10(error))), 8)
+        digits = min(max(1, 2 + math.floor(math.log10(abs(x))) - math.floor(math.log10(error))), 8)
     if x != 0 and not 1e-4 <= abs(x) < 1e5:
         mantissa, power = f"{x:.{digits - 1}e}".split("e")
         return f"{mantissa.replace('-', '−')} × {power_of_ten(int(power))}"
@@ -35,7 +35,7 @@ def measured(one: Characteristic | SheetRow) -> str:
     """A characteristic with its error and its unit, where it is told."""
     if one.value is None:
         return "not told"
-    unit = "%" if one.unit == "percent" else pretty(one.unit)
+    unit = pretty(one.unit).replace("percent", "%")
     error = ""
     if one.error is not None:
         plain = 1e-4 <= one.error < 100
