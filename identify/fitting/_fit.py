@@ -17,6 +17,7 @@ from hysteresis.records._csv import with_known
 from ..noise._reml import kinds
 from ..records._folds import NEARLY, as_good
 from ..records._from_known import by_sequence, sequence_error, with_past
+from ..records._latest import repeats
 from ..records._sequence_terms import SequenceTerms, learnt, sequence_rms
 from ..results._detail import Composition, FoldedState, GridWeights
 from ..results._fit_result import FitResult
@@ -73,7 +74,8 @@ def fit(
 
     Candidates are ranked by their error on parts of the training rows that were held out from them,
     whole sequences or cycles; of those within one standard error of the best, and less than a tenth
-    above it, the simplest is taken: that of the fewest parts, then of the fewest unknowns. Each is
+    above it, the simplest is taken: that of the fewest parts, then of the fewest unknowns. Between kinds of
+    models the tenth alone counts where one loop is repeated, which asks for no other motion. Each is
     refitted to all of the training part. The test rows are used for nothing but the reported figures.
 
     **Arguments:**
@@ -332,12 +334,18 @@ def _complexity(fit: FitResult) -> tuple[float, float]:
 
 def _as_good(simple: FitResult, best: FitResult) -> bool:
     """Whether its held-out error is above the best one's by less than a tenth, and by less than that
-    difference's standard error, which one uneven block makes large."""
+    difference's standard error, which one uneven block makes large.
+
+    Where one loop is repeated, a tenth is enough between kinds of models: the error of that difference is of
+    the same loop again, and any other motion moves it by more.
+    """
     if simple is best:
         return True
     if simple.blocks is None or best.blocks is None or len(simple.blocks) != len(best.blocks):
         return False
-    return simple.score < NEARLY * best.score and as_good(simple.blocks, best.blocks)
+    of_one_loop = type(simple.detail) is not type(best.detail) and repeats(best.train, 2)
+    near = simple.score < NEARLY * best.score
+    return near and (of_one_loop or as_good(simple.blocks, best.blocks))
 
 
 def _check_choices(
