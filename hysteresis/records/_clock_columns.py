@@ -1,8 +1,9 @@
 """Columns of dates and times of day as seconds from the first row.
 
-Loggers write a clock as a date ("2020-11-05T10:59:58.250", "05.11.2020 10:59:58"), as a time of day or of a
-test ("10:59:58.250", "00:01:02", "1:02.5"), as the seconds, milli-, micro- or nanoseconds since 1970, as
-the days since 1900 of a spreadsheet, or as what the functions of a microcontroller count.
+Loggers write a clock as a date ("2020-11-05T10:59:58.250", "05.11.2020 10:59:58", "2020/11/5 10:59"), as a
+time of day or of a test ("10:59:58.250", "00:01:02", "1:02.5"), as the seconds, milli-, micro- or
+nanoseconds since 1970, as the days since 1900 of a spreadsheet, or as what the functions of a
+microcontroller count.
 """
 
 import re
@@ -20,7 +21,10 @@ from ._units import named_unit
 DAY = 86_400.0
 _TIME = re.compile(r"(\d{1,3}):(\d\d):(\d\d)(?:[.,:](\d{1,9}))?\s*([AaPp]\.?[Mm]\.?)?")
 _MINUTES = re.compile(r"(\d{1,4}):(\d\d)(?:[.,](\d{1,9}))?")
-_DATE = re.compile(r"(\d{1,2})([./-])(\d{1,2})\2(\d{4})[\sT,;]+")
+_DATE = re.compile(
+    r"(?:(\d{1,2})([./-])(\d{1,2})\2(\d{4})|(\d{4})([./-])(\d{1,2})\6(\d{1,2}))[\sT,;]+"
+)
+_HOUR = re.compile(r"^\d\d?:\d\d(?![:.,])")
 _NAMED = re.compile(r"time|stamp|zeit|clock|epoch|date|datum", re.IGNORECASE)
 _DATED = re.compile(r"date|datum", re.IGNORECASE)
 _SINCE_1970 = {1e9: 1.0, 1e12: 1e-3, 1e15: 1e-6, 1e18: 1e-9}
@@ -91,16 +95,18 @@ def _iso(words: Sequence[str]) -> np.ndarray:
 
 
 def _by_parts(words: Sequence[str]) -> np.ndarray:
-    """A time of day, perhaps behind a date whose day comes first or, with slashes, perhaps its month."""
+    """A time of day, perhaps behind a date that begins with its year, its day or, with slashes, perhaps its
+    month; behind a date hours and minutes are enough."""
     cut = [_DATE.match(word) for word in words]
-    of_day = np.array(
-        [_seconds(w[c.end() :] if c else w) for w, c in zip(words, cut, strict=True)], float
-    )
+    rest = [w[c.end() :] if c else w for w, c in zip(words, cut, strict=True)]
+    rest = [_HOUR.sub(r"\g<0>:00", w) if c else w for w, c in zip(rest, cut, strict=True)]
+    of_day = np.array([_seconds(w) for w in rest])
     dates = [c for c in cut if c is not None]
     if dates and len(dates) < len(cut):
         raise ValueError("a date is missing")
     if len({c[0] for c in dates}) > 1:
-        return of_day + _days([(int(c[1]), int(c[3]), int(c[4])) for c in dates], dates[0][2])
+        parts = [(c[1] or c[8], c[3] or c[7], c[4] or c[5]) for c in dates]
+        return of_day + _days([(int(a), int(b), int(year)) for a, b, year in parts], dates[0][2])
     if not dates:
         of_day += DAY * np.cumsum(np.diff(of_day, prepend=of_day[0]) < -DAY / 2)
     return of_day
@@ -120,7 +126,7 @@ def _by_minutes(words: Sequence[str]) -> np.ndarray:
     return seconds + 3600 * np.cumsum(np.diff(seconds, prepend=seconds[0]) < -1800)
 
 
-def _days(parts: Sequence[tuple[int, int, int]], sign: str) -> np.ndarray:
+def _days(parts: Sequence[tuple[int, int, int]], sign: str | None) -> np.ndarray:
     """Seconds of days; of two readings of a date the one that goes on, and then the shorter one."""
     orders: list[Callable[[int, int, int], date]] = [lambda a, b, year: date(year, b, a)]
     if sign == "/":

@@ -1,6 +1,7 @@
 """Units of columns: from a header, a row of units, or the caller."""
 
 import re
+import unicodedata
 
 from .._errors import InputError
 from .._note import Note
@@ -34,6 +35,7 @@ _IN_WORDS = {
     "мпа": "MPa", "кпа": "kPa", "па": "Pa", "кгс": "kgf", "град": "deg",
     "秒": "s", "毫米": "mm", "牛": "N", "牛顿": "N", "千牛": "kN", "兆帕": "MPa", "分": "min",
 }  # fmt: skip
+_WIDE = str.maketrans("（）［］｛｝", "()[]{}")
 _BRACKET = re.compile(
     r"^(?P<name>.*?)\s*(\((?P<a>[^()\[\]]*)\)|\[(?P<b>[^()\[\]]*)\]|\{(?P<c>[^{}]*)\}|<(?P<d>[^<>]*)>)$"
 )
@@ -64,7 +66,9 @@ def spelled(unit: str) -> str:
     bare = bare_unit(unit)
     if bare.endswith(".") and bare[:-1].isalpha():  # sec., in., lb.
         bare = bare[:-1]
-    bare = bare.replace("_per_", "/")
+    bare = bare.replace("_per_", "/").replace("・", "*")
+    # ℃, ㎜ and ％ are characters of their own; a superscript is not one of these.
+    bare = "".join(unicodedata.normalize("NFKC", c) if c >= "℀" else c for c in bare)
     bare = _IN_WORDS.get(bare.lower(), _SPELLING.get(bare, bare))
     bare = re.sub(r"(?<=[A-Za-zµ])([23])(?=$|[/*])", r"^\1", bare)  # m/s2, uC/cm2
     if re.fullmatch(r"[A-Za-zµ]+-[A-Za-z]+", bare):  # N-m
@@ -99,11 +103,11 @@ def name_and_unit(header: str) -> tuple[str, str | None]:
     Units stand in brackets, behind an underscore, or behind a slash, a comma or "in" where it is one that
     rigs use.
     """
-    if bracket := _BRACKET.match(header):
+    if bracket := _BRACKET.match(header.translate(_WIDE)):
         unit = next(part for part in bracket.group("a", "b", "c", "d") if part is not None).strip()
         return bracket["name"], None if unit.lower() in _QUALIFIERS.split() else unit
     name, _, suffix = header.rpartition("_")
-    if name and suffix in RIG_UNITS:
+    if name and suffix and (suffix in RIG_UNITS or suffix in _SPELLING):
         return name, suffix
     for form in _BEHIND:
         found = form.match(header)

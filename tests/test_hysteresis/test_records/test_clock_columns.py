@@ -21,6 +21,7 @@ def clock_of(cells: list[str], tmp_path, header: str = "when") -> np.ndarray:
         ["2020-11-05 10:00:00", "2020-11-05 10:00:00,5", "2020-11-05 10:00:01", "2020-11-05 10:00:01,5"],
         ["05.11.2020 23:59:59", "05.11.2020 23:59:59,5", "06.11.2020 00:00:00", "06.11.2020 00:00:00,5"],
         ["11/30/2020 23:59:59", "11/30/2020 23:59:59.5", "12/1/2020 00:00:00", "12/1/2020 00:00:00.5"],
+        ["2020/11/5 23:59:59", "2020/11/5 23:59:59.5", "2020/11/6 0:00:00", "2020/11/6 0:00:00.5"],
         ["11:59:59 AM", "11:59:59.5 AM", "12:00:00 PM", "12:00:00.5 PM"],
         ["23:59:59.0", "23:59:59.5", "00:00:00.0", "00:00:00.5"],
         ["00:00:01:000", "00:00:01:500", "00:00:02:000", "00:00:02:500"],
@@ -65,6 +66,18 @@ def test_counters_of_a_microcontroller_have_their_unit(tmp_path):
     assert read_csv(tmp_path / "run.csv", "force (N)", "x (mm)", "millis").time_unit == "ms"
 
 
+@pytest.mark.parametrize(
+    "cells",
+    [
+        ["2020/11/5 23:58", "2020/11/5 23:59", "2020/11/6 0:00"],
+        ["05.11.2020 23:58", "05.11.2020 23:59", "06.11.2020 00:00"],
+        ["11/30/2020 11:58 PM", "11/30/2020 11:59 PM", "12/1/2020 12:00 AM"],
+    ],
+)
+def test_behind_a_date_hours_and_minutes_are_enough(cells, tmp_path):
+    np.testing.assert_array_equal(clock_of(cells, tmp_path), [0, 60, 120])
+
+
 @pytest.mark.parametrize("bits", [16, 32])
 def test_a_counter_that_turns_over_goes_on(bits, tmp_path):
     """Also twice; one that begins again is left as it is."""
@@ -81,6 +94,9 @@ def test_a_counter_that_turns_over_goes_on(bits, tmp_path):
         ("Kraft / N", "N"), ("Kraft in kN", "kN"), ("Load, N", "N"), ("F/N", "N"), ("dL/µm", "µm"),
         ("dL/\u03bcm", "\u03bcm"), ("Load<N>", "N"), ("Time{s}", "s"), ("GP in 1/s", "1/s"),
         ("Stress, N/mm2", "N/mm^2"), ("mV/V", None), ("velocity mm/s", None), ("Change in length", None),
+        ("Torque_Nm", "N*m"), ("R_kOhm", "kohm"), ("HV_kV", "kV"), ("n_cycles", None), ("force_pos", None),
+        ("荷重（N）", "N"), ("温度(℃)", "degC"), ("ひずみ［％］", "percent"),
+        ("変位（㎜）", "mm"), ("トルク(N・m)", "N*m"),
         ("Fx/Fz", None), ("No, 5", None), ("Channel A", None), ("Stress (step)", None), ("a / b", None),
     ],
 )  # fmt: skip
