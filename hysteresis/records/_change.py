@@ -5,6 +5,7 @@ from itertools import compress
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from jaxtyping import Bool, Float, Int
 
 from .._format import quantity
@@ -26,8 +27,8 @@ ALIKE = 0.15
 LEVELS = 32
 """Inputs at which cycles are compared, on both branches."""
 
-SURE = 3.0
-"""Standard errors from which on a rate is not chance: one good record in some hundred has it so."""
+CHANCE = 0.01
+"""Good records in which a rate passes for more than chance."""
 
 MOVED = 0.15
 """Of the output's range: a zero that moves so far is as grave as an error that is too large to use."""
@@ -64,8 +65,10 @@ class Change(NamedTuple):
 
     @property
     def is_sure(self) -> bool:
-        """Whether the rate is more than chance."""
-        return abs(self.rate) > SURE * self.error
+        """Whether the rate is more than chance: by Student's t, since a few cycles tell its error badly."""
+        freedom = self.cycles - _later(self.cycles) - 2
+        sure = float(scipy.special.stdtrit(freedom, 1 - CHANCE / 2))
+        return abs(self.rate) > sure * self.error
 
 
 def change(record: AbstractRecord) -> Change | None:
@@ -82,7 +85,7 @@ def change(record: AbstractRecord) -> Change | None:
         return None
     levels = max(found, key=lambda one: len(one.numbers))
     means, zeros = np.nanmean(levels.apart, axis=1), np.nanmedian(levels.apart, axis=1)
-    later = len(means) // 2 if len(means) >= 2 * FEWEST else 0
+    later = _later(len(means))
     k, y = levels.numbers[later:].astype(float), means[later:]
     k -= k.mean()
     rate = float(k @ y / (k @ k))
@@ -92,6 +95,11 @@ def change(record: AbstractRecord) -> Change | None:
     first, last = (int(levels.numbers[at]) for at in sorted(ends))
     moved = float(zeros[max(ends)] - zeros[min(ends)])
     return Change(rate, error, len(means), levels.duration, moved, first, last)
+
+
+def _later(cycles: int) -> int:
+    """The first cycle of the later half, if there are enough in it."""
+    return cycles // 2 if cycles >= 2 * FEWEST else 0
 
 
 def change_warnings(record: AbstractRecord) -> list[Note]:

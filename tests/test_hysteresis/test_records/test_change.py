@@ -28,6 +28,13 @@ def test_the_rate_is_the_drift_and_its_error_covers_it(per_cycle: float):
     assert (found.first, found.last) == (1, 8)
 
 
+def test_of_four_cycles_chance_seldom_makes_a_rate():
+    random, t = np.random.default_rng(1), np.linspace(0, 4, 81)
+    u = 5 - 5 * np.cos(2 * np.pi * t)
+    found = [change(Record.from_arrays(u, u + random.normal(size=81), t)) for _ in range(400)]
+    assert sum(one is not None and one.is_sure for one in found) <= 12  # 4 expected, 3 in a hundred
+
+
 def test_of_very_many_cycles_some_tell_the_rate():
     u = np.append(np.tile([0.0, 1.0, 2.0, 1.0], 20_000), 0.0)
     found = change(Record.from_arrays(u, u + 1e-4 * np.arange(len(u))))
