@@ -24,6 +24,9 @@ WIDER = 3.0
 MANY = 8
 """Samples at a limit that are too many for a peak."""
 
+LEAPS, GOES_ON = 0.8, 0.1
+"""Part of its range by which a column leaps that turns over, and by which the other one moves meanwhile."""
+
 FURTHER = 2
 """Times the way of the input over which the output stays as it is elsewhere, as behind a backlash."""
 
@@ -114,7 +117,35 @@ def suspicions(record: AbstractRecord) -> list[Note]:
             f"{others} while the {other} moves; {mend}."
         )
         found.append(warning("saturation", said))
-    return [*found, *_zeros(record), *_created_energy(record)]
+    return [*_turned_over(record), *found, *_zeros(record), *_created_energy(record)]
+
+
+def _turned_over(record: AbstractRecord) -> list[Note]:
+    """A counter or an angle that turns over: it leaps back by its range, goes on the same way before and
+    behind, and the other column does not leap."""
+    found, within = [], np.ones(max(len(record) - 1, 0), bool)
+    within[record.starts[1:] - 1] = False
+    for role, other in (("input", "output"), ("output", "input")):
+        x, y = getattr(record, role), getattr(record, other)
+        if len(x) < MANY or not np.isfinite(x).all() or not np.isfinite(y).any():
+            continue
+        (at,) = np.nonzero(within & (np.abs(step := np.diff(x)) > LEAPS * np.ptp(x)))
+        at = at[(at > 0) & (at < len(step) - 1)]
+        both = np.sign(step[at])[:, None] * step[at[:, None] + [-1, 1]] < -MANY * noise_level(x)
+        smooth = ~(np.abs(np.diff(y)[at]) > GOES_ON * (np.nanmax(y) - np.nanmin(y)))
+        turns = both.all(1) & smooth
+        if turns.sum() < 2 or turns.mean() <= 0.5:  # once, a specimen may have snapped
+            continue
+        period = float(np.median(np.abs(step[at])))
+        unit = getattr(record, f"{role}_unit")
+        said = (
+            f"The {role} leaps by {quantity(period, unit)}, nearly its whole range, at"
+            f" {record.place(int(at[0]) + 1)} and {number_of(len(at) - 1, 'more row')}, and the {other}"
+            " does not leap: a counter or an angle that turns over? Unwrap it before the fit, as"
+            " numpy.unwrap(x, period=...) does."
+        )
+        found.append(warning("turned-over", said, {"leaps": len(at), "size": period}))
+    return found
 
 
 def _zeros(record: AbstractRecord) -> list[Note]:
@@ -338,8 +369,9 @@ def describe(record: AbstractRecord, loop: str | None = None) -> str:
     for x in s["conditions"]:
         lines.append(f"condition {x['name']}: {x['min']:.4g} to {quantity(x['max'], x['unit'])}")
     if s["dt"]:
-        low, mid, high = (f"{s['dt'][k]:.4g}" for k in ("min", "median", "max"))
-        lines.append(f"dt     {low} to {high}, median {mid} {record.time_unit}")
+        low, high = (f"{s['dt'][k]:.4g}" for k in ("min", "max"))
+        usual = quantity(s["dt"]["median"], record.time_unit)
+        lines.append(f"dt     {low} to {high}, median {usual}")
     if s["output"]["saturated"]:
         lines.append(f"clipped: {s['output']['saturated']:.1%} of the output")
     if loop is None:

@@ -345,3 +345,19 @@ def test_numbers_whose_squares_are_no_numbers_are_refused(
     with pytest.raises(InputError) as caught:
         read_csv(file, "u (N)", "y (mm)")
     assert caught.value.code == code
+
+
+def test_an_angle_that_turns_over_is_told_and_commands_that_leap_are_not():
+    t = np.arange(2001) * 0.01
+    angle = 500 * np.sin(t)
+    torque = 0.01 * angle + 0.2 * np.cos(t)
+    (told,) = check_identifiable(Record.from_arrays(angle % 360, torque, t))
+    assert told.code == "turned-over"
+    assert told.values["size"] == pytest.approx(360, rel=0.05)
+    (told,) = check_identifiable(Record.from_arrays(torque, angle % 360, t))
+    assert told.code == "turned-over"
+    noise = np.random.default_rng(0).normal(0, 0.01, 2001)
+    slow = np.cumsum(np.where(t % 4 < 2, 0.01, -0.01))
+    for input, output in ((np.where(t % 4 < 2, 5.0, 0.0) + noise, slow), (t % 4, t % 4 + slow)):
+        record = Record.from_arrays(input, output, t)
+        assert all(note.code != "turned-over" for note in check_identifiable(record))
