@@ -40,6 +40,8 @@ PAIRS: dict[tuple[str, str], float] = {
     ("current", "displacement"): 0.8,
     ("field", "strain"): 0.8,
     ("stress", "force"): 0.7,
+    ("stress", "angle"): 0.9,  # a bellows
+    ("force", "angle"): 0.9,  # a tendon
     **{(one, sensed): usual for one, usual in TRANSDUCED.items() for sensed in SENSED[:4]},
 }
 """Input, output, and how usual the pair is. The output lags the input."""

@@ -20,12 +20,13 @@ from ._column_pairs import (
     columns_of,
     correlation,
     duplicates,
+    held,
     leftover,
     noise,
     pairs,
     unsteadiness,
 )
-from ._commanded import commanded
+from ._commanded import STANDS, commanded
 from ._quantities import OSCILLATION, words_of
 
 MISSING = 0.05
@@ -383,7 +384,9 @@ def _unknown(seen: Seen, columns: list[Column]) -> Choice:
         way = loop_direction(record)
         nameless = a.kind.name == b.kind.name == "unknown"
         theirs, ours = _driven(seen, b, a), _driven(seen, a, b)
-        if nameless and (how := theirs or ours):
+        # A switch is held as a command is, and may answer what has a name.
+        told = nameless or max(held(a.x), held(b.x)) < STANDS
+        if told and (how := theirs or ours):
             a, b = (b, a) if theirs else (a, b)
             why = {
                 "input": f"the names are unknown; {a.name!r} {how}, so the rig commanded it",

@@ -23,6 +23,7 @@ from ._column_pairs import (
     held,
     logged_in_turn,
     no_header,
+    pairs,
     rank_correlation,
 )
 from ._drive_and_response import FOLLOWS, SPECTRUM, Choice, Seen, choose
@@ -34,6 +35,7 @@ from ._sequence_columns import (
     RUNS,
     SPECIMENS,
     Sequences,
+    condition_of,
     constant_within,
     counts_rows,
     sequences_of,
@@ -156,10 +158,10 @@ def _guess(file: Path, given: Mapping[str, Any]) -> Guess:
             raise
     _columns(choice, given, out)
     _clocks(columns, choice, time, given, out)
-    selection, notes = settle(table, out.selection)
-    out.selection = selection
+    out.selection, notes = settle(table, out.selection)
     for what, value, why in notes:
         out.says(what, value, LIKELY, why)
+    _condition(table, columns, given, out)
     table = _head(table, file)  # its rows follow one another, as those of an excerpt do not
     _hold(table, out)
     kept, why = hold_out(table, out.selection, sequences.split)
@@ -220,20 +222,17 @@ def _head(table: Table, file: Path) -> Table:
         return table
     with file.open("rb") as opened:
         lines = opened.read(HEAD).count(b"\n")
-    rows = np.flatnonzero(table.line <= lines)
-    return rows_of(table, rows)
+    return rows_of(table, np.flatnonzero(table.line <= lines))
 
 
 def _time(
     table: Table, columns: Mapping[str, Column], given: Mapping[str, Any], out: Guess
 ) -> str | None:
     """The clock: a column named so that rises."""
-    if given.get("dt"):
-        out.selection["dt"] = given["dt"]
-        return None
-    if given.get("time"):
-        out.selection["time"] = given["time"]
-        return given["time"]
+    for key in ("dt", "time"):
+        if given.get(key):
+            out.selection[key] = given[key]
+            return given[key] if key == "time" else None
     clocks = [c for c in columns.values() if c.kind.name == "time" and _rises(c.x) > 0.9]
     if not clocks:
         unnamed = [c for c in columns.values() if c.kind.name == "unknown" and _rises(c.x) == 1.0]
@@ -251,8 +250,8 @@ def _time(
         return words <= 2, column.missing == 0, -words
 
     best = max(clocks, key=plainness)
-    sure = LIKELY if best.kind.name == "time" else GUESS
-    sure = SURE if best.kind.name == "time" and best.kind.sure == 1.0 else sure
+    sure = SURE if best.kind.sure == 1.0 else LIKELY
+    sure = sure if best.kind.name == "time" else GUESS
     out.selection["time"] = best.name
     out.says("time", best.name, sure, f"it rises, with a median step of {_step(best.x):.4g}")
     return best.name
@@ -294,17 +293,20 @@ def _measured(
     keys = sequences.group + ((sequences.each,) if sequences.each else ())
     kinds = {column.kind.name for column in columns.values()}
     magnetic = "moment" in kinds or {"field", "resistance"} <= kinds
-    found = []
+    found, heat = [], []
     for name, column in columns.items():
         asked = name in (given.get("output"), *(given.get("input") or ()))
-        aside = column.kind.name in _ASIDE or (column.kind.name == "temperature" and not magnetic)
         few = len(np.unique(column.x[np.isfinite(column.x)])) < min(5, 2 + len(column.x) // 8)
         if not asked and (
-            name in not_these or name in sequences.labels or aside or few
+            name in not_these or name in sequences.labels or column.kind.name in _ASIDE or few
             or counts_rows(column.x) or constant_within(table, name, keys)
         ):  # fmt: skip
             continue
-        found.append(column)
+        hot = column.kind.name == "temperature" and not (magnetic or asked)
+        (heat if hot else found).append(column)
+    if len(found) > 1 and not pairs(found):  # a heated wire, a bath: what nothing else drives
+        best = pairs([*heat, *found])[:1]
+        found += [a for a, b, _ in best if abs(rank_correlation(a.x, b.x)) > FOLLOWS]
     return found
 
 
@@ -364,6 +366,16 @@ def _clocks(
     if own["input"] and own["output"] and own["input"] != own["output"]:
         out.selection["input_time"] = own["input"]
         out.says("input_time", own["input"], SURE, "the input has its own clock")
+
+
+def _condition(table: Table, columns: Mapping[str, Column], given: Mapping, out: Guess) -> None:
+    """Selects what the rig held in each sequence, if that is one quantity."""
+    if given or table.share < 1 or {"step", "each"} & set(out.selection):
+        return
+    (record, _), *_ = selection_of(out.selection).records(table)[0].values()
+    if name := condition_of(columns, record, table.line):
+        out.selection["condition"] = [name]
+        out.says("condition", name, LIKELY, "it stays in every sequence and differs between them")
 
 
 def _hold(table: Table, out: Guess) -> None:

@@ -67,7 +67,7 @@ def kind_of(header: str, unit: str, aside: bool = True) -> Kind:
     phrase = next((k for k, e in PHRASES.items() if re.search(e, header, re.IGNORECASE)), "")
     by_word = [k for w in said for k, known in WORDS.items() if w in known.split()]
     by_word = [phrase, *by_word] if phrase else by_word
-    commanded = bool(COMMANDED & set(said))
+    commanded = any(word in COMMANDED or word.startswith("soll") for word in said)  # Sollweg
     if unit in MASSES and "force" in by_word:
         by_unit = "force"
     if phrase == "rate" and by_unit in ("speed", ""):

@@ -1,11 +1,17 @@
 """Columns that separate the sequences of a file: runs, specimens, an existing split."""
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 
+from hysteresis import Record
+from hysteresis.records._branch_rows import STILL
+from hysteresis.records._branch_rows import constant_within as channel_within
 from hysteresis.records._table import Table
 
+from ._column_pairs import Column
+from ._moduli_columns import RANGE
 from ._quantities import words, words_of
 
 RUNS = words(
@@ -104,6 +110,26 @@ def constant_within(table: Table, name: str, keys: tuple[str, ...], within: floa
     np.fmax.at(high, code, x)
     span = max(float(np.nanmax(x) - np.nanmin(x)), 1e-300)
     return bool(code.max() > 0 and np.mean(high - low <= within * span) > 0.9)
+
+
+CONDITIONS = ("temperature", "current", "voltage", "stress", "field")
+"""Kinds of what a rig holds in a run: a chamber, a coil, a pressure."""
+
+
+def condition_of(columns: Mapping[str, Column], record: Record, line: np.ndarray) -> str | None:
+    """The one column that a rig held in each sequence of the record, at three values or more.
+
+    `columns`: of a table whose rows are on these lines of the file, `line` (n,).
+    """
+    rows = np.searchsorted(line, record.line)
+    held = {name: c.x[rows] for name, c in columns.items() if c.kind.name in CONDITIONS}
+    name = channel_within(held, record.starts)
+    if name is None:
+        return None
+    values = np.sort(held[name][record.starts])
+    several = np.count_nonzero(np.diff(values) > STILL * np.ptp(values)) > 1
+    warm = columns[name].kind.name != "temperature" or np.ptp(values) > RANGE
+    return name if several and warm else None
 
 
 def counts_rows(x: np.ndarray) -> bool:

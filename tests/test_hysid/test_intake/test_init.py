@@ -196,15 +196,43 @@ BENT = WAY + np.convolve(WAY, np.exp(-np.arange(20) / 6))[: len(WAY)] / 6
         # Most of its readings lie within a hundredth of its range, and still it is not held.
         ("t,F (N),R (kOhm)", 500 / (1 + 30 * BENT), ("F (N)", "R (kOhm)")),
         ("drift (mm),load (kN)", BENT, ("drift (mm)", "load (kN)")),
+        ("Zeit [s],Druck [kPa],Winkel [°]", BENT, ("Druck [kPa]", "Winkel [°]")),
+        # It moves evenly, and the output would lag the other one.
+        ("ch1,ch2", WAY + np.sign(np.gradient(WAY)), ("ch1", "ch2")),
     ],
 )
 def test_two_columns_that_follow_each_other_are_input_and_output(header, y, pair):
-    t = [] if "load" in header else [np.arange(len(WAY)) * 0.1]
+    t = [] if "load" in header or "ch1" in header else [np.arange(len(WAY)) * 0.1]
     rows = [",".join(f"{v:.6g}" for v in row) for row in zip(*t, WAY, y, strict=True)]
     found = guessed("\n".join([header, *rows]) + "\n")
     assert columns(found)[1:] == pair
     assert "hold" not in found["selection"]
     assert "output_unit" not in found["selection"]
+
+
+def test_a_temperature_drives_where_nothing_else_does():
+    lines = ["t (s),T (degC),strain (%),current (A)"]
+    lines += [
+        f"{k},{5 * a:.3f},{b:.4f},{0.3 + 0.01 * a:.2f}"
+        for k, (a, b) in enumerate(zip(WAY, BENT, strict=True))
+    ]
+    assert columns(guessed("\n".join(lines)))[1:] == ("T (degC)", "strain (%)")
+
+
+@pytest.mark.parametrize(
+    ("name", "values"), [("current (A)", "0 0.5 1"), ("T (degC)", "20.4 40.1 60.2")]
+)
+def test_what_a_rig_held_in_each_run_is_a_condition(name, values):
+    lines = [f"t (s),x (mm),F (N),{name}"]
+    for value in values.split():
+        lines += [
+            f"{k},{a:.3f},{b * float(value):.4f},{value}"
+            for k, (a, b) in enumerate(zip(WAY, BENT + 1, strict=True))
+        ]
+    found = guessed("\n".join(lines))["selection"]
+    assert found["condition"] == [name]
+    # Two values tell no course between them.
+    assert "condition" not in guessed("\n".join(lines[:481]), "--overwrite")["selection"]
 
 
 def test_several_columns_that_change_are_named_where_none_is_an_input():
