@@ -75,7 +75,10 @@ class Table:
             wrong |= np.char.str_len(unique) > LONG_CELL  # which `parsed` takes for no number
             bad, words = np.sort(first[wrong]), unique[wrong].tolist()
             commas = self.decimal == "." and all(_COMMA.fullmatch(w) for w in words)
-            if all(_THOUSANDS.fullmatch(w) for w in words):
+            both = [w for w in words if "," in w and "." in w]
+            grouped = [_THOUSANDS.fullmatch(w) or (both and _COMMA.fullmatch(w)) for w in words]
+            if all(grouped):
+                bad = bad[np.isin(text[bad], both)] if both else bad
                 code, cause = "thousands-separator", "numbers written with thousands separators"
                 cause += " or with a decimal comma." if commas else "."
                 fix = "export without thousands separators"

@@ -297,6 +297,8 @@ def _step(seen: Seen, columns: list[Column], still: list[Column]) -> Choice:
         fix = "Name the column of times (--time COL)."
         raise InputError("cannot-decide", said, place=table.path, fix=fix)
     if time is None or not found:
+        for name in table.columns:
+            _grouped(table, name)
         what = f"{len(found) or 'None'} of them can be an input or an output; a loop needs two that change."
         if len(found) > 1:
             alike = " and ".join(repr(c.name) for c in found[:4])
@@ -342,6 +344,15 @@ def _step(seen: Seen, columns: list[Column], still: list[Column]) -> Choice:
         raise InputError("cannot-decide", said, place=table.path, fix=fix)
     options = {"step": value} | ({"input_unit": unit} if unit else {})
     return Choice(None, output, sure, why, options, [])
+
+
+def _grouped(table: Table, name: str) -> None:
+    """Raises `InputError` `thousands-separator` where that is why a column is text."""
+    try:
+        table.number(name)
+    except InputError as fault:
+        if fault.code == "thousands-separator":
+            raise
 
 
 def _steps_once(x: np.ndarray) -> bool:

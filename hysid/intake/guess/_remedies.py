@@ -109,7 +109,9 @@ def _even(table: Table, options: Options, fault: InputError) -> tuple[Options, s
     usual = float(np.median(each))
     even = np.mean(np.abs(each - usual) < EVEN * usual) >= 1 - SPARSE
     dt = usual if even else float(step[forward].sum() / rows[forward].sum())
-    why = "an even clock, because the recorded one is coarser than the sampling"
+    coarse = np.mean(np.diff(t) == 0) > SPARSE
+    why = "because the recorded one is coarser than the sampling" if coarse else "by its usual step"
+    why = f"an even clock, {why}"
     return {"dt": float(f"{dt:.4g}")}, f"{why}: {fault.problem}"
 
 

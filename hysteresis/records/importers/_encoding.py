@@ -7,6 +7,14 @@ from ..._note import Note
 from ._file import fault
 
 _MARKS = ((b"\xef\xbb\xbf", "utf-8-sig"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"))
+_BINARY = (
+    (b".npy", "save its arrays as text (numpy.savetxt) or as MAT (scipy.io.savemat)."),
+    (b"NUMPY", "save its array as text (numpy.savetxt)."),
+    (b"PK", "unpack it and give the file that is in it, or export the sheet as CSV."),
+    (b"\x1f\x8b", "unpack it (gunzip FILE)."),
+    (b"\xd0\xcf\x11\xe0", "export the sheet as CSV."),
+)
+"""What is in the first bytes of files that are no text, and what to do with them."""
 _SINGLE = ("cp1252", "cp1250", "cp1251")
 _DOUBLE = ("gb18030", "shift_jis", "big5", "euc_kr")
 _NAMES = {
@@ -36,8 +44,7 @@ def decode(path: Path, data: bytes) -> tuple[str, list[Note]]:
         said = "Decoded as UTF-16, likely: every other byte is zero."
         return data.decode(wide, "replace"), [Note("encoding-guessed", said)]
     if b"\0" in data or data[:4] in (b"PK\x03\x04", b"\x1f\x8b\x08\x00"):
-        sheet = data[:2] == b"PK" or data[:4] == b"\xd0\xcf\x11\xe0"  # new and old spreadsheets
-        mend = "export the sheet as CSV." if sheet else "export it as text."
+        mend = next((mend for mark, mend in _BINARY if mark in data[:64]), "export it as text.")
         raise fault("binary-file", path, "this is no text but binary data.", mend)
     try:
         return data.decode("utf-8"), []

@@ -1,5 +1,6 @@
 """Bad input through the command line: one message with place, cause and fix; nothing is written."""
 
+import gzip
 import subprocess
 import sys
 from hashlib import sha256
@@ -143,6 +144,8 @@ BAD = {
     "a header and empty rows": Bad(f"{LINES[0]},,,\n,,,\n", "no-rows", ("a header and no rows",)),
     "binary": Bad(bytes(range(256)), "binary-file", ("binary", "export it as text")),
     "a spreadsheet": Bad(b"PK\3\4workbook", "binary-file", ("export the sheet as CSV",)),
+    "packed": Bad(gzip.compress(CLEAN.encode()), "binary-file", ("unpack it",)),
+    "arrays": Bad(b"PK\3\4" + bytes(26) + b"t.npy", "binary-file", ("numpy.savetxt",)),
     "a column twice": Bad(
         text(ROWS, (T, F, F, X)), "duplicate-column", (f"{F!r}", "column 2 and 3", "rename")
     ),

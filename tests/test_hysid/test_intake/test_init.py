@@ -210,6 +210,18 @@ def test_two_columns_that_follow_each_other_are_input_and_output(header, y, pair
     assert "output_unit" not in found["selection"]
 
 
+def test_thousands_separators_are_told_and_not_missing_columns():
+    points = [
+        f"{k};{1000 * a:,.1f};{1000 * b:,.1f}"
+        for k, (a, b) in enumerate(zip(WAY, BENT, strict=True))
+    ]
+    swapped = [row.translate(str.maketrans(",.", ".,")) for row in points]
+    refused(
+        run("init", put("\n".join(["Zeit (s);Weg (µm);Kraft (mN)", *swapped]))),
+        "thousands-separator",
+    )
+
+
 def test_a_temperature_drives_where_nothing_else_does():
     lines = ["t (s),T (degC),strain (%),current (A)"]
     lines += [
