@@ -40,15 +40,20 @@ def within_of(deviation: float, low: float | Array, high: float | Array) -> floa
     return deviation if deviation > 0 else UNSTATED * (high - low)
 
 
-def held_at_ends(compensator: AbstractCompensator, value: np.ndarray) -> np.ndarray:
-    """Which estimates a guard inside the compensator holds at an end of the trained inputs: there the
-    model's output is not the reading, though they are OK while their band reaches the end."""
+def limited(
+    compensator: AbstractCompensator, value: np.ndarray
+) -> tuple[AbstractCompensator, np.ndarray]:
+    """Without the guard that holds estimates at the ends of the trained inputs; which of these it holds.
+
+    There the model's output is not the reading, though they are OK while their band reaches the end. From
+    then on what is inside the guard goes on from its own estimates, which are not those that are told.
+    """
     inner: Any = compensator
     while inner is not None and not isinstance(inner, GuardedCompensator):
         inner = getattr(inner, "inner", None)
     if inner is None or inner.beyond != "limit":
-        return np.zeros(value.shape, bool)
-    return (value <= float(inner.low)) | (value >= float(inner.high))
+        return compensator, np.zeros(value.shape, bool)
+    return inner.inner, (value <= float(inner.low)) | (value >= float(inner.high))
 
 
 def longest_step(t: ArrayLike) -> float:

@@ -16,7 +16,7 @@ from hysteresis.numerics._normal import NORMAL_95
 
 from .._contract import AbstractCompensator, Status
 from .._estimate import Simulates, estimate
-from ..guards._guarded import held_at_ends
+from ..guards._guarded import limited
 from ..uncertainty._ensemble import UncertainEstimate
 from ..uncertainty._flat_intervals import flat_intervals
 from ._loop_widths import Loop, loop_widths
@@ -213,10 +213,11 @@ def qualify(
     shares = Counter(status[used].tolist())
     back = flat_width = None
     if model is not None:
-        driven = with_condition(model, record, value)
+        inner, held = limited(compensator, value)
+        own = np.asarray(estimate(inner, record).value) if held.any() else value
+        driven = with_condition(model, record, own)
         again = model.simulate(record.time, driven, starts=tuple(record.starts.tolist()))
-        inside = fine & ~held_at_ends(compensator, value)
-        back = float(np.abs(again - y)[inside].max(initial=0.0))
+        back = float(np.abs(again - y)[fine & ~held].max(initial=0.0))
         flat_width = _flat_width(model, record, value, used & (status == Status.FLAT))
     progress(2, parts, "round trip")
     found: dict[str, Any] = {

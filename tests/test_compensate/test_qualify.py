@@ -11,7 +11,7 @@ import pytest
 from compensate import AbstractCompensator, Status, estimate, invert, qualify
 from compensate.internal import Estimate
 from compensate.qualification._qualify import Latency, Step, loop_widths
-from hysteresis import InputError, LinearSponge, PrandtlIshlinskii, Record
+from hysteresis import Burgers, InputError, LinearSponge, PrandtlIshlinskii, Record
 
 THRESHOLD = 1.0
 NORMAL_95 = 1.6448536269514722
@@ -45,6 +45,18 @@ def test_the_share_before_the_start_is_known_is_told():
         (said,) = (reason for reason in found.verdict.reasons if reason.code == "run-in")
         assert f"{100 * early:.3g} %" in said
         assert found.verdict.level == level
+
+
+def test_the_round_trip_goes_on_from_what_was_found_beyond_the_trained_inputs():
+    """Of a creeping model the estimates that are told, limited for a while, do not give the readings."""
+    creeping = Burgers(E1=2.0, eta1=500.0, E2=1.0, eta2=3.0)
+    t, u = 0.1 * np.arange(400), 10 * np.sin(np.linspace(0, 12, 400))
+    far = Record.from_arrays(u, np.asarray(creeping.simulate(t, u)), t)
+    found = qualify(invert(creeping, trained=(-8.0, 8.0)), far, creeping)
+    assert 0.1 < found.statuses["OK"] < 1
+    assert found.round_trip is not None
+    assert found.round_trip < 1e-9
+    assert all(reason.code != "round-trip" for reason in found.verdict.reasons)
 
 
 class Off(AbstractCompensator[AbstractCompensator, Estimate]):
