@@ -22,7 +22,7 @@ _SPELLING = {
     "kOhm": "kohm", "kΩ": "kohm", "MOhm": "Mohm", "MΩ": "Mohm", "Nm": "N*m", "Nmm": "N*mm",
     "kNm": "kN*m", "mNm": "mN*m", "Am²": "A*m²", "Am2": "A*m²", "Ohm-m": "ohm*m",
     "uNm": "uN*m", "µNm": "uN*m", "Pas": "Pa*s", "mPas": "mPa*s", "in-lb": "lbf*in", "lb-in": "lbf*in",
-    "ft-lb": "lbf*ft", "lb-ft": "lbf*ft",
+    "ft-lb": "lbf*ft", "lb-ft": "lbf*ft", "µε": "um/m", "με": "um/m", "µstrain": "um/m",
 }  # fmt: skip
 _IN_WORDS = {
     "sec": "s", "secs": "s", "second": "s", "seconds": "s", "sek": "s", "msec": "ms", "minutes": "min",
