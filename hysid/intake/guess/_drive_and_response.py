@@ -296,9 +296,9 @@ def _step(seen: Seen, columns: list[Column], still: list[Column]) -> Choice:
         said = "No column is a clock, over which the output of a constant input changes."
         fix = "Name the column of times (--time COL)."
         raise InputError("cannot-decide", said, place=table.path, fix=fix)
+    for name in table.columns:
+        _grouped(table, name)
     if time is None or not found:
-        for name in table.columns:
-            _grouped(table, name)
         what = f"{len(found) or 'None'} of them can be an input or an output; a loop needs two that change."
         if len(found) > 1:
             alike = " and ".join(repr(c.name) for c in found[:4])
