@@ -181,9 +181,11 @@ def fit(
     if record.known is not None and not record.channels:
         again = partial(
             fit, initial=initial, conditioning=conditioning, clocks=clocks, drift=drift, noise="gaussian",
-            parameters=parameters, starts=starts, seed=seed, progress=progress,
+            parameters=parameters, starts=starts, seed=seed, progress=progress, budget=budget,
         )  # fmt: skip
-        record, sequences = _behind_pasts(record, model, again)
+        record, sequences, kind = _behind_pasts(record, model, again)
+        # What was found is tried first: a spent budget, or Ctrl-C, then leaves nothing worse.
+        asked = tuple(sorted(asked, key=lambda one: one.name != kind))
     data = training_data(
         record,
         test,
@@ -236,24 +238,25 @@ def fit(
 
 def _behind_pasts(
     record: Record, model: Asked | Sequence[Asked], fitted: Callable[..., FitResult]
-) -> tuple[Record, SequenceTerms | None]:
+) -> tuple[Record, SequenceTerms | None, str]:
     """The record behind the pasts that its known rows tell: by a fit from the virgin state, then by one of
     the same kind behind those pasts, and so on while that takes away a tenth of the error. Or the virgin
-    record, and terms that predict held-out sequences better than the fit does those it has seen."""
+    record, and terms that predict held-out sequences better than the fit does those it has seen. And the
+    kind of model that was found."""
     columns = {name: x for name, x in record.columns.items() if name != KNOWN}
     virgin = replace(record, columns=columns)
     found = fitted(virgin, model)
+    kind = "Composition" if isinstance(found.detail, Composition) else found.name
     terms = learnt(found.clocks.applied(record))
     if terms is not None and NEARLY * terms.error < sequence_rms(record, found.predict(record)):
-        return virgin, terms
+        return virgin, terms, kind
     behind = with_past(found.model, record, misfit_of(found))
     for _ in range(PASTS):
-        kind = "Composition" if isinstance(found.detail, Composition) else found.name
         again = fitted(behind, kind if model == "auto" else model)
         if NEARLY * misfit_of(again).rms > misfit_of(found).rms:
             break
         found, behind = again, with_past(again.model, record, misfit_of(again))
-    return behind, None
+    return behind, None, kind
 
 
 def _tried(
