@@ -74,7 +74,7 @@ def png(figure: Figure) -> tuple[str, int, int]:
     raw, packed = io.BytesIO(), io.BytesIO()
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph")  # of a column's name: shown as a box
-        figure.savefig(raw, format="png", dpi=192)
+        figure.savefig(raw, format="png", dpi=192, pil_kwargs={"compress_level": 0})
     image = Image.open(raw).convert("RGB")
     # A palette is a third of the size, and a chart has few colours.
     image.quantize(128, dither=Image.Dither.NONE).save(packed, "png", optimize=True)
@@ -180,8 +180,8 @@ def chart(
         ]
         axes.plot(ends, ends, color=EDGE, lw=0.8, ls="--", label="exact")
     if limits is not None:
-        axes.set_xlim(*_widened(limits[0]))
-        axes.set_ylim(*_widened(limits[1]))
+        axes.set_xlim(*widened(limits[0]))
+        axes.set_ylim(*widened(limits[1]))
     axes.set(xlabel=short(x_label), ylabel=short(y_label))
     _legend(figure)
     return figure
@@ -275,13 +275,14 @@ def single(size: tuple[float, float] = SIZE) -> tuple[Figure, Any]:
 
 
 def small(
-    count: int, height: float, most: int = 4, width: float | None = None, **shared: Any
-) -> tuple[Figure, list[Any]]:
+    count: int, height: float, most: int = 4, width: float | None = None,
+    layout: Any = "constrained", **shared: Any,
+) -> tuple[Figure, list[Any]]:  # fmt: skip
     """A figure of so many small charts, at most `most` beside each other."""
     across = min(count, most)
     down = -(-count // across)
     width = width or (WIDE if across > 2 else 4.9 * across)
-    figure = Figure(figsize=(width, 0.6 + height * down), layout="constrained")
+    figure = Figure(figsize=(width, 0.6 + height * down), layout=layout)
     grid = figure.subplots(down, across, squeeze=False, **shared)
     for axes in grid.flat[count:]:
         axes.set_visible(False)
@@ -312,7 +313,7 @@ def pale(colour: str) -> tuple[float, ...]:
     return tuple(0.5 + 0.5 * c for c in to_rgb(colour))
 
 
-def _widened(x: np.ndarray) -> tuple[float, float]:
+def widened(x: np.ndarray) -> tuple[float, float]:
     low, high = float(np.nanmin(x)), float(np.nanmax(x))
     margin = 0.04 * (high - low) or 1.0
     return low - margin, high + margin
@@ -322,7 +323,7 @@ def _corner_range(draws: np.ndarray, fitted: float, see: Callable[..., Any]) -> 
     low, high = np.quantile(draws, [0.005, 0.995])
     if np.isfinite(fitted):
         low, high = min(low, see(fitted)), max(high, see(fitted))
-    return _widened(np.array([low, high]))
+    return widened(np.array([low, high]))
 
 
 def logarithmic(axes: Any, names: str) -> None:

@@ -15,21 +15,8 @@ import identify
 from identify import FitResult
 from identify.results._detail import DiscreteSpectrum
 
-from ._base import (
-    BLUE,
-    GREY,
-    INK,
-    SKY,
-    VERMILLION,
-    WIDE,
-    logarithmic,
-    pale,
-    shared_legend,
-    short,
-    single,
-    small,
-    styled,
-)
+from . import _base as f
+from ._base import BLUE, GREY, INK, SKY, VERMILLION, WIDE, logarithmic, single, small, styled
 from ._format import label, label_of, name_of, pretty
 
 # Figures of many specimens: small loops on one scale, each parameter over the specimens.
@@ -54,13 +41,19 @@ class Spread(NamedTuple):
 @styled
 def loops(drawn: Sequence[tuple[str, Measured, Measured]], x_label: str, y_label: str) -> Figure:
     """A small chart for each specimen, all on one scale: broad what was measured, thin the model."""
-    figure, grid = small(len(drawn), 1.5, 6, WIDE, sharex=True, sharey=True)
+    # Of 100 charts, axes that share limits and a layout that is found cost two thirds of the time.
+    figure, grid = small(len(drawn), 1.5, 6, WIDE, layout="none")
+    height = figure.get_figheight()
+    figure.subplots_adjust(0.065, 0.55 / height, 0.995, 1 - 0.25 / height, 0.08, 0.28)
+    x, y = (f.widened(np.concatenate([p[k] for _, *both in drawn for p in both])) for k in (0, 1))
     for axes, (name, measured, model) in zip(grid, drawn, strict=True):
-        axes.plot(*measured, lw=3, color=pale(BLUE))
+        axes.plot(*measured, lw=3, color=f.pale(BLUE))
         axes.plot(*model, lw=1, color=VERMILLION)
-        axes.set_title(short(name, 24), fontsize=8.5)
+        axes.set(xlim=x, ylim=y)
+        axes.set_title(f.short(name, 24), fontsize=8.5)
         axes.locator_params(nbins=4)
-    figure.supxlabel(x_label, fontsize=9.5)
+        axes.label_outer()
+    figure.supxlabel(x_label, fontsize=9.5, y=0.08 / height)
     figure.supylabel(y_label, fontsize=9.5)
     return figure
 
@@ -83,7 +76,7 @@ def spreads(found: Sequence[Spread]) -> Figure:
         axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
         axes.yaxis.set_major_locator(MaxNLocator(4))
         axes.set(xlabel="specimen, row of the table", title=label(s.name, pretty(s.unit) or "1"))
-    shared_legend(figure, grid, 3)
+    f.shared_legend(figure, grid, 3)
     return figure
 
 
