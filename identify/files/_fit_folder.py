@@ -182,6 +182,7 @@ def _load(document: dict[str, Any], files: dict[str, Path]) -> FitResult:
         clocks=document.get("clocks", Clocks()),
         channels=rebuilt(document["channels"], arrays) if "channels" in document else None,
         sequences=document.get("sequences"),
+        asked={name: document[name] for name in ("selection", "options") if name in document},
         seed=document["seed"],
     )
 
@@ -254,6 +255,7 @@ def to_json(fit: FitResult) -> dict[str, Any]:
         "clocks": fit.clocks._asdict(),
         "sequences": None if fit.sequences is None else fit.sequences._asdict(),
         "settings": in_words(fit.settings),
+        **fit.asked,
         "seed": fit.seed,
         "versions": versions(),
     }

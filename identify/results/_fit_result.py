@@ -111,6 +111,7 @@ class FitResult:
     - `clocks`: what was done to their input before; `predict` does the same.
     - `channels`: what combined several channels into that input, None where there is one.
     - `sequences`: terms that predict behind known rows better than states of the model do, None without.
+    - `asked`: selection and options of the command that made a loaded fit, which `save` keeps.
 
     **Example:**
 
@@ -150,6 +151,7 @@ class FitResult:
     noise_model: NoiseModel | None = None
     noise_evidence: dict[str, float] = field(default_factory=dict)
     settings: Settings = field(default_factory=dict)
+    asked: dict[str, Any] = field(default_factory=dict)
     seed: int = 0
     seconds: float = 0.0
 

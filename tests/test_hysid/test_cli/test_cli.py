@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import hysid
+import identify
 from hysid.cli._app import app
 from hysid.commands import _demo
 from tests.test_hysid.command import COLUMNS, ENVIRONMENT, HEADER, F, T, X, run, sponge, text
@@ -282,3 +283,10 @@ def test_a_fit_saved_from_python_is_run_by_the_command_line(tmp_path: Path):
     found = run("predict", tmp_path / "fit", file, "--json").json()
     # A line through the loop: 8 % of its range, and the first cycle a little more.
     assert found["nrmse_percent"] < 15
+    # A fit of the command line keeps what it was asked for.
+    given = (*COLUMNS, "--model", "LinearSponge", "--where", "cycle=1", "--out", tmp_path / "b")
+    run("fit", file, *given)
+    hysid.save(hysid.load(tmp_path / "b"), tmp_path / "c")
+    b, c = (identify.internal.read_document(tmp_path / name) for name in "bc")
+    assert (c["selection"], c["options"]) == (b["selection"], b["options"])
+    assert c["selection"]["where"] == ["cycle=1"]
