@@ -17,7 +17,7 @@ def html_of(thing: Any) -> str | None:
 
     **Raises:** `InputError` `no-picture` for anything else.
     """
-    drawing = _drawing("_notebook")
+    drawing = _drawing()
     return None if drawing is None else drawing.html(thing)
 
 
@@ -32,7 +32,7 @@ def plot_of(thing: Any, **options: Any) -> Any:
 
     **Raises:** `InputError` `missing-extra` without hysid or matplotlib, `no-picture` for anything else.
     """
-    drawing = _drawing("_plot")
+    drawing = _drawing()
     if drawing is None:
         raise InputError(
             "missing-extra",
@@ -42,10 +42,10 @@ def plot_of(thing: Any, **options: Any) -> Any:
     return drawing.plot(thing, **options)
 
 
-def _drawing(name: str) -> Any:
+def _drawing() -> Any:
     # Imports otherwise run from hysid to us. By name and at the first use, because matplotlib takes half a
     # second to load and nobody who only computes should wait for it; nothing is registered anywhere.
     try:
-        return import_module(f"hysid.figures.{name}")
+        return import_module("hysid.figures._plot")
     except ImportError:
         return None

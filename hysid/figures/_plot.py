@@ -1,6 +1,6 @@
-"""What `plot()` of a record, a fit, a posterior and a compensator draws: a matplotlib Figure out."""
+"""How a record, a fit, a posterior and a compensator show themselves: a matplotlib Figure, and HTML."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,6 +10,8 @@ from compensate import AbstractCompensator, Status
 from compensate._readings import conditioned_in
 from compensate.guards._guarded import GuardedCompensator
 from hysteresis import AbstractModel, InputError, Record
+from hysteresis._escape import markup
+from hysteresis.records._excitation import check_identifiable
 from identify import FitResult
 from identify.internal import is_survey
 from identify.posterior._posterior import Posterior
@@ -21,6 +23,7 @@ from ._data_sheet import draw_sheet
 from ._format import axes_of
 from ._survey import master_of
 
+COLOURS = {"PASS": f.GREEN, "CAUTION": f.ORANGE, "FAIL": f.VERMILLION}
 CORNER = 6
 """Parameters of a corner plot, where none are named."""
 SWEEP = 120
@@ -29,31 +32,48 @@ SWEEP = 120
 
 def plot(thing: Any, **options: Any) -> Figure:
     """The figure of a record, a fit, a posterior or a compensator. Raises `no-picture` for others."""
-    return of_kind(_DRAWN, thing, "cannot be drawn")(thing, **options)
-
-
-def of_kind(known: Mapping[type, Any], thing: Any, otherwise: str) -> Any:
-    """What shows a thing of this kind. Raises `no-picture` for others."""
-    for kind, found in known.items():
+    for kind, draw in _DRAWN.items():
         if isinstance(thing, kind):
-            return found
+            return draw(thing, **options)
     raise InputError(
-        "no-picture",
-        f"A {type(thing).__name__} {otherwise}.",
+        "no-picture", f"A {type(thing).__name__} cannot be drawn.",
         fix="Give a Record, a FitResult, a Posterior or a compensator.",
+    )  # fmt: skip
+
+
+def html(thing: Any) -> str:
+    """What `plot` and `print` show, as one `div` that needs nothing else, with a verdict in its colour.
+
+    Raises `InputError` `no-picture` as `plot` does.
+    """
+    image, width, height = f.png(plot(thing))
+    text, colour = str(thing), f.EDGE
+    if isinstance(thing, Record):
+        try:
+            minded = [f"Warning: {said}" for said in check_identifiable(thing)]
+        except InputError as error:
+            minded = [f"Cannot be used: {error}"]
+        text = "\n".join([*minded, text])
+    elif isinstance(thing, FitResult):
+        colour = COLOURS[thing.verdict.level]
+    return (
+        f'<div class="hysid"><pre style="border-left: 4px solid {colour}; padding-left: 0.6em">'
+        f"{markup(text)}</pre>"
+        f'<img alt="Picture of this {type(thing).__name__}" width="{width}" height="{height}"'
+        f' src="data:image/png;base64,{image}"/></div>'
     )
 
 
-def draw_record(record: Record, most: int = f.MOST) -> Figure:
+def draw_record(record: Record) -> Figure:
     """Output against input; rows that do not count are grey."""
-    others = f.Curve("excluded", *path(record, record.output, ~record.mask, most), f.GREY)
-    counted = f.Curve("used", *path(record, record.output, record.mask, most), f.BLUE)
+    others = f.Curve("excluded", *path(record, record.output, ~record.mask), f.GREY)
+    counted = f.Curve("used", *path(record, record.output, record.mask), f.BLUE)
     if record.mask.all():
         return f.chart([counted._replace(label="")], *axes_of(record))
     return f.chart([others, counted], *axes_of(record))
 
 
-def draw_fit(fit: FitResult, most: int = f.MOST) -> Figure:
+def draw_fit(fit: FitResult) -> Figure:
     """Measured loops of training and held-out rows, and the model over the rows it is judged on; of moduli
     and of several temperatures the master curve."""
     if isinstance(fit.detail, DiscreteSpectrum) and is_survey(fit.train):
@@ -61,10 +81,10 @@ def draw_fit(fit: FitResult, most: int = f.MOST) -> Figure:
     curves = []
     for record, colour, words in ((fit.train, f.BLUE, "training"), (fit.test, f.GREEN, "held out")):
         if record is not None:
-            line = path(record, record.output, record.mask, most)
+            line = path(record, record.output, record.mask)
             curves.append(f.Curve(f"measured, {words}", *line, colour, "under"))
     seen = fit.train if fit.test is None else fit.test
-    line = path(seen, fit.predict(seen), seen.mask, most)
+    line = path(seen, fit.predict(seen), seen.mask)
     return f.chart([*curves, f.Curve(fit.name, *line, f.VERMILLION)], *axes_of(seen))
 
 
@@ -82,7 +102,7 @@ def draw_posterior(posterior: Posterior, names: Sequence[str] | None = None) -> 
 
 def draw_compensator(compensator: AbstractCompensator) -> Figure:
     """Estimates while the reading goes up, down and half way up again; grey where the status is not OK."""
-    y, value, status = swept(compensator)
+    y, value, status = _swept(compensator)
     ok = status == Status.OK
     curves = [
         f.Curve("held or extrapolated", y, np.where(ok, np.nan, value), f.GREY),
@@ -91,7 +111,7 @@ def draw_compensator(compensator: AbstractCompensator) -> Figure:
     return f.chart(curves[int(ok.all()) :], "reading", "estimate of the input")
 
 
-def swept(compensator: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _swept(compensator: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Readings that go up, down and half way up again, their estimates and statuses."""
     part, guard, conditioned = compensator, None, conditioned_in(compensator)
 
@@ -119,11 +139,9 @@ def swept(compensator: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return y, np.asarray(found.value, float), np.asarray(found.status)
 
 
-def path(
-    record: Record, y: np.ndarray, keep: np.ndarray, most: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """A series over the record's input, of the rows to keep, with gaps and at most so many points."""
-    return f.trace(record.input, np.asarray(y, float), keep, record.starts, most)
+def path(record: Record, y: np.ndarray, keep: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A series over the record's input, of the rows to keep, with gaps."""
+    return f.trace(record.input, np.asarray(y, float), keep, record.starts)
 
 
 _DRAWN: dict[type, Any] = {
