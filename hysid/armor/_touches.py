@@ -9,7 +9,6 @@ force        (t, 3) N, exerted by the load        moment  (t, 3) N m about P_o
 point        (t, 3) m, P^e; null without contact   surface (t,) from 1; 0 for none
 displacement (t,) m        spin (t,) N m           status  (t,) a word
 covariance   (t, 3, 3) m2 of the point, or left out
-truth        (t, 3) m where it was touched, or left out
 """
 
 import json
@@ -31,11 +30,10 @@ from hysteresis._limits import damage_told, parse_json
 
 FILE = "touches.json"
 COLUMNS = {
-    "force": (3,), "moment": (3,), "point": (3,), "displacement": (), "spin": (), "covariance": (3, 3),
-    "truth": (3,),
+    "vertices": (3,), "triangles": (3,), "time": (), "surface": (), "force": (3,), "moment": (3,),
+    "point": (3,), "displacement": (), "spin": (), "covariance": (3, 3),
 }  # fmt: skip
-"""Numbers at each time, and their shape."""
-OPTIONAL = ("covariance", "truth")
+"""Numbers, and the shape of each row."""
 MOST = 20_000
 """Rows that a page replays."""
 
@@ -93,7 +91,6 @@ def save_touches(
     *,
     title: str = "Touches",
     covariance: Float[np.ndarray, "times 3 3"] | None = None,
-    truth: Float[np.ndarray, "times 3"] | None = None,
 ) -> Path:
     """Write what a solver found in a record of wrenches."""
     status = [ContactStatus(int(s)).name for s in np.asarray(contact.status)]
@@ -101,7 +98,7 @@ def save_touches(
     point = np.where(surface[:, None] > 0, np.asarray(contact.point), np.nan)
     columns = {
         "force": force, "moment": moment, "point": point, "displacement": contact.displacement,
-        "spin": contact.spin, "covariance": covariance, "truth": truth,
+        "spin": contact.spin, "covariance": covariance,
     }  # fmt: skip
     document = {"schema": 1, "title": title, "vertices": shell[0], "triangles": shell[1]}
     document |= {"time": time, "surface": surface, "status": status}
@@ -117,9 +114,9 @@ def read_touches(folder: Path) -> dict[str, Any]:
     if not file.is_file():
         raise InputError(
             "file-not-found", f"This folder has no {FILE}.", place=str(folder),
-            fix="Name a folder that hysid reproduce tsuji2014 wrote.",
+            fix="Name a folder that hysid armor solve wrote.",
         )  # fmt: skip
-    with damage_told(FILE, file, "Write it again: hysid reproduce tsuji2014 --overwrite."):
+    with damage_told(FILE, file, "Write it again: hysid armor solve --overwrite."):
         document = parse_json(file.read_bytes())
         if document["schema"] != 1:
             raise ValueError(f"its schema is {document['schema']}, and this hysid knows 1")
@@ -131,31 +128,28 @@ def _check(document: dict[str, Any]) -> None:
     count = len(document["time"])
     if not 0 < count <= MOST:
         raise ValueError(f"{count} rows, where 1 to {MOST} can be replayed")
-    vertices, triangles = np.array(document["vertices"], float), np.array(document["triangles"])
-    if vertices.shape[1:] != (3,) or triangles.shape[1:] != (3,) or triangles.dtype.kind != "i":
-        raise ValueError("vertices or triangles are not triples")
-    if not np.isfinite(vertices).all() or not np.isin(triangles, np.arange(len(vertices))).all():
-        raise ValueError("a triangle names a corner that is not there")
-    for name in ("surface", "status"):
-        if len(document[name]) != count:
-            raise ValueError(f"{name} has {len(document[name])} rows, time {count}")
-    if not all(isinstance(word, str) for word in (document["title"], *document["status"])):
-        raise ValueError("title and status are words")
-    if not all(isinstance(n, int) for n in document["surface"]):
-        raise ValueError("surface is a whole number")
-    known = {"schema", "title", "vertices", "triangles", "time", "surface", "status", *COLUMNS}
-    for name in document.keys() - known:
-        raise ValueError(f"{name} is unknown")
-    times = np.array(document["time"], float)
-    if not (np.isfinite(times).all() and np.all(np.diff(times) >= 0)):
-        raise ValueError("time runs back")
+    if unknown := document.keys() - {"schema", "title", "status", *COLUMNS}:
+        raise ValueError(f"{min(unknown)} is unknown")
     for name, shape in COLUMNS.items():
-        if name in OPTIONAL and name not in document:
+        if name == "covariance" and name not in document:
             continue
         rows = [np.full(shape, np.nan) if row is None else row for row in document[name]]
-        found = np.array(rows, float).shape  # null is NaN
-        if found != (count, *shape):
-            raise ValueError(f"{name} has the shape {found}, not {(count, *shape)}")
+        found = np.array(rows)  # null is NaN
+        own = found.shape[:1] if name in ("vertices", "triangles") else (count,)
+        if found.dtype.kind not in "if" or found.shape != (*own, *shape):
+            raise ValueError(f"{name} is not {(*own, *shape)} numbers")
+    corners, triangles = np.array(document["vertices"], float), np.array(document["triangles"])
+    whole = np.append(triangles.ravel(), document["surface"])
+    if whole.dtype.kind != "i" or not np.isin(triangles, np.arange(len(corners))).all():
+        raise ValueError("a triangle names a corner that is not there")
+    words = [document["title"], *document["status"]]
+    if len(words) != 1 + count or not all(isinstance(word, str) for word in words):
+        raise ValueError("title and status are words")
+    times = np.array(document["time"], float)
+    if not (
+        np.isfinite(times).all() and np.isfinite(corners).all() and np.all(np.diff(times) >= 0)
+    ):
+        raise ValueError("time runs back")
 
 
 def _rounded(values: np.ndarray) -> Any:

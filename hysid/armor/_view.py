@@ -45,7 +45,6 @@ def view(folder: Path) -> dict[str, Any]:
         record=data,
         script=(source / "armor_view.js").read_text("utf-8"),
         has_axes=record["axes"] is not None,
-        has_truth="truth" in record,
     )
     target = folder / PAGE
     write_whole(target, html)

@@ -3,7 +3,7 @@
 const R = JSON.parse(document.getElementById("record").textContent);
 const $ = (id) => document.getElementById(id);
 const N = R.time.length;
-const BLUE = "#0072b2", RED = "#d55e00", GREEN = "#009e73", GREY = "#8c8c8c";
+const BLUE = "#0072b2", RED = "#d55e00", GREY = "#8c8c8c";
 const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 const add = (a, b, s = 1) => [a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2]];
 const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
@@ -100,7 +100,6 @@ function scene() {
       ellipsoid(c, at(P), R.axes[row].map((a) => [scale * dot(a, right), -scale * dot(a, up)]));
     }
     arrow(c, at(add(P, along, -0.28 * span * strength[row] / strongest)), at(P));
-    if (R.truth && R.truth[row]) mark(c, at(R.truth[row]), path);
     ball(P, 6, "#fff"); ball(P, 4.5, BLUE);
   };
 
@@ -115,12 +114,6 @@ function scene() {
     ball(R.point[peak], 2.5, dot(R.force[peak], out) < 0 ? "#5f5f5fcc" : "#5f5f5f44");
   });
   if (P && F && !behind) contact();
-}
-
-function mark(c, [x, y], path) {
-  c.strokeStyle = GREEN; c.lineWidth = 2;
-  path([[x - 5, y - 5], [x + 5, y + 5]]); c.stroke();
-  path([[x - 5, y + 5], [x + 5, y - 5]]); c.stroke();
 }
 
 function axes(c, at, path) {
@@ -182,7 +175,7 @@ function strip() {
 const fixed = (x, digits) => x.toFixed(digits).replace("-", "−");
 const triple = (v, factor, digits) => v.map((x) => fixed(factor * x, digits)).join(", ");
 function numbers() {
-  const P = R.point[row], F = R.force[row], M = R.moment[row], T = R.truth && R.truth[row];
+  const P = R.point[row], F = R.force[row], M = R.moment[row];
   const A = R.axes && R.axes[row], word = R.status[row];
   $("status").textContent = word.replaceAll("_", " ");
   $("status").className = `status ${word}`;
@@ -198,7 +191,6 @@ function numbers() {
     ["spin torque", R.spin[row] === null ? none : `${fixed(1e3 * R.spin[row], 0)} mN m`],
   ];
   if (R.axes) list.push(["90 % within", P && A ? `${A.map((a) => fixed(1e3 * size(a), 1)).join(", ")} mm` : none]);
-  if (R.truth) list.push(["off the truth", P && T ? `${fixed(1e3 * size(add(P, T, -1)), 1)} mm` : none]);
   $("numbers").replaceChildren(...list.flatMap(([name, value]) => {
     const [dt, dd] = ["dt", "dd"].map((tag) => document.createElement(tag));
     dt.textContent = name; dd.textContent = value;

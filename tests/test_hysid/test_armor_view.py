@@ -31,7 +31,6 @@ def folder(tmp_path: Path) -> Path:
     save_touches(
         tmp_path, shell_of(solver.shape), np.arange(len(F)) / 10, F, M, solver.solve(F, M),
         title=TITLE, covariance=np.tile(COVARIANCE, (len(F), 1, 1)),
-        truth=made.contact.reshape(-1, 3),
     )  # fmt: skip
     return tmp_path
 
@@ -48,7 +47,7 @@ def test_page_holds_its_record_and_needs_nothing_else(folder):
     assert result == {"file": str(folder / "armor.html"), "rows": 24}
     page = Page(folder / "armor.html")
     record, kept = held(page.html), read_touches(folder)
-    for name in ("time", "force", "point", "status", "truth", "triangles", "title"):
+    for name in ("time", "force", "point", "status", "triangles", "title"):
         assert record[name] == kept[name]
     assert "covariance" not in record
     assert not re.search(r"https?:|url\(|@import|fetch\(|XMLHttpRequest", page.html)
