@@ -14,12 +14,12 @@ import numpy as np
 from hypothesis import strategies as st
 
 import identify
-from compensate import export_runtime
+from compensate import Quantity, export_runtime
 from compensate.internal import EverettNetwork, ForceEstimator, Readout
 from compensate.microchannel import Localizer
 from compensate.runtime import FileError, load
 from compensate.runtime._file import checksum
-from hysid.soft_sensor._sensor import ARRAYS, WORDS, Quantity, SoftSensor, load_sensor, save_sensor
+from hysid.soft_sensor._sensor import ARRAYS, WORDS, SoftSensor, load_sensor, save_sensor
 from hysteresis import InputError
 from hysteresis._limits import parse_toml
 from identify import load_posterior, save_posterior

@@ -10,8 +10,7 @@ from ._console import Done, log
 def run(asked: Reproduce) -> Done:
     """The tables of a paper with virtual laboratories."""
     folder = asked.out or Path(f"hysid-{asked.paper}")
-    found = reproduction.reproduce(
-        asked.paper, folder, rigs=asked.rigs, seed=asked.seed, with_ours=asked.ours,
-        epochs=asked.epochs, quick=asked.quick, overwrite=asked.overwrite, say=log,
-    )  # fmt: skip
+    names = ("rigs", "seed", "ours", "epochs", "quick", "overwrite")
+    options = {name: getattr(asked, name) for name in names}
+    found = reproduction.reproduce(asked.paper, folder, say=log, **options)
     return Done(found, [*reproduction.terminal(found), "", f"Results: {folder}"])

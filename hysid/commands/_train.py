@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-import compensate
 import identify
+from compensate import Quantity
 from compensate.microchannel import export_force
 from compensate.microchannel._force import ForceEstimator
 from compensate.runtime import load_force
@@ -28,7 +28,7 @@ from ..soft_sensor._force_networks import updates_of
 from ..soft_sensor._force_records import ForceRecord
 from ..soft_sensor._force_training import KINDS, ForceTraining, train_force
 from ..soft_sensor._learn import checks_of, learn_places, learn_positions
-from ..soft_sensor._sensor import ARRAYS, FORCE, WORDS, Quantity, SoftSensor, save_sensor
+from ..soft_sensor._sensor import ARRAYS, FORCE, WORDS, SoftSensor, save_sensor
 from ..soft_sensor._sessions import Session, Streams, Targets, read_sessions
 from ._asked_more import Train
 from ._console import Done, Progress, log, warnings
@@ -213,8 +213,7 @@ def _write_runtime(
         export_force(
             force, file, readings[:, 0] if readings.shape[1] == 1 else readings,
             times=None if part.record.time is None else part.record.time[rows],
-            channels=[compensate.Quantity(*channel) for channel in sensor.channels],
-            estimate=compensate.Quantity(*sensor.force_in),
+            channels=sensor.channels, estimate=sensor.force_in,
         )  # fmt: skip
     except InputError as error:
         return None, [f"no {RUNTIME}, which runs without JAX: {error}"]

@@ -16,7 +16,7 @@ from ._armor import (
     nonlinearity,
     surface_errors,
 )
-from ._frame import Asked, Measure, Paper, compared
+from ._frame import Measure, Paper, Say, compared
 
 STRONGLY = 1.5
 """Times the nonlinearity of the others from which that of a thin sponge is seen in a figure."""
@@ -54,20 +54,20 @@ PAPER = Paper("tsuji2014", {
 })  # fmt: skip
 
 
-def carry_out(asked: Asked) -> dict[str, Any]:
+def carry_out(rigs: int, *, seed: int, ours: bool, say: Say, **_: Any) -> dict[str, Any]:
     """Every number over all rigs, with spread."""
-    rigs = [Rig(asked.seed + n) for n in range(asked.rigs)]
-    if asked.with_ours:
-        asked.say("each is also calibrated by twenty presses (--no-ours leaves that out)")
+    made = [Rig(seed + n) for n in range(rigs)]
+    if ours:
+        say("each is also calibrated by twenty presses (--no-ours leaves that out)")
 
     def progress(done: int) -> None:
-        if done % 10 == 0 or done == asked.rigs:
-            asked.say(f"rig {done} of {asked.rigs}")
+        if done % 10 == 0 or done == rigs:
+            say(f"rig {done} of {rigs}")
 
     return {
         "rig": PAPER.said["rig"],
-        "rows": compared(PAPER.published, rigs, asked.with_ours, progress),
-        "findings": _findings(rigs),
+        "rows": compared(PAPER.published, made, ours, progress),
+        "findings": _findings(made),
     }
 
 

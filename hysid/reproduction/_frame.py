@@ -24,7 +24,7 @@ from ..intake._folders import check_writable
 
 RESULT = "reproduction.json"
 MODULES = {"tsuji2014": "_armor_paper", "kim2018": "_skin_paper"}
-"""Of each paper: `carry_out(asked)`."""
+"""Of each paper: `carry_out`."""
 
 TOLERANCE = (
     "Virtual: mean and standard deviation over synthetic laboratories. Tolerance: what the paper's own n "
@@ -34,25 +34,9 @@ TOLERANCE = (
 COVERAGE = 0.95
 """Of the interval of a count."""
 
+Say = Callable[[str], None]
 Measure = Callable[[Any, bool], float | None]
 """Of one laboratory, by the paper's method or by ours; None where it has not made that experiment."""
-
-
-class Asked(NamedTuple):
-    """What to do: the folder, how many virtual laboratories, the seed of the first.
-
-    - `with_ours`: also by our methods. `epochs`: of a paper's networks; None for as many as it trained.
-    - `quick`: fewer laboratories and epochs, and the slow experiments on the first laboratory alone.
-    - `say`: tells the user where the work stands.
-    """
-
-    out: Path
-    rigs: int
-    seed: int
-    with_ours: bool
-    epochs: int | None
-    quick: bool
-    say: Callable[[str], None]
 
 
 class Published(NamedTuple):
@@ -159,11 +143,14 @@ def _spread(values: list[float]) -> tuple[float, float]:
 
 
 def reproduce(
-    paper: str, out: Path, *, rigs: int | None = None, seed: int = 0, with_ours: bool = True,
-    epochs: int | None = None, quick: bool = False, overwrite: bool = False,
-    say: Callable[[str], None] = lambda _: None,
+    paper: str, out: Path, *, rigs: int | None = None, overwrite: bool = False, quick: bool = False,
+    say: Say = lambda _: None, **asked: Any,
 ) -> dict[str, Any]:  # fmt: skip
-    """Make a paper's experiments anew: DIR/reproduction.json, table.txt, and what it adds."""
+    """Make a paper's experiments anew: DIR/reproduction.json, table.txt, and what it adds.
+
+    `asked`: `seed` of the first laboratory; `ours`: also by our methods; `epochs` of a paper's networks,
+    None for as many as it trained. `quick`: fewer laboratories and epochs.
+    """
     begin = time.perf_counter()
     module = import_module(f"{__package__}.{MODULES[paper]}")
     identify.internal.check_free(out, overwrite, RESULT)
@@ -172,8 +159,8 @@ def reproduce(
     rigs = int(rigs or said["quick_laboratories" if quick else "laboratories"])
     say(f"{rigs} virtual laboratories, {said['seconds_a_laboratory']}")
     out.mkdir(parents=True, exist_ok=True)
-    document = {"schema": 1, "paper": paper, "rigs": rigs, "seed": seed, "quick": quick}
-    document |= module.carry_out(Asked(out, rigs, seed, with_ours, epochs, quick, say))
+    document = {"schema": 1, "paper": paper, "rigs": rigs, "seed": asked["seed"], "quick": quick}
+    document |= module.carry_out(rigs, quick=quick, say=say, **asked)
     document["files"] = {"table": "table.txt"}
     document["seconds"] = round(time.perf_counter() - begin, 3)
     document["versions"] = versions(("hysid", "jax", "numpy"))

@@ -8,7 +8,7 @@ import numpy as np
 from compensate.microchannel._localizer import Confusion
 from identify.training._train import Trained
 
-from ._frame import Asked, Measure, Paper, compared
+from ._frame import Measure, Paper, Say, compared
 from ._skin import PLACES, Skin
 from ._skin_pair import OURS_FOR_ONE, SkinPair, error, found_peaks, of_pair
 
@@ -66,28 +66,29 @@ PAPER = Paper("kim2018", {
 })  # fmt: skip
 
 
-def carry_out(asked: Asked) -> dict[str, Any]:
+def carry_out(
+    rigs: int, *, seed: int, ours: bool, epochs: int | None, quick: bool, say: Say
+) -> dict[str, Any]:
     """(A) to (C) over all sensors, (D) over three; tables of the first."""
-    epochs = asked.epochs or (QUICK_EPOCHS if asked.quick else EPOCHS)
-    pairs = QUICK_PAIRS if asked.quick else PAIRS
-    of_two, with_ours = max(1, epochs // 10), asked.with_ours
+    epochs = epochs or (QUICK_EPOCHS if quick else EPOCHS)
+    pairs, of_two = QUICK_PAIRS if quick else PAIRS, max(1, epochs // 10)
     laboratories = [
-        Laboratory(Skin(seed, epochs), SkinPair(seed, of_two) if n < pairs else None)
-        for n, seed in enumerate(range(asked.seed, asked.seed + asked.rigs))
+        Laboratory(Skin(seed + n, epochs), SkinPair(seed + n, of_two) if n < pairs else None)
+        for n in range(rigs)
     ]
 
     def progress(done: int) -> None:
         two = " with two contacts" if done <= pairs else ""
-        asked.say(f"sensor {done} of {asked.rigs}{two}")
+        say(f"sensor {done} of {rigs}{two}")
 
     trained = PAPER.said["trained"].format(epochs, of_two, OURS_FOR_ONE * of_two)
     document = {
         "rig": f"{PAPER.said['rig']} {trained}",
         "epochs": epochs,
-        "rows": compared(PAPER.published, laboratories, with_ours, progress),
-        "findings": _findings(laboratories, with_ours),
+        "rows": compared(PAPER.published, laboratories, ours, progress),
+        "findings": _findings(laboratories, ours),
     }
-    return document | {"tables": _tables(laboratories[0].skin, with_ours)}
+    return document | {"tables": _tables(laboratories[0].skin, ours)}
 
 
 def _findings(laboratories: Sequence[Laboratory], with_ours: bool) -> list[dict[str, Any]]:

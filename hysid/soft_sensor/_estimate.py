@@ -3,7 +3,6 @@
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from itertools import permutations
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +25,7 @@ from ._sessions import Targets, places_of
 
 TRAINING = "training.json"
 MANY = 0.2
-"""Part of the presses that are unknown, from which swapped wires are looked for."""
+"""Part of the presses that are found elsewhere, from which swapped wires are looked for."""
 MOST_ORDERS = 6
 """Channels whose orders can all be tried."""
 
@@ -214,28 +213,22 @@ def _faults(sensor: SoftSensor, found: Estimates) -> dict[str, dict[str, int]]:
 def _swapped(
     sensor: SoftSensor, found: Estimates, readings: np.ndarray, place: np.ndarray
 ) -> list[str]:
-    """Whether the presses would be known with the channels in another order."""
-    unknown = found.place_status == "UNKNOWN"
-    pressed = unknown | np.isin(found.place_status, ("OK", "BEYOND"))
+    """Whether presses at known places are likelier with the channels in another order."""
     localizer, count = sensor.localizer, len(sensor.channels)
-    wrong = (place != "") & (found.place != place) & pressed
-    odd = (unknown | wrong).sum()
-    if localizer is None or not 2 <= count <= MOST_ORDERS or odd < max(3, MANY * pressed.sum()):
+    if localizer is None or not 2 <= count <= MOST_ORDERS:
+        return []
+    known = np.isin(place, [*map(str, localizer.names)]) & np.isfinite(readings).all(axis=1)
+    odd = int((found.place != place)[known].sum())
+    if odd < max(3, MANY * known.sum()):
         return []
     zero, scale = np.asarray(sensor.readout.zero), np.asarray(sensor.readout.scale)
-    x, truth = readings[pressed], place[pressed]
-    share = {}
-    for order in permutations(range(count)):
-        located = localizer.locate((x[:, order] - zero) / scale)
-        names = np.array([*map(str, localizer.names), ""], object)[located.place]
-        share[order] = float(np.mean((names != "") & ((truth == "") | (names == truth))))
-    order = max(share, key=share.__getitem__)
-    if share[order] < share[tuple(range(count))] + MANY:
+    order = localizer.channel_order((readings[known] - zero) / scale, place[known])
+    if order == tuple(range(count)):
         return []
     swapped = ", ".join(sensor.channels[k].name for k in order)
     return [
-        f"presses are unlike those learnt in {odd} of {pressed.sum()} rows, and {share[order]:.0%} of them"
-        f" are known with the channels in the order {swapped}: wires swapped?"
+        f"presses are unlike those learnt in {odd} of {known.sum()} rows, and likelier with the channels in"
+        f" the order {swapped}: wires swapped?"
     ]
 
 

@@ -6,13 +6,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from compensate import Quantity
 from compensate.microchannel import Localizer
 from compensate.microchannel._position import PositionEstimator, standardised
 from compensate.microchannel._readout import Readout
 from hysteresis import InputError
 from identify.training._gaussian_process import fit_kernel
 
-from ._sensor import Quantity
 from ._sessions import Streams, Targets
 
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
-from compensate import Status
+from compensate import Quantity, Status
 from compensate.microchannel import Localizer
 from compensate.microchannel._force import ForceEstimator
 from compensate.microchannel._localizer import PlaceStatus
@@ -23,13 +23,6 @@ from identify.internal import read_checked, whole_files, write_set
 
 SHORTEST = 64
 """Samples that streams are lengthened to, and the doubles of it: as many programs are compiled."""
-
-
-class Quantity(NamedTuple):
-    """Name and unit of a column."""
-
-    name: str
-    unit: str = "1"
 
 
 FORCE = Quantity("force", "N")

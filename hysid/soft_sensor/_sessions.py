@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
+from compensate import Quantity
 from hysteresis import InputError, Record, read_csv
 from hysteresis.records._table import Table
 
 from ..intake._selection import Selection
-from ._sensor import Quantity
 
 NOWHERE = ("", "-", "none", "rest", "nan", "na", "n/a", "null")
 """Words for no place: nothing is pressed."""

@@ -49,9 +49,7 @@ def document(tmp_path_factory):
         patch.setattr("hysid.reproduction._skin_paper.PAIRS", 1)
         out = tmp_path_factory.mktemp("skin")
         said = []
-        made = reproduce(
-            "kim2018", out, rigs=2, seed=SEED, with_ours=False, epochs=1, say=said.append
-        )
+        made = reproduce("kim2018", out, rigs=2, seed=SEED, ours=False, epochs=1, say=said.append)
     assert any("2 of 2" in line for line in said)
     return made, out
 
