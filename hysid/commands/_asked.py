@@ -39,7 +39,6 @@ _config = partial(
     None,
     config=True,
 )
-_on_new_data = partial(selecting, "where", "nan", "segments", "known", *OF_READING, optional=True)
 overwriting = partial(option, "Overwrite existing results.", False)
 seeding = partial(option, "Seed of every random number.", 0, least=0)
 
@@ -151,32 +150,36 @@ class Fit(FitOptions, Command):
         return found
 
 
-class Predict(Command):
+class OnNewData(Command):
+    """A command on a fit and a file with the columns that the fit used."""
+
+    folder: Path = _folder()
+    file: Path = _file()
+    selection: dict[str, Any] = selecting(
+        "where", "nan", "segments", "known", *OF_READING, optional=True
+    )
+
+
+class Predict(OnNewData):
     """Run a fitted model, or its compensator, over a file.
 
     The file has the columns that the fit used. --where, --nan and how the file is read are by default those
     of the fit.
     """
 
-    folder: Path = _folder()
-    file: Path = _file()
-    selection: dict[str, Any] = _on_new_data()
     inverse: bool = option("Run the compensator: estimate the input from the output.", False)
     steady: bool = option(
         "Oscillator: the force has run so often that the motion repeats itself.", False
     )
 
 
-class Qualify(Command):
+class Qualify(OnNewData):
     """Judge a fit's compensator on data it has not seen.
 
     The verdict is PASS, CAUTION or FAIL; FAIL, and exit status 2, where the compensator does not meet
     --max-error or --rate. --where, --nan and how the file is read are by default those of the fit.
     """
 
-    folder: Path = _folder()
-    file: Path = _file()
-    selection: dict[str, Any] = _on_new_data()
     max_error: float | None = option(
         "Largest error that is allowed, in the unit of the input.", None
     )
@@ -198,16 +201,13 @@ class Qualify(Command):
     )
 
 
-class Monitor(Command):
+class Monitor(OnNewData):
     """Run a fit's compensator over a log, and let it recalibrate itself where the input is known.
 
     It says whether a calibration is needed now, why, and how much accuracy is lost until then. --where,
     --nan and how the file is read are by default those of the fit.
     """
 
-    folder: Path = _folder()
-    file: Path = _file()
-    selection: dict[str, Any] = _on_new_data()
     reference: str | None = option(
         "Column of the known inputs, empty where they are not known (default: the fit's input).",
         None,

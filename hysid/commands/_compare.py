@@ -12,7 +12,7 @@ from identify.comparison._compare import Pair
 from identify.internal import Compared, compare_candidates
 
 from ..figures._format import number, pretty
-from ..intake._folders import folders_of
+from ..reporting._specimens import places
 from ._asked import Compare
 from ._console import Done
 
@@ -33,11 +33,9 @@ def run(asked: Compare) -> Done:
 
 def _compare(folders: Sequence[Path]) -> dict[str, Any]:
     """Models of the same data, ranked by held-out error; of one folder, the candidates that were tried."""
-    places = _places(folders)
-    if len(places) == 1:
-        found = compare_candidates(next(iter(places.values())))
-    else:
-        found = identify.compare(places)
+    fits = _places(folders)
+    alone = len(fits) == 1
+    found = compare_candidates(*fits.values()) if alone else identify.compare(fits)
     return {
         "models": [_figures(model) for model in found.models],
         "pairs": [_pair(pair) for pair in found.pairs],
@@ -55,8 +53,8 @@ def _check_two(folders: Sequence[Any], problem: str, fix: str) -> None:
 
 def _change(folders: Sequence[Path], margin: float) -> dict[str, Any]:
     """One model on two data sets: what changed from the first to the second."""
-    places = _places(folders)
-    names, fits = list(places), list(places.values())
+    named = _places(folders)
+    names, fits = list(named), list(named.values())
     given = f"{', '.join(names)} {'is' if len(fits) < 2 else 'are'} given"
     fix = "Name two folders in order of time: before, after."
     _check_two(fits, f"A change is between two fits; {given}.", fix)
@@ -144,17 +142,11 @@ def _chance(p: float) -> str:
 
 
 def _places(folders: Sequence[Path]) -> dict[str, Path]:
-    """Folders by name; one that holds several fits (--each) stands for those."""
-    if len(folders) == 1:
-        inside = folders_of(folders[0], identify.internal.read_document(folders[0]))
-        if "" not in inside:
-            return {value: folders[0] / name for value, name in inside.items()}
-    names = [folder.resolve().name for folder in folders]
-    if len(set(names)) < len(names):
-        names = [str(folder) for folder in folders]
-    if len(set(names)) < len(names):
+    """Folders by name; one that holds several fits stands for those."""
+    found = places(folders)
+    if len(found) < len(folders):
         raise InputError("given-twice", "A folder is named twice.", fix="Name each folder once.")
-    return dict(zip(names, folders, strict=True))
+    return found
 
 
 def _figures(model: Compared) -> dict[str, Any]:

@@ -1,6 +1,6 @@
 """What the sections of a report are made of, and the fit they are about."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 import identify
-from compensate import AbstractCompensator, Status, estimate
+from compensate import Status, estimate
 from hysteresis import InputError, Record
 from identify.internal import predict
 
@@ -19,13 +19,8 @@ from ..figures._base import png
 from ..figures._format import label_of, name_of
 from ..figures._live import live
 
-# What a report shows beyond the fit itself: residuals of all rows, and the round trip.
-
-
 TRIP = 4_000
 """Rows sent through a compensator, at most, twice. The slowest inverses take 0.35 ms a row."""
-
-Outputs = Callable[[Record], Float[np.ndarray, " samples"]]
 
 
 class Rows(NamedTuple):
@@ -39,33 +34,6 @@ class Rows(NamedTuple):
     word: np.ndarray
     branch: np.ndarray
     starts: Int[np.ndarray, " sequences"]
-
-
-def residual_rows(
-    records: list[Record],
-    predicted: list[np.ndarray],
-    used: Bool[np.ndarray, " samples"],
-    held_out: Bool[np.ndarray, " samples"] | None,
-) -> Rows:
-    """Rows of the training record and, where that is another, of the held-out one.
-
-    `used` says which training rows were fitted, `held_out` which of that record's are the held-out ones.
-    """
-    train, *tests = records
-    words = [np.where(train.mask, np.where(used, "training", "excluded"), "")]
-    if held_out is not None:
-        words[0] = np.where(held_out, "held-out", words[0])
-    words += [np.where(test.mask, "held-out", "") for test in tests]
-    offsets = np.cumsum([0, *map(len, records[:-1])])
-    residual = np.concatenate([p - r.output for p, r in zip(predicted, records, strict=False)])
-    word = np.where(np.isfinite(residual), np.concatenate(words), "")
-    return Rows(
-        np.concatenate([r.input for r in records]),
-        residual,
-        word,
-        np.concatenate([r.branch for r in records]),
-        np.concatenate([r.starts + k for r, k in zip(records, offsets, strict=True)]),
-    )
 
 
 class RoundTrip(NamedTuple):
@@ -86,30 +54,6 @@ class RoundTrip(NamedTuple):
     rms: float
     largest: float
     exactness: float
-
-
-def round_trip(outputs: Outputs, compensator: AbstractCompensator, record: Record) -> RoundTrip:
-    """Run the compensator over a record's measured output, and over the model's own `outputs`."""
-    span = float(np.ptp(record.output[record.mask])) or 1.0
-    first = 0
-    if len(record) > TRIP:
-        # Rows before those that count make good an unknown first state.
-        first = max(0, int(np.argmax(record.mask)) - TRIP // 2)
-        record = record.take_rows(first, first + TRIP)
-    found = estimate(compensator, record)
-    value, status = np.asarray(found.value), np.asarray(found.status)
-
-    own = outputs(record)
-    again = estimate(compensator, replace(record, output=own)).value
-    back = outputs(replace(record, input=np.asarray(again)))
-    exactness = float(np.abs(back - own).max()) / span
-
-    counted = record.mask & np.isfinite(value) & (status != Status.INVALID)
-    error = (value - record.input)[counted]
-    if not len(error):
-        error = np.array([np.nan])
-    rms, largest = float(np.sqrt(np.mean(error**2))), float(np.abs(error).max())
-    return RoundTrip(record, first, value, status, counted, rms, largest, exactness)
 
 
 ROLES = ("input", "output", "time")
@@ -211,11 +155,23 @@ class Case:
 
     @cached_property
     def rows(self) -> Rows:
-        """Residuals of all rows that count."""
+        """Residuals of the training rows and, where they are others, of the held-out ones."""
         train, test = self.fit.train, self.fit.test
-        held_out = test.mask if test is not None and self.same_rows else None
-        records = [train] if test is None or self.same_rows else [train, test]
-        return residual_rows(records, [*self.predicted.values()], self.fit.used, held_out)
+        words = [np.where(train.mask, np.where(self.fit.used, "training", "excluded"), "")]
+        records = [train]
+        if test is not None and self.same_rows:
+            words[0] = np.where(test.mask, "held-out", words[0])
+        elif test is not None:
+            words.append(np.where(test.mask, "held-out", ""))
+            records.append(test)
+        pairs = zip(records, self.predicted.values(), strict=False)
+        residual = np.concatenate([predicted - one.output for one, predicted in pairs])
+        word = np.where(np.isfinite(residual), np.concatenate(words), "")
+        driven, branch = (
+            np.concatenate([getattr(r, k) for r in records]) for k in ("input", "branch")
+        )
+        starts = [train.starts, *(one.starts + len(train) for one in records[1:])]
+        return Rows(driven, residual, word, branch, np.concatenate(starts))
 
     @cached_property
     def predicted(self) -> dict[str, np.ndarray]:
@@ -236,11 +192,26 @@ class Case:
 
     @cached_property
     def round_trip(self) -> RoundTrip | InputError:
-        """What the compensator makes of the judged record, or why there is none."""
+        """The judged record and the model's own output sent backwards, or why there is no compensator."""
         if self.fit.channels is not None:
             said = f"{len(self.fit.channels.names)} inputs cannot be recovered from one output."
             return InputError("not-invertible", said)
+        record, first = self.judged[1], 0
+        span = float(np.ptp(record.output[record.mask])) or 1.0
+        if len(record) > TRIP:
+            # Rows before those that count make good an unknown first state.
+            first = max(0, int(np.argmax(record.mask)) - TRIP // 2)
+            record = record.take_rows(first, first + TRIP)
         try:
-            return round_trip(self.outputs, exported(self.fit), self.judged[1])
+            compensator = exported(self.fit)
+            found, own = estimate(compensator, record), self.outputs(record)
+            again = estimate(compensator, replace(record, output=own)).value
         except InputError as error:
             return error
+        back = self.outputs(replace(record, input=np.asarray(again)))
+        value, status = np.asarray(found.value), np.asarray(found.status)
+        counted = record.mask & np.isfinite(value) & (status != Status.INVALID)
+        error = (value - record.input)[counted] if counted.any() else np.array([np.nan])
+        rms, largest = float(np.sqrt(np.mean(error**2))), float(np.abs(error).max())
+        exactness = float(np.abs(back - own).max()) / span
+        return RoundTrip(record, first, value, status, counted, rms, largest, exactness)
