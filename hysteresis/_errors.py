@@ -25,6 +25,18 @@ class InputError(ValueError):
         self.code, self.problem, self.place, self.cause, self.fix = code, problem, place, cause, fix
         super().__init__(self._text())
 
+    @property
+    def document(self) -> dict[str, str]:
+        """The five as plain data, as `--json` prints them."""
+        names = {
+            "code": "code",
+            "message": "problem",
+            "where": "place",
+            "cause": "cause",
+            "fix": "fix",
+        }
+        return {name: getattr(self, field) for name, field in names.items()}
+
     def _text(self) -> str:
         text = f"{self.place}: {self.problem}" if self.place else self.problem
         if self.cause:

@@ -13,7 +13,6 @@ covariance   (t, 3, 3) m2 of the point, or left out
 
 import json
 import math
-from itertools import combinations, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -21,8 +20,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 import identify
-from compensate.armor import ContactStatus
-from compensate.armor._shapes import AbstractShape
+from compensate.armor import ContactStatus, Mesh
 from compensate.armor._solver import Contact
 from hysteresis import InputError
 from hysteresis._atomic_file import write_whole
@@ -40,41 +38,23 @@ MOST = 20_000
 Shell = tuple[Float[np.ndarray, "vertices 3"], Int[np.ndarray, "triangles 3"]]
 
 
-def shell_of(shape: AbstractShape) -> Shell:
-    """Corners and triangles of a shape, counter-clockwise seen from outside, to draw it.
-
-    A corner is where two edges e and f of a face meet, unless a third one cuts it off:
-
-        P = (-offset e x f + limit_e f x n + limit_f n x e) / n.(e x f)
-    """
-    faces = shape.faces()
-    n, edge, limit = (np.asarray(a) for a in (faces.normal, faces.edge, faces.limit))
-    offset, size = np.asarray(faces.offset)[:, None], float(shape.longest())
-    found, kept = [], []
-    for i, j in combinations(range(edge.shape[1]), 2):
-        e, f = edge[:, i], edge[:, j]
-        corner = -offset * np.cross(e, f) + limit[:, i, None] * np.cross(f, n)
-        corner += limit[:, j, None] * np.cross(n, e)
-        volume = np.sum(n * np.cross(e, f), axis=1)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            corner /= volume[:, None]
-            beyond = np.max(np.sum(edge * corner[:, None], axis=2) - limit, axis=1)
-        found.append(corner)
-        kept.append((np.abs(volume) > 1e-9) & (beyond < 1e-6 * size))
-    corners, inside = np.stack(found, axis=1), np.stack(kept, axis=1)
-    digits = 6 - math.floor(math.log10(size))  # by which corners of neighbours are known to be one
-    vertices, number = np.unique(corners[inside].round(digits), axis=0, return_inverse=True)
-    numbers = np.full(inside.shape, -1)
-    numbers[inside] = number.ravel()
-    triangles = []
-    for k, row in enumerate(numbers):
-        around = np.unique(row[row >= 0])
-        arm = vertices[around] - vertices[around].mean(axis=0)
-        # The angle about the outward normal, from the first corner on.
-        angle = np.arctan2(np.cross(arm[0], arm) @ -n[k], arm @ arm[0])
-        polygon = around[np.argsort(angle)]
-        triangles += [[polygon[0], a, b] for a, b in pairwise(polygon[1:])]
-    return vertices, np.array(triangles)
+def shell_of(shape: Any) -> Shell:
+    """Corners and triangles of a `Box` or a `Mesh`, counter-clockwise seen from outside, to draw it."""
+    if isinstance(shape, Mesh):
+        triangles = np.asarray(shape.corners())
+    else:
+        a, b = np.moveaxis(np.asarray(shape.axes()), 1, 0)
+        way = np.sign(np.sum(np.cross(a, b) * np.asarray(shape.faces().normal), axis=1))
+        a = -way[:, None] * a
+        sides = np.stack([-a - b, a - b, a + b, b - a], axis=1)
+        square = np.asarray(shape.centres())[:, None] + sides
+        triangles = np.concatenate([square[:, [0, 1, 2]], square[:, [0, 2, 3]]])
+    digits = 6 - math.floor(
+        math.log10(float(shape.longest()))
+    )  # by which corners are known to be one
+    corners = triangles.reshape(-1, 3).round(digits)
+    vertices, number = np.unique(corners, axis=0, return_inverse=True)
+    return vertices, number.reshape(-1, 3)
 
 
 VIRTUAL = " (virtual: synthetic readings of a virtual rig, no measurement)"

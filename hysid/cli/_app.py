@@ -22,9 +22,9 @@ from ..commands._asked import Command, Fit, as_fields, fields_of
 from ..commands._console import (
     INTERRUPTED,
     USER,
-    Fault,
     example,
     explain,
+    fault,
     print_result,
     start_jax,
     stop,
@@ -292,8 +292,8 @@ def main() -> None:
             stream.reconfigure(errors="backslashreplace")
     if threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGTERM, _terminated)
-    if fault := fault_of_packages():
-        stop(Fault("foreign-package", fault), fault, USER, as_json)
+    if said := fault_of_packages():
+        stop(fault("foreign-package", said), said, USER, as_json)
     try:
         code = _commands()(arguments, prog_name="hysid", standalone_mode=False)
     except (KeyboardInterrupt, typer.Abort):
@@ -302,4 +302,4 @@ def main() -> None:
         stop(*explain(options_here(error, _commands(), arguments)), as_json)
     if code == INTERRUPTED:
         said = "Interrupted. What was written so far is complete."
-        stop(Fault("interrupted", said), said, INTERRUPTED, as_json)
+        stop(fault("interrupted", said), said, INTERRUPTED, as_json)

@@ -8,7 +8,6 @@ import tempfile
 import time
 import traceback
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple, NoReturn
 
 from .._compile_cache import keep_compiled
@@ -228,53 +227,45 @@ class Progress:
             self._bar.stop()
 
 
-@dataclass(frozen=True)
-class Fault:
-    """Why a command ended: the fields of `InputError`, "" where there is nothing to say."""
-
-    code: str
-    message: str
-    where: str = ""
-    cause: str = ""
-    fix: str = ""
+def fault(code: str, message: str, where: str = "", fix: str = "") -> dict[str, str]:
+    """Why a command ended: what `InputError.document` has, "" where there is nothing to say."""
+    return {"code": code, "message": message, "where": where, "cause": "", "fix": fix}
 
 
-def stop(fault: Fault, text: str, status: int, as_json: bool) -> NoReturn:
+def stop(document: dict[str, str], text: str, status: int, as_json: bool) -> NoReturn:
     """End with one line on stderr: a sentence, or one JSON object."""
     if as_json:
-        print(_json({"error": asdict(fault)}, sys.stderr.encoding), file=sys.stderr, flush=True)
+        print(_json({"error": document}, sys.stderr.encoding), file=sys.stderr, flush=True)
     else:
         log(f"hysid: {text}")
     raise SystemExit(status)
 
 
-def explain(error: Exception) -> tuple[Fault, str, int]:
+def explain(error: Exception) -> tuple[dict[str, str], str, int]:
     """What an exception means to the user: the fault, the same as text, and the exit status."""
     # Known by its method: newer typers bring their own click, older ones need the package.
     if (usage := getattr(error, "format_message", None)) is not None:
         message = f"{usage().rstrip('.')}."
         if (context := getattr(error, "ctx", None)) is None:
-            return Fault("usage", message), message, USER
+            return fault("usage", message), message, USER
         hint = f"See: {context.command_path} --help"
-        return Fault("usage", message, context.command_path, fix=hint), f"{message} {hint}", USER
+        return fault("usage", message, context.command_path, fix=hint), f"{message} {hint}", USER
     # Not imported here: what failed may be that very import.
     known = getattr(sys.modules.get("hysteresis"), "InputError", None)
     if known is not None and isinstance(error, known):
-        told: Any = error
-        fault = Fault(told.code, told.problem, told.place, told.cause, told.fix)
-        return fault, str(error), USER
+        return error.document, str(error), USER  # type: ignore[attr-defined]
     if isinstance(error, OSError):
         place, why = str(error.filename or "the disk"), f"{error.strerror or error}."
-        return Fault("os-error", why, place), f"{place}: {why}", USER
+        return fault("os-error", why, place), f"{place}: {why}", USER
     said = ": ".join([type(error).__name__, *str(error).splitlines()[:1]])
     if isinstance(error, ImportError):
         message = f"The installation is not complete ({said})."
         fix = "Install hysid again, in an environment of its own."
-        return Fault("broken-install", message, fix=fix), f"{message} Fix: {fix}", USER
+        return fault("broken-install", message, fix=fix), f"{message} Fix: {fix}", USER
     message = f"This is a bug in hysid, not your doing ({said})."
     details = _details(error)
-    fault = Fault("bug", message, details, fix="Report the bug with this file.")
-    return fault, f"{message} Details: {details}", BUG
+    document = fault("bug", message, details, "Report the bug with this file.")
+    return document, f"{message} Details: {details}", BUG
 
 
 def _details(error: Exception) -> str:

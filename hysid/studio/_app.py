@@ -30,7 +30,7 @@ from . import _configuration
 from ._equivalents import asked_for, equivalents
 from ._folder import Folder, zipped
 from ._guard import DOCUMENT_RULES, Sessions
-from ._measurement import Measurement, as_document
+from ._measurement import Measurement
 from ._processes import Jobs
 from ._requests import ROLES, Asked, Json, RequestError, asked_of, refusal, settings
 from ._results import Fits, written_rows
@@ -116,7 +116,7 @@ class Studio:
                 found["seen"] = self.folder.copies(one.file)
         except InputError as error:
             if error.code != "file-not-found":
-                found["result_fault"] = as_document(error)
+                found["result_fault"] = error.document
         shown = (found["result"] or {}).get("folder", ".")
         found["equivalents"] = equivalents(one.file, place, selection, found["fit"], shown)
         return found

@@ -98,7 +98,7 @@ class Measurement:
                 found["fault"] = None
                 _configuration.selection(self.config).check_columns()
         except InputError as error:
-            found["fault"] = as_document(error)
+            found["fault"] = error.document
         return found
 
     def judged(self) -> dict[str, Any]:
@@ -107,7 +107,7 @@ class Measurement:
             selection = _configuration.selection(self.config)
             records, faults = selection.records(self.table(selection))
         except InputError as error:
-            return {"warnings": [], "fault": as_document(error), "records": []}
+            return {"warnings": [], "fault": error.document, "records": []}
         warnings, told = [], []
         for value, (train, test) in records.items():
             head = f"{selection.each} = {value}: " if value else ""
@@ -239,7 +239,7 @@ class Measurement:
                 try:
                     found = _of_guess(asdict(guess(self.file, given)))
                 except InputError as error:
-                    found = _of_guess(self._columns(given)) | {"fault": as_document(error)}
+                    found = _of_guess(self._columns(given)) | {"fault": error.document}
                 self._guess = (key, found)
             return self._guess[1]
 
@@ -302,14 +302,6 @@ def _as_given(name: str, value: Any) -> Any:
     """An option as `init` takes it: columns that may be several as a tuple."""
     several = {"repeated", "joined"} & FIELDS[name].metadata.keys()
     return value if not several or isinstance(value, tuple | list) else (value,)
-
-
-def as_document(error: InputError) -> dict[str, str]:
-    """An error as the command line's `--json` has it."""
-    return {
-        "code": error.code, "message": error.problem, "where": error.place, "cause": error.cause,
-        "fix": error.fix,
-    }  # fmt: skip
 
 
 def _stamp(file: Path) -> tuple[int, int]:

@@ -16,7 +16,6 @@ from hysteresis._limits import parse_json
 
 from ..intake._fit_options import FIT_FIELDS
 from ..intake._selection_options import ASIDE, FIELDS
-from ._measurement import as_document
 
 # Controls of the page: what it calls the options of the commands, and texts that name them.
 #
@@ -241,17 +240,15 @@ async def _body(request: Request) -> bytes:
 
 def refusal(error: Exception) -> "Json":
     """What went wrong, as the page shows it; status 422 where it is about files and settings."""
+    status, told = HTTPStatus.UNPROCESSABLE_ENTITY, {"where": "", "cause": "", "fix": ""}
     if isinstance(error, InputError):
-        return Json({"error": as_document(error)}, HTTPStatus.UNPROCESSABLE_ENTITY)
-    status, cause, fix, said = HTTPStatus.UNPROCESSABLE_ENTITY, "", "", str(error)
-    if isinstance(error, OSError):
-        said = f"{error.strerror or error}."
-    elif isinstance(error, RequestError):
-        status, cause, fix = error.status, error.cause, error.fix
+        return Json({"error": error.document}, status)
+    said = f"{error.strerror or error}." if isinstance(error, OSError) else str(error)
+    if isinstance(error, RequestError):
+        status = error.status
+        told |= {"cause": error.cause, "fix": error.fix}
     code = status.phrase.lower().replace(" ", "-")
-    return Json(
-        {"error": {"code": code, "message": said, "where": "", "cause": cause, "fix": fix}}, status
-    )
+    return Json({"error": {"code": code, "message": said, **told}}, status)
 
 
 class Json(JSONResponse):
