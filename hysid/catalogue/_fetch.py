@@ -65,8 +65,13 @@ def fetch(
         )
     written, rows = _table(dataset, texts)
     out.mkdir(parents=True, exist_ok=True)
-    _write(config, config_text(dataset, {path: found["sha256"] for path, found in seen.items()}))
-    _write(table, written)
+    # hysteresis brings JAX, which the commands on data sets do without until there is a file to write.
+    from hysteresis._atomic_file import write_whole
+
+    write_whole(
+        config, config_text(dataset, {path: found["sha256"] for path, found in seen.items()})
+    )
+    write_whole(table, written)
     return {
         "name": dataset.name, "file": str(table), "config": str(config), "rows": rows,
         "sources": [{"path": path, **found} for path, found in seen.items()], "checked": not unknown,
@@ -189,11 +194,3 @@ def _not_as_listed(what: str, place: str) -> Exception:
         cause="the file is laid out otherwise than the catalogue says.",
         fix="mend [dataset.read] of the catalogue, and name it: --catalogue FILE.",
     )
-
-
-def _write(file: Path, text: str) -> None:
-    # hysteresis brings JAX, which the commands on data sets do without until there is a file to write.
-    from hysteresis._atomic_file import atomic_file
-
-    with atomic_file(file) as new:
-        new.write_text(text, encoding="utf-8", newline="")

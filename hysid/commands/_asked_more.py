@@ -139,9 +139,7 @@ class View(Command):
 
     does = "commands._armor:view"
     folder: Path = option(
-        "Folder with touches.json, as hysid armor solve writes it.",
-        argument=True,
-        metavar="DIR",
+        "Folder with touches.json, as hysid armor solve writes it.", argument=True, metavar="DIR"
     )
 
 
@@ -232,11 +230,7 @@ class Estimate(Command):
     """
 
     does = "commands._estimate:estimate"
-    folder: Path = option(
-        "Folder of a trained sensor, or of pairs.",
-        argument=True,
-        metavar="DIR",
-    )
+    folder: Path = option("Folder of a trained sensor, or of pairs.", argument=True, metavar="DIR")
     file: Path = option("CSV file with the sensor's channels.", argument=True, metavar="FILE")
     selection: dict[str, Any] = selecting("where", "na_values")
     out: Path | None = option("CSV file to write (default: DIR/estimated-FILE.csv).", None)

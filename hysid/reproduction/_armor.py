@@ -13,15 +13,7 @@ import numpy as np
 import scipy
 from jaxtyping import Array, Float
 
-from compensate.armor import (
-    Armor,
-    Box,
-    Bumps,
-    ContactSolver,
-    Cover,
-    Presses,
-    WristSensor,
-)
+from compensate.armor import Armor, Box, Bumps, ContactSolver, Cover, Presses, WristSensor
 from compensate.armor._calibration import planned_presses
 from compensate.armor._solver import Contact
 from hysteresis import AbstractModel, LinearSponge, Record

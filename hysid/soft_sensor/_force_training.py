@@ -12,14 +12,7 @@ from hysteresis import InputError
 from hysteresis.numerics._normal import NORMAL_95
 from identify.training._train import Trained
 
-from ._force_networks import (
-    DECAYS,
-    Found,
-    Settings,
-    Tell,
-    fit_structured,
-    train_networks,
-)
+from ._force_networks import DECAYS, Found, Settings, Tell, fit_structured, train_networks
 from ._force_records import ForceData, ForceRecord, gather, held_out_parts
 
 KINDS = {"network": train_networks, "structured": fit_structured}

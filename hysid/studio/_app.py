@@ -26,6 +26,7 @@ from hysteresis._format import plain
 from hysteresis._limits import damage_told
 
 from ..commands._asked import Command, Export, Fit, Report
+from ..intake._own_config import folder_of
 from . import _configuration
 from ._equivalents import asked_for, equivalents
 from ._folder import Folder, zipped
@@ -81,7 +82,7 @@ class Studio:
 
     def place(self, name: str, value: str = "") -> Path:
         """The folder of the fit of a measurement, or of one of its values, whether there is one or not."""
-        place = self.folder.fit_of(self.folder.file(name))
+        place = folder_of(self.folder.file(name))
         return self.folder.fit(place / value if value else place)
 
     def state(self) -> dict[str, Any]:

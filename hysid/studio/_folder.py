@@ -103,10 +103,6 @@ class Folder:
         }  # fmt: skip
         return sorted(found | {path for path in self._named if path.is_file()})
 
-    def fit_of(self, file: Path) -> Path:
-        """The folder of a measurement's fit, as `hysid fit` names it."""
-        return folder_of(file)
-
     def listed(self) -> list[dict[str, Any]]:
         """Every measurement with what there is of it: configuration, and the verdict of its fit.
 
@@ -119,16 +115,20 @@ class Folder:
                 "stamp": str(file.stat().st_mtime),
                 "configured": (config := config_of(file)).is_file(),
                 "edited": str(config.stat().st_mtime) if config.is_file() else "",
-                "fit": self._verdict(self.fit_of(file)),
+                "fit": self._verdict(folder_of(file)),
             }
             for file in self.measurements()
         ]
 
-    def _verdict(self, place: Path) -> dict[str, Any] | None:
-        try:
-            return short_verdict(self.fit(place))
-        except InputError:
-            return None
+    def _verdict(self, place: Path) -> dict[str, str] | None:
+        """The verdict of the fit in a folder, None where there is none in it."""
+        with contextlib.suppress(InputError):
+            if (self.fit(place) / "fit.json").is_file():
+                try:
+                    return {"level": identify.internal.read_document(place)["verdict"]["level"]}
+                except (InputError, KeyError):
+                    return {"level": "damaged"}
+        return None
 
     @contextlib.contextmanager
     def new_file(self, name: str) -> Iterator[Path]:
@@ -139,7 +139,7 @@ class Folder:
         suffix = _cut(re.sub(r"[^\w.]", "_", suffix), 12)
         path, number = self.root / f"{stem}{suffix}", 1
         while path in self._coming or any(
-            map(os.path.lexists, (path, path.with_suffix(".toml"), self.fit_of(path)))
+            map(os.path.lexists, (path, path.with_suffix(".toml"), folder_of(path)))
         ):
             number += 1
             path = self.root / f"{stem}-{number}{suffix}"
@@ -196,18 +196,3 @@ def zipped(folder: Path) -> bytes:
         for file in sorted(files):
             archive.write(file, file.relative_to(folder.parent))
     return found.getvalue()
-
-
-def short_verdict(folder: Path) -> dict[str, Any] | None:
-    """Model and verdict of the fit in a folder, None where there is none that can be read."""
-    if not (folder / "fit.json").is_file():
-        return None
-    try:
-        document = identify.internal.read_document(folder)
-        test, train = document["metrics"]["test"], document["metrics"]["train"]
-        return {
-            "model": document["model"], "level": document["verdict"]["level"],
-            "nrmse_percent": (test or train)["nrmse_percent"], "held_out": test is not None,
-        }  # fmt: skip
-    except (InputError, KeyError, TypeError):
-        return {"model": "", "level": "damaged", "nrmse_percent": None, "held_out": False}

@@ -31,6 +31,8 @@ LARGE = 4_000_000
 """Bytes from which a file is first shown by an excerpt, while the whole of it is read."""
 PART = 40
 """The excerpt of a large file is one part of so many."""
+REPAIRS = ("masked", "filled", "units-row", "cut")
+"""Codes of what reading a file has mended."""
 MOST_RANGES = 400
 """Stretches of lines that one option may hold."""
 
@@ -112,27 +114,18 @@ class Measurement:
         for value, (train, test) in records.items():
             head = f"{selection.each} = {value}: " if value else ""
             try:
-                if selection.is_step:
-                    text = check_step(train)["text"]
-                else:
-                    text = train.describe()
-                    for note in check_identifiable(train):
-                        spans = _spans_of(train) if note.code == "saturation" else []
-                        warnings.append({"code": note.code, "text": head + note, "lines": spans})
-                warnings += [
-                    {"code": note.code, "text": head + note, "lines": []}
-                    for note in train.history
-                    if note.code in ("masked", "filled", "units-row", "cut")
-                ]
-                told.append(
-                    {
-                        "name": value, "text": text, "rows": len(train), "cycles": train.n_cycles,
-                        "used": int(train.mask.sum()),
-                        "held_out": 0 if test is None else int(test.mask.sum()),
-                    }
-                )  # fmt: skip
+                notes = [] if selection.is_step else check_identifiable(train)
+                text = check_step(train)["text"] if selection.is_step else train.describe()
             except InputError as error:
                 faults[value] = error
+                continue
+            for note in (*notes, *(one for one in train.history if one.code in REPAIRS)):
+                spans = _spans_of(train) if note.code == "saturation" else []
+                warnings.append({"code": note.code, "text": head + note, "lines": spans})
+            told.append({
+                "name": value, "text": text, "rows": len(train), "cycles": train.n_cycles,
+                "used": int(train.mask.sum()), "held_out": 0 if test is None else int(test.mask.sum()),
+            })  # fmt: skip
         for value, error in faults.items():
             said = f"{value}: {error.problem}" if value else error.problem
             warnings.append({"code": error.code, "text": f"{said} {error.fix}", "lines": []})

@@ -14,6 +14,7 @@ import numpy as np
 import identify
 from compensate.export.targets._export_to import TARGETS
 from hysteresis import InputError, Record
+from hysteresis._format import plain
 from hysteresis.records._loads import kind_of_units
 from identify import load_posterior
 
@@ -131,6 +132,8 @@ WIDE = 30
 """Ratio of the ends of a positive parameter from which its distribution is shown over the logarithm."""
 SAID = ("model", "purpose", "metrics", "skipped", "notes", "seconds", "data")
 """Entries of fit.json that the page has as they are."""
+TRIED = ("model", "score_percent", "metrics", "verdict")
+"""The same of a candidate."""
 SHOWN = 6
 """Parameters whose marginal distribution is drawn."""
 
@@ -177,19 +180,9 @@ class Fits:
             "characteristics": document.get("characteristics", []),
             "parameters": [one for one in listed if one["name"] in determined],
             "undetermined": sum(one["name"] not in determined for one in listed),
-            "candidates": [
-                {
-                    "model": one["model"], "score_percent": one["score_percent"],
-                    "test": one["metrics"]["test"], "train": one["metrics"]["train"],
-                    "level": one["verdict"]["level"], "seconds": one["seconds"],
-                }
-                for one in document["candidates"]
-            ],
-            "baselines": [
-                {"model": one["name"], "score_percent": one["score_percent"], **one["metrics"]}
-                for one in document.get("baselines", [])
-            ],
-            "stale": _stale(whole, document, selection, options, file, written),
+            "candidates": [{name: one[name] for name in TRIED} for one in document["candidates"]],
+            "baselines": document.get("baselines", []),
+            "stale": _stale(whole, selection, options, file, written),
             "invertible": not asked.is_step and not isinstance(asked.input, tuple),
             "posterior": _posterior(own / "posterior.json"),
             "report": f"{folder.name}/{at}report.html" if "report.html" in there else None,
@@ -316,43 +309,30 @@ def _number(cell: str) -> float:
 
 
 def _stale(
-    whole: dict[str, Any],
-    document: Mapping[str, Any],
-    selection: Selection | None,
-    options: Mapping[str, Any],
-    file: Path | None,
+    whole: dict[str, Any], selection: Selection | None, options: Mapping[str, Any], file: Path | None,
     made: float,
-) -> bool:
+) -> bool:  # fmt: skip
     """Whether other rows, columns or options are chosen than those of a fit, or the file is another one.
 
     A fit that was saved from Python says nothing of its rows and options.
     """
-    chosen = selection if "selection" in whole else None
-    if chosen is not None and _differs(chosen, selection_of_fit(whole)):
-        return True
+    pairs = []
+    if selection is not None and "selection" in whole:
+        now, then = selection.as_json(), selection_of_fit(whole).as_json()
+        keys = now.keys() & then.keys()
+        if isinstance(now["input"], tuple) != isinstance(then["input"], tuple):
+            keys -= {"input", "condition"}  # one of two inputs was taken as a condition
+        pairs += [(now[key], then[key]) for key in keys]
     usual = inspect.signature(identify.fit).parameters
     for name, then in whole.get("options", {}).items():
-        now = options.get(name, usual[name].default if name in usual else then)
-        if _listed(now) != _listed(then):
-            return True
-    then = document["data"].get("sha256")
-    if not file or not then or file.stat().st_mtime <= made:
+        pairs.append((options.get(name, usual[name].default if name in usual else then), then))
+    if any(plain(now) != plain(then) for now, then in pairs):
+        return True
+    known = whole["data"].get("sha256")
+    if not file or not known or file.stat().st_mtime <= made:
         return False
     with file.open("rb") as opened:
-        return hashlib.file_digest(opened, "sha256").hexdigest() != then
-
-
-def _differs(selection: Selection, asked: Selection) -> bool:
-    """Whether the configuration asks for other rows or columns than a fit was made from."""
-    now, then = selection.as_json(), asked.as_json()
-    keys = now.keys() & then.keys()
-    if isinstance(now["input"], tuple) != isinstance(then["input"], tuple):
-        keys -= {"input", "condition"}  # one of two inputs was taken as a condition
-    return any(_listed(now[key]) != _listed(then[key]) for key in keys)
-
-
-def _listed(value: Any) -> Any:
-    return list(value) if isinstance(value, tuple | list) else value
+        return hashlib.file_digest(opened, "sha256").hexdigest() != known
 
 
 def _posterior(file: Path) -> dict[str, Any] | None:

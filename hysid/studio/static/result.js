@@ -94,19 +94,19 @@ export class ResultPanel {
 
   models(found) {
     const { curves } = this, unit = found.data.output.unit;
-    const row = (one, extra) => ({
-      ...extra, cells: [one.drawn ?? one.model, number(one.score_percent), number((one.test ?? one.train)?.nrmse_percent), number((one.test ?? one.train)?.rmse),
-        one.level ? word(one.level) : ""],
-    });
+    const row = (one, name, extra) => {
+      const judged = one.metrics.test ?? one.metrics.train;
+      return { ...extra, cells: [name, number(one.score_percent), number(judged?.nrmse_percent), number(judged?.rmse), one.verdict ? word(one.verdict.level) : ""] };
+    };
     this.overlaid = new Set();
-    const drawn = (one, loop) => loop ? h("label", { class: "field" }, h("input", { type: "checkbox", onchange: (event) => {
+    const drawn = (name, loop) => loop ? h("label", { class: "field" }, h("input", { type: "checkbox", onchange: (event) => {
       if (event.target.checked) this.overlaid.add(loop);
       else this.overlaid.delete(loop);
       this.drawLoops();
-    } }), h("span", { class: "unseen" }, "Draw the loop of "), one.model) : one.model;
+    } }), h("span", { class: "unseen" }, "Draw the loop of "), name) : name;
     const rows = [
-      ...found.candidates.map((one, k) => row({ ...one, drawn: drawn(one, k && curves.candidates[k - 1]) }, { class: k ? "" : "strong" })),
-      ...found.baselines.map((one, k) => row({ ...one, drawn: drawn(one, curves.baselines[k]) }, { class: "baseline" })),
+      ...found.candidates.map((one, k) => row(one, drawn(one.model, k && curves.candidates[k - 1]), { class: k ? "" : "strong" })),
+      ...found.baselines.map((one, k) => row(one, drawn(one.name, curves.baselines[k]), { class: "baseline" })),
     ];
     const skipped = Object.entries(found.skipped);
     this.residualAt = h("div");
