@@ -210,8 +210,11 @@ def judged_to_compensate(fit: identify.FitResult) -> identify.FitResult:
     reasons = found.reasons
     changes = "drift" in fit.verdict.codes
     verdict = fit.verdict.at_most(found.level).at_most("CAUTION" if changes else "PASS")
-    if found.level != "FAIL" and (band := band_reason(error_of(fit).coverage_before)) is not None:
-        verdict, reasons = verdict.at_most("CAUTION"), (*reasons, band)
+    if found.level != "FAIL" and (held := error_of(fit).coverage_before) < LEAST_COVERAGE:
+        said = f"The 90 % band of the estimates held {100 * held:.0f} % of the held-out inputs."
+        said += " It was widened to hold nine tenths."
+        reasons = (*reasons, Note("band", said, {"says": 0.9, "coverage": held}))
+        verdict = verdict.at_most("CAUTION")
     verdict = verdict._replace(reasons=(*reasons, *verdict.reasons))
     kept = (fit.compensator or {}) | found.document
     fit = replace(fit, purpose="compensate", verdict=verdict, compensator=kept)
@@ -222,12 +225,3 @@ def judged_to_compensate(fit: identify.FitResult) -> identify.FitResult:
 def may_be_inverted(fit: identify.FitResult) -> bool:
     """Whether nothing but a trial speaks against an inverse: weights of either sign do."""
     return not isinstance(fit.detail, Composition) or fit.detail.rises
-
-
-def band_reason(coverage: float) -> Note | None:
-    """What to say of a 90 % band that held this part of the held-out inputs; None where it is right."""
-    if not coverage < LEAST_COVERAGE:
-        return None
-    text = f"The 90 % band of the estimates held {100 * coverage:.0f} % of the held-out inputs."
-    said = f"{text} It was widened to hold nine tenths."
-    return Note("band", said, {"says": 0.9, "coverage": coverage})

@@ -105,7 +105,10 @@ def solve(asked: Solve) -> Done:
         known = replace(read_description(asked.shape, asked.shape_unit), dwell=asked.dwell)
         fit = identify.load(asked.sponge)
         material = fit.model
-        uncertain = _by_noise(known.armor(material), known.noise_of_wrench, _scatter(fit))
+        # Only the noise and the error of the sponge's fit are known to be off.
+        armor = known.armor(material)
+        draws = eqx.tree_at(lambda a: a.sensor.bias, armor, jnp.zeros((DRAWS, 6)))
+        uncertain = UncertainArmor(armor, draws, known.noise_of_wrench, _scatter(fit))
     table = read_wrenches(asked.file)
     if stream and table.time is None:
         raise InputError(
@@ -187,12 +190,6 @@ def _scatter(fit: identify.FitResult) -> float:
         slope = np.ptp(record.input[used]) / np.ptp(record.output[used])
         metres = (conversion(units.input, "m") or 0.0) * float(slope)
     return metres * figures.rmse
-
-
-def _by_noise(armor: Armor, noise: Any, scatter: float) -> UncertainArmor:
-    """An armor of which only the noise and the error of the sponge's fit are known to be off."""
-    draws = eqx.tree_at(lambda a: a.sensor.bias, armor, jnp.zeros((DRAWS, 6)))
-    return UncertainArmor(armor, draws, noise, scatter)
 
 
 def _exported(armor: Armor, file: Path, material: AbstractModel) -> tuple[str | None, list[str]]:

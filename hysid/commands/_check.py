@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from hysteresis import InputError, Record
+from hysteresis import InputError
 from hysteresis.records._excitation import check_identifiable
 
 from ..intake._creep_fits import check_step
@@ -19,7 +19,11 @@ def run(asked: Check) -> Done:
     found: dict[str, Any] = {}
     for value, (record, _) in records.items():
         try:
-            found[value] = (check_step if selection.is_step else _looked_at)(record)
+            if selection.is_step:
+                found[value] = check_step(record)
+                continue
+            known = {"text": record.describe(), "warnings": check_identifiable(record)}
+            found[value] = known | record.summary()
         except InputError as error:
             faults[value] = error
     if not found:
@@ -33,8 +37,3 @@ def run(asked: Check) -> Done:
     failed = {value: str(error) for value, error in faults.items()}
     lines += [f"{each} = {v} cannot be used: {e}" for v, e in failed.items()]
     return Done({"each": found, "failed": failed}, lines)
-
-
-def _looked_at(record: Record) -> dict[str, Any]:
-    known = {"text": record.describe(), "warnings": check_identifiable(record)}
-    return known | record.summary()

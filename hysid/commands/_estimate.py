@@ -13,7 +13,7 @@ from ._pairs import contact_lines
 def estimate(asked: Estimate) -> Done:
     """A trained sensor, or pairs, over a file."""
     given = asked.folder, asked.file, asked.out
-    if _pairs.is_contacts(asked.folder):
+    if (asked.folder / _pairs.DOCUMENT).is_file():
         document = _pairs.estimate_contacts(*given, **asked.selection)
     else:
         document = _estimate.estimate(*given, **asked.selection)

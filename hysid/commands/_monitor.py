@@ -17,7 +17,6 @@ from compensate.recalibration._advice import Advice
 from hysteresis import InputError, Record
 from hysteresis._atomic_file import write_table
 from hysteresis._format import quantity
-from hysteresis.records._table import Table
 
 from ..intake._columns import for_new_file, selection_of_fit
 from ._asked import Monitor
@@ -62,7 +61,9 @@ def run(asked: Monitor) -> Done:
     ((record, _),) = records.values()
     fitted = identify.load(folder)
     identify.internal.check_unit(record.output_name, record.output_unit, fitted.train.output_unit)
-    known = _references(source, record, reference or str(fitted_on.input), reference is not None)
+    name, known = reference or str(fitted_on.input), np.full(len(record), np.nan)
+    if reference is not None or name in source.columns:
+        known = source.number(name)[np.searchsorted(source.line, record.line)]
     rates = {"drift": asked.drift, "false_alarms": asked.false_alarms}
     own = adaptive(fitted.model, fitted.test or fitted.train, **rates)
     found = _followed(own, record, known)
@@ -78,13 +79,6 @@ def run(asked: Monitor) -> Done:
     document, lines = _summary(own, record, known, found, fitted.train)
     document |= {"notes": notes, "file": str(target)}
     return Done(document, [*warnings(notes, "Note"), *lines, str(target)])
-
-
-def _references(source: Table, record: Record, name: str, needed: bool) -> np.ndarray:
-    """The known input at every row of the record, NaN elsewhere."""
-    if not needed and name not in source.columns:
-        return np.full(len(record), np.nan)
-    return source.number(name)[np.searchsorted(source.line, record.line)]
 
 
 def _followed(own: AdaptiveCompensator, record: Record, known: np.ndarray) -> Recalibrated:

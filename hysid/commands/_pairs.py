@@ -198,20 +198,6 @@ def judged(
     }
 
 
-def is_contacts(folder: Path) -> bool:
-    """Whether `train_pairs` wrote the folder."""
-    return (folder / DOCUMENT).is_file()
-
-
-def load_contact_training(folder: Path) -> tuple[dict[str, Any], MultiContactEstimator]:
-    """What `train_pairs` wrote. Raises `InputError` where it is damaged."""
-    known = {"make": "", "again": "train again."}
-    document = identify.internal.read_checked(folder, DOCUMENT, SCHEMA, **known)
-    with damage_told(DOCUMENT, folder, "Train again."):
-        arrays = load_arrays(identify.internal.whole_files(folder, document)[ARRAYS])
-        return document, rebuilt(document["structure"], arrays)
-
-
 def estimate_contacts(
     folder: Path, file: Path, target: Path | None = None, *,
     where: tuple[str, ...] = (), na_values: tuple[str, ...] = (),
@@ -220,7 +206,11 @@ def estimate_contacts(
 
     Raises `InputError` for a damaged folder, and a file without a channel or a clock.
     """
-    document, estimator = load_contact_training(folder)
+    known = {"make": "", "again": "train again."}
+    document = identify.internal.read_checked(folder, DOCUMENT, SCHEMA, **known)
+    with damage_told(DOCUMENT, folder, "Train again."):
+        arrays = load_arrays(identify.internal.whole_files(folder, document)[ARRAYS])
+        estimator = rebuilt(document["structure"], arrays)
     selection = Selection.from_json(document["selection"]).without_hold_out()
     selection = replace(selection, na_values=(*selection.na_values, *na_values))
     selection = replace(selection, where=where or selection.where)

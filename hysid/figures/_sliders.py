@@ -1,7 +1,7 @@
 """Which parameters of a model a reader may move, how far, and the model with them moved."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import equinox as eqx
@@ -37,7 +37,9 @@ def sliders_of(model: AbstractModel, units: Mapping[str, str]) -> list[Slider]:
     """
     return [
         Slider(name, value, info.in_units(dict(units)), *_ends(info, value), info.meaning)
-        for name, info, value in _scalars(model)
+        for name, info, array in parameters(model)
+        if array is not None and array.ndim == 0 and not info.fixed
+        for value in (float(array),)
     ][:MOST]
 
 
@@ -52,12 +54,6 @@ def moved(model: AbstractModel, values: Mapping[str, float]) -> AbstractModel:
                 lambda m, name=name: parameter_at(m, name), new, jnp.asarray(value, old.dtype)
             )
     return new
-
-
-def _scalars(model: AbstractModel) -> Iterator[tuple[str, ParameterInfo, float]]:
-    for name, info, value in parameters(model):
-        if value is not None and value.ndim == 0 and not info.fixed:
-            yield name, info, float(value)
 
 
 def _ends(info: ParameterInfo, value: float) -> tuple[float, float, bool]:

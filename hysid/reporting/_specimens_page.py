@@ -12,7 +12,6 @@ from hysteresis import InputError
 from hysteresis._atomic_file import telling
 from hysteresis._note import ProgressNote
 from hysteresis._verdict import LEVELS, worst_of
-from identify.comparison._pooling import PooledParameter
 
 from ..figures._format import name_of, quantity
 from ._case import TARGET, Section
@@ -103,7 +102,8 @@ def write_many(
         "file": str(file),
         "specimens": [_entry(one) for one in specimens],
         "population": [
-            _population_entry(group[0].fit.name, p)
+            {"model": group[0].fit.name, "name": p.name, "unit": p.unit}
+            | {k: getattr(p, k)._asdict() for k in ("mean", "spread", "new")}
             for group, (population, _) in zip(groups, found_in, strict=True)
             for p in (population.parameters if population else ())
         ],
@@ -199,8 +199,3 @@ def _entry(one: Specimen) -> dict[str, Any]:
         ],
         "outlier": one.sentence if one.why else None,
     }  # fmt: skip
-
-
-def _population_entry(model: str, p: PooledParameter) -> dict[str, Any]:
-    found = {k: getattr(p, k)._asdict() for k in ("mean", "spread", "new")}
-    return {"model": model, "name": p.name, "unit": p.unit, **found}

@@ -9,7 +9,7 @@ import numpy as np
 
 import identify
 from hysteresis import InputError
-from identify.comparison._pooling import Interval, Pooled, PooledParameter
+from identify.comparison._pooling import Interval, Pooled
 from identify.results._detail import DiscreteSpectrum
 
 from ..figures import _base as f
@@ -92,9 +92,12 @@ def parameters(
     ])  # fmt: skip
     if known:
         caption = f"Population of the {len(group)} specimens, outliers included."
-        section.tables.append(
-            Table(caption, POPULATION, [_population_row(p) for p in known.values()])
-        )
+        rows = [
+            (p.name, pretty(p.unit) or "1", _interval(p.mean), _interval(p.spread),
+             f"{number(p.new.low)} to {number(p.new.high)}")
+            for p in known.values()
+        ]  # fmt: skip
+        section.tables.append(Table(caption, POPULATION, rows))
     for k in range(0, len(names), COLUMNS):
         part = names[k : k + COLUMNS]
         rows = [(one.name, *(_cell(one, n) for n in part)) for one in group]
@@ -120,11 +123,6 @@ def parameters(
         section.notes.append(f"Fewer than {FEW} specimens are too few to find outliers.")
     section.notes += said
     return section
-
-
-def _population_row(p: PooledParameter) -> tuple[str | Link, ...]:
-    new = f"{number(p.new.low)} to {number(p.new.high)}"
-    return p.name, pretty(p.unit) or "1", _interval(p.mean), _interval(p.spread), new
 
 
 def pooled(group: Sequence[Specimen]) -> tuple[Pooled | None, list[str]]:

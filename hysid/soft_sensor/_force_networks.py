@@ -69,12 +69,6 @@ def lags_of(data: ForceData) -> tuple[float, ...]:
     return tuple(float(tau) for tau in np.geomspace(least, most, LAGS))
 
 
-def rest_of(data: ForceData) -> np.ndarray:
-    """The reading at rest, (channels,): the middle one of the records' first."""
-    first = data.reading[np.array(data.starts)].reshape(len(data.starts), -1)
-    return np.median(first, 0)
-
-
 def train_networks(
     data: ForceData,
     part: np.ndarray,
@@ -89,8 +83,10 @@ def train_networks(
     """
     known = data.known & (part >= 0)
     left_out = tuple(range(int(part.max()) + 1)) if only is None else tuple(only)
+    first = data.reading[np.array(data.starts)].reshape(len(data.starts), -1)
     own = {
-        "thresholds": THRESHOLDS, "lags": lags_of(data), "rest": rest_of(data).tolist(), "hidden": HIDDEN,
+        "thresholds": THRESHOLDS, "lags": lags_of(data), "rest": np.median(first, 0).tolist(),
+        "hidden": HIDDEN,
         "scale": np.ptp(data.reading.reshape(len(data.time), -1), axis=0).tolist(),
     }  # fmt: skip
     cut = data.starts[1:]

@@ -98,7 +98,8 @@ def on_page(text: str) -> str:
     if _lacks(text):
         kept = [_without_lacking(sentence) for sentence in re.split(r"(?<=[.!?;]) ", text)]
         text = " ".join(filter(None, kept)) or text
-    text = _OPTION.sub(lambda found: f"“{_label(found[1])}”", text)
+    label = lambda name: _LABELS.get(name.replace("-", "_"), name.replace("-", " "))  # noqa: E731
+    text = _OPTION.sub(lambda found: f"“{label(found[1])}”", text)
     text = _COMMAND.sub(lambda found: f"“{_BUTTONS[found[1]]}”", text)
     return text.replace("” “", "” and “")
 
@@ -121,10 +122,6 @@ def _without_lacking(sentence: str) -> str:
     kept = [one for one in re.split(r",? or (?=[a-z]+ )", sentence) if not _lacks(one)]
     said = ", or ".join(kept)
     return said if not said or said[-1] in ".!?;" else f"{said}."
-
-
-def _label(option: str) -> str:
-    return _LABELS.get(option.replace("-", "_"), option.replace("-", " "))
 
 
 def _kind(hint: Any, said: Any) -> str:
