@@ -47,28 +47,23 @@ def _joined(runs: Mapping[str, Record]) -> Record:
     one = records[0]
     if len(records) == 1:
         return one
+    same = ("time_unit", "input_name", "output_name", "input_unit", "output_unit")
     for name, other in runs.items():
-        units = [
-            (r.input_unit, r.output_unit, r.time is None, r.time_unit, dict(r.conditions))
-            for r in (one, other)
-        ]
-        if units[0] != units[1]:
+        alike = [getattr(one, k) == getattr(other, k) for k in same if k.endswith("unit")]
+        alike.append((one.time is None) == (other.time is None))
+        if not all(alike) or dict(one.conditions) != dict(other.conditions):
             raise InputError(
                 "wrong-unit", f"{name} has other units, or another clock, than {next(iter(runs))}."
             )
+
+    def whole(name: str) -> np.ndarray:
+        return np.concatenate([getattr(r, name) for r in records])
+
     labels = [f"{name} {label}" for name, r in runs.items() for label in r.labels]
     lengths = [rows.stop - rows.start for r in records for _, rows in r.sequences()]
-    clocks = [r.time for r in records if r.time is not None]
     return Record.from_arrays(
-        np.concatenate([r.input for r in records]),
-        np.concatenate([r.output for r in records]),
-        np.concatenate(clocks) if clocks else None,
-        np.repeat(labels, lengths),
-        mask=np.concatenate([r.mask for r in records]),
-        time_unit=one.time_unit,
+        whole("input"), whole("output"), None if one.time is None else whole("time"),
+        np.repeat(labels, lengths), mask=whole("mask"), source=f"{len(records)} files",
         columns={n: np.concatenate([r.columns[n] for r in records]) for n in one.conditions},
-        conditions=one.conditions,
-        input_name=one.input_name, output_name=one.output_name,
-        input_unit=one.input_unit, output_unit=one.output_unit,
-        source=f"{len(records)} files",
+        conditions=one.conditions, **{k: getattr(one, k) for k in same},
     )  # fmt: skip
