@@ -57,7 +57,8 @@ def html(thing: Any) -> str:
     elif isinstance(thing, FitResult):
         colour = COLOURS[thing.verdict.level]
     return (
-        f'<div class="hysid"><pre style="border-left: 4px solid {colour}; padding-left: 0.6em">'
+        f'<div class="hysid"><pre style="border-left: 4px solid {colour}; padding-left: 0.6em;'
+        ' white-space: pre-wrap">'
         f"{markup(text)}</pre>"
         f'<img alt="Picture of this {type(thing).__name__}" width="{width}" height="{height}"'
         f' src="data:image/png;base64,{image}"/></div>'
