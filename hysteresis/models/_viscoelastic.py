@@ -14,7 +14,8 @@ from .._errors import InputError
 from .._model import AbstractModel, Series, Tree, is_start, time_steps
 from .._parameter import Scalar, array_module, is_concrete
 from ..numerics._even_clock import even_step
-from ..numerics._recurrence import Rows, coupled_recurrence, even_recurrence, linear_recurrence
+from ..numerics._recurrence import Rows, even_recurrence, linear_recurrence
+from ..running import numbers_of, outputs, place_of
 from ..trees import node
 from ._viscoelastic_chain import SOLVED, Chain, Hold, Known, against, along, exact_step
 
@@ -154,16 +155,14 @@ class AbstractViscoelastic(AbstractModel[ViscoelasticState, ViscoelasticInput]):
             branches, inputs = (rates, drives, begin), (dt, u, u_before, start)
             states = _branch_states(self.hold, branches, inputs)
             return direct * u + sum(states, start=jnp.zeros_like(u)) + self.offset
-        # The load before = (u before - sum of x) / direct removes the load from the recurrence in x.
-        decay, before, now = exact_step(rates[None], drives[None], dt[:, None], self.hold)
-        gain = now / (direct + now.sum(-1, keepdims=True))
-        before = (before - gain * before.sum(-1, keepdims=True)) / direct
-        matrix = decay[:, :, None] * jnp.eye(len(begin))[None]
-        matrix -= gain[:, :, None] * decay[:, None, :] + before[:, :, None]
-        drive = gain * u[:, None] + before * u_before[:, None]
-        drive += start[:, None] * (matrix * begin[None, None]).sum(-1)
-        x = coupled_recurrence(matrix * (1 - start)[:, None, None], drive)
-        return (u - x.sum(-1)) / direct + self.offset
+        # The load follows from all branches at once, which the law does sample by sample.
+        numbers = numbers_of(self.tree())
+        m = jnp.asarray(numbers.m)
+        for name, value in (("load", state.load), ("x", begin)):
+            place = place_of(numbers.known, name)
+            m = m.at[place : place + jnp.size(value)].set(value)
+        since = jnp.where(start == 0, dt, jnp.where(dt > 0, -dt, jnp.nan))
+        return outputs(numbers._replace(m=m), u, since)[0]
 
     def laws(self, eps: float, depth: int) -> Tree:
         chain = self._traced_chain()

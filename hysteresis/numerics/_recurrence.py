@@ -1,4 +1,4 @@
-"""Linear recurrences z_k = a_k z_(k-1) + b_k, as parallel in time as the machine makes worthwhile.
+"""Linear recurrences z_k = a_k z_(k-1) + b_k, one sample after the other.
 
 Their derivative is the same recurrence, driven by da_k z_(k-1) + db_k. So forward and reverse mode need
 only a and z; reverse mode runs the transposed recurrence backwards.
@@ -23,11 +23,7 @@ because XLA calls the operations of a large loop body one by one."""
 @jax.custom_jvp
 def linear_recurrence(a: Rows, b: Rows) -> Rows:
     """z_k = a_k z_(k-1) + b_k with z_(-1) = 0, for scalars: several independent recurrences, each with
-    arrays of its own.
-
-    On a CPU a plain scan is the fastest way; an accelerator needs the associative form, whose depth is
-    log(samples).
-    """
+    arrays of its own."""
     return _solve(a, b)
 
 
@@ -53,24 +49,15 @@ def even_recurrence(
     **Arguments:** `steps`; `inputs`, before and now; `goes_on`, 0 where a sequence begins, else 1.
     """
 
-    def scan(steps: tuple[Numbers, ...], inputs: Rows, goes_on: Array) -> Array:
-        def move(z: Numbers, row: Numbers) -> tuple[Numbers, Array]:
-            before, now, on = row
-            moved = zip(steps, z, strict=True)
-            z = tuple(on * a * x + b * before + c * now for (a, b, c), x in moved)
-            return z, sum(z, start=jnp.zeros_like(now))
-
-        rest = tuple(jnp.zeros_like(a) for a, _, _ in steps)
-        return jax.lax.scan(move, rest, (*inputs, goes_on))[1]
-
-    def associative(steps: tuple[Numbers, ...], inputs: Rows, goes_on: Array) -> Array:
-        before, now = inputs
-        rows = tuple((a * goes_on, b * before + c * now) for a, b, c in steps)
-        z = _associative(*zip(*rows, strict=True))
-        return sum(z, start=jnp.zeros_like(now))
+    def move(z: Numbers, row: Numbers) -> tuple[Numbers, Array]:
+        before, now, on = row
+        moved = zip(steps, z, strict=True)
+        z = tuple(on * a * x + b * before + c * now for (a, b, c), x in moved)
+        return z, sum(z, start=jnp.zeros_like(now))
 
     inputs = tuple(goes_on * u for u in inputs)
-    return jax.lax.platform_dependent(steps, inputs, goes_on, cpu=scan, default=associative)
+    rest = tuple(jnp.zeros_like(a) for a, _, _ in steps)
+    return jax.lax.scan(move, rest, (*inputs, goes_on))[1]
 
 
 @partial(even_recurrence.defjvp, symbolic_zeros=True)
@@ -100,42 +87,15 @@ def _filled(tangent: Any) -> Array:
 
 def _responses(step: Numbers, inputs: Rows, goes_on: Array) -> Rows:
     """s, v and w."""
+    a, b, c = step
 
-    def scan(step: Numbers, inputs: Rows, goes_on: Array) -> Rows:
-        a, b, c = step
-
-        def move(response: Numbers, row: Numbers) -> tuple[Numbers, Numbers]:
-            (s, v, w), (before, now, on) = response, row
-            response = on * (a * s + b * v + c * w), on * a * v + before, on * a * w + now
-            return response, response
-
-        return jax.lax.scan(move, (jnp.zeros_like(a),) * 3, (*inputs, goes_on))[1]
-
-    def associative(step: Numbers, inputs: Rows, goes_on: Array) -> Rows:
-        a, b, c = step
-        v, w = _associative((a * goes_on,) * 2, inputs)
-        (s,) = _associative((a * goes_on,), (goes_on * _before(b * v + c * w),))
-        return s, v, w
+    def move(response: Numbers, row: Numbers) -> tuple[Numbers, Numbers]:
+        (s, v, w), (before, now, on) = response, row
+        response = on * (a * s + b * v + c * w), on * a * v + before, on * a * w + now
+        return response, response
 
     inputs = tuple(goes_on * u for u in inputs)
-    return jax.lax.platform_dependent(step, inputs, goes_on, cpu=scan, default=associative)
-
-
-@jax.custom_jvp
-def coupled_recurrence(
-    a: Float[Array, "samples states states"], b: Float[Array, "samples states"]
-) -> Float[Array, "samples states"]:
-    """z_k = a_k z_(k-1) + b_k with z_(-1) = 0, for vectors, with a matrix per sample."""
-    return _solve_coupled(a, b)
-
-
-@coupled_recurrence.defjvp
-def _coupled_derivative(
-    primals: tuple[Array, Array], tangents: tuple[Array, Array]
-) -> tuple[Array, Array]:
-    (a, b), (da, db) = primals, tangents
-    z = coupled_recurrence(a, b)
-    return z, _solve_coupled(a, _apply(da, _before(z)) + db)
+    return jax.lax.scan(move, (jnp.zeros_like(a),) * 3, (*inputs, goes_on))[1]
 
 
 def _before(z: Array) -> Array:
@@ -144,12 +104,9 @@ def _before(z: Array) -> Array:
 
 @jax.jit
 def _solve(a: Rows, b: Rows) -> Rows:
-    def scan(a: Rows, b: Rows) -> Rows:
-        # Neither one loop for all nor one each: see `AT_ONCE`.
-        groups = [slice(k, k + AT_ONCE) for k in range(0, len(a), AT_ONCE)]
-        return tuple(z for group in groups for z in _scan(a[group], b[group]))
-
-    return jax.lax.platform_dependent(a, b, cpu=scan, default=_associative)
+    # Neither one loop for all nor one each: see `AT_ONCE`.
+    groups = [slice(k, k + AT_ONCE) for k in range(0, len(a), AT_ONCE)]
+    return tuple(z for group in groups for z in _scan(a[group], b[group]))
 
 
 def _scan(a: Rows, b: Rows) -> Rows:
@@ -158,36 +115,3 @@ def _scan(a: Rows, b: Rows) -> Rows:
         return z, z
 
     return jax.lax.scan(move, tuple(jnp.zeros_like(drive[0]) for drive in b), (a, b))[1]
-
-
-def _associative(a: Rows, b: Rows) -> Rows:
-    # Each step is an affine map z -> a z + b; two of them in a row are one, in any grouping.
-    def combine(first: tuple[Array, Array], then: tuple[Array, Array]) -> tuple[Array, Array]:
-        return then[0] * first[0], then[0] * first[1] + then[1]
-
-    return tuple(jax.lax.associative_scan(combine, row)[1] for row in zip(a, b, strict=True))
-
-
-@jax.jit
-def _solve_coupled(a: Array, b: Array) -> Array:
-    return jax.lax.platform_dependent(a, b, cpu=_scan_coupled, default=_associative_coupled)
-
-
-def _apply(a: Array, z: Array) -> Array:
-    """a z, sample by sample."""
-    return (a * z[..., None, :]).sum(-1)
-
-
-def _scan_coupled(a: Array, b: Array) -> Array:
-    def move(z: Array, ab: tuple[Array, Array]) -> tuple[Array, Array]:
-        z = _apply(ab[0], z) + ab[1]
-        return z, z
-
-    return jax.lax.scan(move, jnp.zeros_like(b[0]), (a, b), unroll=4)[1]
-
-
-def _associative_coupled(a: Array, b: Array) -> Array:
-    def combine(first: tuple[Array, Array], then: tuple[Array, Array]) -> tuple[Array, Array]:
-        return jnp.matmul(then[0], first[0]), _apply(then[0], first[1]) + then[1]
-
-    return jax.lax.associative_scan(combine, (a, b))[1]
