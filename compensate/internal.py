@@ -13,7 +13,6 @@ from .armor._calibration import without_each as without_each
 from .armor._cover import Grid as Grid
 from .armor._wrench import Slip as Slip
 from .inverses import BracketedCompensator as BracketedCompensator
-from .microchannel._everett_network import EverettNetwork as EverettNetwork
 from .microchannel._force import BackwardsModel as BackwardsModel
 from .microchannel._force import ForceEstimator as ForceEstimator
 from .microchannel._gains import gains_in_use as gains_in_use

@@ -9,7 +9,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from compensate.internal import EverettNetwork
 from hysid.reproduction._skin import HIGH_N, Records, Series, Skin, converted, decaying_over
 from hysid.reproduction._skin_pair import error, found_peaks
 from hysteresis.internal import ResistiveReadout
@@ -18,6 +17,7 @@ from identify.internal import train
 from identify.training._train import Trained
 
 from .._measure import Row, judged, means, noted
+from .everett_network import EverettNetwork
 from .floor import floor, placement_floor
 from .inside import DELAY, InsidePair, InsideSkin
 

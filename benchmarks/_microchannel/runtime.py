@@ -9,7 +9,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from compensate.internal import EverettNetwork, ForceEstimator
+from compensate.internal import ForceEstimator
 from compensate.microchannel import export_force
 from compensate.runtime import load
 from hysteresis import AbstractModel
@@ -46,7 +46,7 @@ def runtime_rows(quick: bool) -> list[Row]:
         StaircaseNetwork.mean([network(k, hidden=WIDE) for k in range(MEMBERS)]),
     )
     stream = "(A) stream, one sample in the runtime"
-    figures = [_timed(model, t, z) for model in (paper, everett, wide)]
+    figures = [_timed(model, t, z) for model in (paper, everett.model, wide)]
     return [
         judged(f"{stream}, (i) network, us", figures[0][0], BAR_US),
         judged(f"{stream}, (ii) Everett network, us", figures[1][0], BAR_US),

@@ -15,12 +15,12 @@ from hypothesis import strategies as st
 
 import identify
 from compensate import Quantity, export_runtime
-from compensate.internal import EverettNetwork, ForceEstimator, Readout
+from compensate.internal import ForceEstimator, Readout
 from compensate.microchannel import Localizer
 from compensate.runtime import FileError, load
 from compensate.runtime._file import checksum
 from hysid.soft_sensor._sensor import ARRAYS, WORDS, SoftSensor, load_sensor, save_sensor
-from hysteresis import InputError
+from hysteresis import GeneralizedMaxwell, InputError
 from hysteresis._limits import parse_toml
 from identify import load_posterior, save_posterior
 from identify.internal import sealed, to_json
@@ -321,7 +321,7 @@ def sensors() -> Callable[[Edits], str]:
     save_sensor(sensor, folder)
     force = SoftSensor(
         (Quantity("layer", "V"),), Readout(channels=1),
-        force=ForceEstimator(EverettNetwork.random(jax.random.key(0), high=1.0, force=8.0), 0.05, 8.0),
+        force=ForceEstimator(GeneralizedMaxwell(1.0, [0.1], [2.0]), 0.05, 8.0),
     )  # fmt: skip
     save_sensor(force, "force")
     kept = [(json.loads((f / WORDS).read_text()), (f / ARRAYS).read_bytes())

@@ -7,14 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hysteresis import AbstractModel, InputError, Series
+from hysteresis import AbstractModel, InputError
 from hysteresis.models._staircase_network import StaircaseNetwork
 
 from ..export._document import nodes_of, require_double, tree_of, write
 from ..export._export import DEEP, Quantity, deepest, has_rates, longest_step
 from ..runtime import _contact_forces, _network
 from ..runtime._file import SCHEMA, number
-from ._everett_network import EverettNetwork
 from ._force import BackwardsModel, ForceEstimator
 from ._multi import ChannelSensor, MultiContactEstimator
 
@@ -32,7 +31,7 @@ def export_force(
 
     **Arguments:**
 
-    - `estimator`: of a `StaircaseNetwork`, an `EverettNetwork`, or a chain of models that `invert` takes.
+    - `estimator`: of a `StaircaseNetwork`, or a chain of models that `invert` takes.
     - `readings`: (samples,), or (samples, channels), typical of its use. The file keeps the first of them
       with their forces, and its Preisach memory is as deep as they need.
 
@@ -116,7 +115,7 @@ def _program(
             fix="train a network.",
         )  # fmt: skip
     backwards = isinstance(model, BackwardsModel)
-    chain = _behind(model.compensator) if backwards else _unfolded(model)
+    chain = _behind(model.compensator) if backwards else model
     dt = np.zeros(len(y)) if t is None else np.diff(t, prepend=t[0])
     way = "find" if backwards else "move"
 
@@ -125,13 +124,6 @@ def _program(
     # A quarter more than these readings needed, and never less than compensators have.
     tree = tree_of(chain, depth=max(64, depth + depth // 4))
     return {"kind": "tree", "way": way, "tree": tree}, any(map(has_rates, nodes_of(tree)))
-
-
-def _unfolded(model: AbstractModel) -> AbstractModel:
-    """The chain of models that make up a network, nested chains flattened."""
-    if isinstance(model, EverettNetwork):
-        return model.model
-    return Series([_unfolded(part) for part in model.parts]) if isinstance(model, Series) else model
 
 
 def _behind(compensator: Any) -> AbstractModel:

@@ -99,9 +99,9 @@ class ForceEstimator(AbstractCompensator[ForceState, UncertainEstimate]):
 
         F = clip(M[z], 0, high),     deviation: its error on readings that were held out
 
-    The model is the paper's network (`StaircaseNetwork`), a monotone Everett network (`EverettNetwork`), or
-    any other. `invert` inverts a model that was fitted from force to reading, as the sensor works; where
-    the noise of the reading is known, use a `MultiContactEstimator` of one contact instead.
+    The model is the paper's network (`StaircaseNetwork`), or any other. `invert` inverts a model that was
+    fitted from force to reading, as the sensor works; where the noise of the reading is known, use a
+    `MultiContactEstimator` of one contact instead.
 
     **Arguments:**
 

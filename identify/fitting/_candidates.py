@@ -169,7 +169,7 @@ INSTEAD = {
     "DuhemForce": (INSIDE, "Oscillator(Duhem)", ""),
     "GeneralizedPlays": (INSIDE, "Oscillator(GeneralizedPlays)", ""),
     "StopsAndPowers": (CHANNEL, COMPOSITION, ""),
-    **dict.fromkeys(("EverettNetwork", "StaircaseNetwork", "BackwardsModel"), (TRAINED, COMPOSITION, "")),
+    **dict.fromkeys(("StaircaseNetwork", "BackwardsModel"), (TRAINED, COMPOSITION, "")),
 }  # fmt: skip
 """Models of ours without a name in `fit`: why, what to fit instead, and what to add to it."""
 

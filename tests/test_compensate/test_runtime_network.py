@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from compensate import Quantity, Status, invert
-from compensate.internal import BackwardsModel, EverettNetwork, ForceEstimator
+from compensate.internal import BackwardsModel, ForceEstimator
 from compensate.microchannel import export_force
 from compensate.runtime import FileError, load, load_force
 from hysteresis import (
@@ -58,16 +58,15 @@ def network(readings: np.ndarray, **options: Any) -> StaircaseNetwork:
 @cache
 def case(name: str) -> Case:
     two = {"rest": (0.02, -0.01), "scale": (1.0, 0.5)}
-    everett = EverettNetwork.random(jax.random.key(1), high=float(ONE.max()), force=HIGH, cells=10)
     relays = Preisach(GridDensity(0.0, 9.0, np.tril(np.full((6, 6), 0.05))), offset=1.0)
-    sensor = Series([relays, Scaled(GeneralizedMaxwell(1.0, [0.1], [2.0]), 1.5, 0.1)])
+    lag = GeneralizedMaxwell(1.0, [0.1], [2.0])
+    sensor = Series([relays, Scaled(lag, 1.5, 0.1)])
     models: dict[str, tuple[AbstractModel, np.ndarray]] = {
         "network": (network(ONE), ONE),
         "network without time": (network(ONE, lags=()), ONE),
         "network of two channels": (network(TWO, **two), TWO),
         "mean of networks": (StaircaseNetwork.mean([network(ONE), network(ONE)]), ONE),
-        "everett": (everett, ONE),
-        "everett in a chain": (Series([PolynomialCurve([-0.1, -1.0], -1.0, 1.0), everett]), -ONE),
+        "chain": (Series([PolynomialCurve([-0.1, -1.0], -1.0, 1.0), lag, relays]), -ONE),
         "backwards": (BackwardsModel(invert(sensor)), ONE),
     }
     model, readings = models[name]
@@ -78,8 +77,8 @@ def case(name: str) -> Case:
 
 
 NAMES = (
-    "network", "network without time", "network of two channels", "mean of networks", "everett",
-    "everett in a chain", "backwards",
+    "network", "network without time", "network of two channels", "mean of networks", "chain",
+    "backwards",
 )  # fmt: skip
 every = pytest.mark.parametrize("name", NAMES)
 

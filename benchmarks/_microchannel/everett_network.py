@@ -11,13 +11,12 @@ import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
 from numpy.typing import ArrayLike
 
-from hysteresis import GeneralizedMaxwell, Preisach, Series, register
+from hysteresis import GeneralizedMaxwell, Preisach, Series
 from hysteresis._model import AbstractFollowingModel
 from hysteresis._type_variables import PyTree
 from hysteresis.preisach import GridDensity
 
 
-@register
 class EverettNetwork(AbstractFollowingModel[Any, Any]):
     """Force from a reading by a monotone Everett network: sums over the reading's extremum stack.
 
@@ -34,13 +33,6 @@ class EverettNetwork(AbstractFollowingModel[Any, Any]):
     `relaxing` c_j; and what it keeps: `high` of the reading, `force` to scale by, `times` of the delays.
 
     **Source:** Kim and Park (2018), equation (2); Zakerzadeh (2011), a network instead of the Everett map.
-
-    **Example:**
-
-        >>> options = {"high": 6.0, "force": 3.0, "times": (), "cells": 8}
-        >>> start = compensate.internal.EverettNetwork.random(jax.random.key(0), **options)
-        >>> start.simulate(None, u).shape
-        (13,)
     """
 
     network: Float[Array, " count"]
