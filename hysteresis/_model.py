@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ._errors import InputError
-from ._parameter import array_module
+from ._parameter import array_module, check_bounds
 from ._precision import in_own_precision, keep_precision
 from ._quantities import Units, as_range, as_units
 from ._show import one_line, table
@@ -54,6 +54,9 @@ class AbstractModel(eqx.Module, Generic[State, Prepared]):
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
         keep_precision(cls, ("init", "step", "prepare", "evaluate", "simulate", "stream"))
+
+    def __check_init__(self) -> None:
+        check_bounds(self)
 
     @abc.abstractmethod
     def init(self, t0: Any = None, u0: Any = None) -> State:

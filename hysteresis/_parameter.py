@@ -11,6 +11,8 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float
 
+from ._errors import InputError
+
 Scalar = Float[Array, ""] | float
 """A scalar parameter: given as a number, kept as an array."""
 
@@ -20,7 +22,8 @@ class ParameterInfo:
     """What is known about a parameter before any data: its unit, its bounds, its meaning.
 
     - `unit`: in terms of the record's columns, e.g. `"input / output"`; see `in_units`.
-    - `bounds`: the open interval the value must lie in.
+    - `bounds`: the open interval the value must lie in. `at`: its ends that belong to it, "low", "high" or
+      "low high"; None for bounds that a model does not insist on.
     - `fixed`: a fit does not change it.
     - `meaning`: in the terms of the field.
     """
@@ -29,6 +32,7 @@ class ParameterInfo:
     bounds: tuple[float, float] = (-float("inf"), float("inf"))
     fixed: bool = False
     meaning: str = ""
+    at: str | None = ""
 
     def in_units(self, words: dict[str, str]) -> str:
         """The unit in a record's own units: "input / output" -> "N / mm"."""
@@ -49,6 +53,7 @@ def parameter(
     bounds: tuple[float, float] = (-float("inf"), float("inf")),
     fixed: bool = False,
     meaning: str = "",
+    at: str | None = "",
 ) -> Any:
     """A model field that a fit may change. Becomes a floating JAX array.
 
@@ -62,8 +67,48 @@ def parameter(
         >>> [(name, info.unit, info.bounds) for name, info, _ in hysteresis.parameters(Spring(2.0))]
         [('k', 'N / mm', (0.0, inf))]
     """
-    info = ParameterInfo(unit, bounds, fixed, meaning)
+    info = ParameterInfo(unit, bounds, fixed, meaning, at)
     return eqx.field(converter=as_float, metadata={"parameter": info}, default=default)
+
+
+POSITIVE: dict[str, Any] = {"bounds": (0.0, float("inf"))}
+NOT_NEGATIVE: dict[str, Any] = {**POSITIVE, "at": "low"}
+"""Bounds of parameters, as arguments of `parameter`: finite and above 0, and of 0 or more."""
+
+
+def check_bounds(model: eqx.Module) -> None:
+    """Raise `InputError` where one of a model's own parameters is known, and not within its bounds."""
+    for field in fields(model):
+        info, value = field.metadata.get("parameter"), getattr(model, field.name)
+        if info is None or info.at is None or not is_concrete(value):
+            continue
+        (low, high), x, wanted = info.bounds, np.asarray(value), []
+        if low > -np.inf:
+            wanted.append(f"{'at least' if 'low' in info.at else 'above'} {low:g}")
+        if high < np.inf:
+            wanted.append(f"{'at most' if 'high' in info.at else 'below'} {high:g}")
+        elif wanted and "high" not in info.at:
+            wanted.append("finite")
+        inside = ((x > low) | (("low" in info.at) & (x == low))) & (
+            (x < high) | (("high" in info.at) & (x == high))
+        )
+        if wanted and not inside.all():
+            raise InputError(
+                "parameter-out-of-bounds",
+                f"{field.name} = {x} ({info.meaning or 'a parameter'}) is not {' and '.join(wanted)}.",
+                cause="a sign or a unit slipped.",
+                fix=f"keep {field.name} {' and '.join(wanted)}.",
+            )
+
+
+def check_increasing(name: str, value: Any) -> None:
+    """Raise `InputError` where numbers that are known do not increase."""
+    if is_concrete(value) and not np.all(np.diff(np.asarray(value, float)) > 0):
+        raise InputError(
+            "parameter-out-of-bounds",
+            f"{name} = {value}.",
+            fix=f"keep {name} finite and increasing.",
+        )
 
 
 def as_float(value: Any) -> Any:

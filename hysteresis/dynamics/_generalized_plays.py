@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 from .._errors import InputError
 from .._law_model import AbstractLawModel
 from .._model import Tree
-from .._parameter import as_float, is_concrete, parameter
+from .._parameter import NOT_NEGATIVE, POSITIVE, as_float, parameter
 from .._registry import register
 from ..trees import node
 
@@ -45,9 +45,11 @@ class GeneralizedPlays(AbstractLawModel):
     """
 
     radii: Float[Array, " plays"] = parameter(
-        unit="input", fixed=True, meaning="radii of the plays"
+        unit="input", **NOT_NEGATIVE, fixed=True, meaning="radii of the plays"
     )
-    reach: Float[Array, " plays"] = parameter(unit="input", fixed=True, meaning="outermost knots")
+    reach: Float[Array, " plays"] = parameter(
+        unit="input", **POSITIVE, fixed=True, meaning="outermost knots"
+    )
     values: Float[Array, " values"] = parameter(unit="output", meaning="curves of the plays")
     knots: tuple[int, ...] = eqx.field(static=True, default=())
 
@@ -67,11 +69,6 @@ class GeneralizedPlays(AbstractLawModel):
                 f"radii, reach and values have the shapes {', '.join(map(str, sizes))}, knots are"
                 f" {self.knots}.",
                 fix="give one radius, one reach and two values or more of each play.",
-            )
-        known = is_concrete(self.radii) and is_concrete(self.reach)
-        if known and not (np.all(self.radii >= 0) and np.all(self.reach > 0)):
-            raise InputError(
-                "parameter-out-of-bounds", "a radius is negative, or a reach is not positive."
             )
 
     @classmethod

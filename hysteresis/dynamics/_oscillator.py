@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from .._errors import InputError
 from .._law_model import AbstractLawModel, LawState
 from .._model import AbstractModel, Tree
-from .._parameter import Scalar, is_concrete, parameter
+from .._parameter import POSITIVE, Scalar, parameter
 from .._registry import register
 from ..models._compose import Sum
 from ..running import Numbers, place_of
@@ -56,9 +56,12 @@ class Oscillator(AbstractLawModel):
         [0.0, 5.9, 40.5, 106.5]
     """
 
-    mass: Scalar = parameter(unit="mass", bounds=(0.0, float("inf")), meaning="mass that moves")
+    mass: Scalar = parameter(unit="mass", **POSITIVE, meaning="mass that moves")
     damping: Scalar = parameter(
-        unit="force * time / displacement", bounds=(0.0, float("inf")), meaning="force by velocity"
+        unit="force * time / displacement",
+        bounds=(0.0, float("inf")),
+        at=None,
+        meaning="force by velocity",
     )
     stiffness: Scalar = parameter(
         unit="force / displacement", meaning="spring beside the hysteresis"
@@ -79,13 +82,6 @@ class Oscillator(AbstractLawModel):
             )
         if self.substeps < 1:
             raise InputError("bad-option", f"substeps={self.substeps}; at least 1.")
-        if is_concrete(self.mass) and not np.all(np.asarray(self.mass) > 0):
-            raise InputError(
-                "parameter-out-of-bounds",
-                f"mass = {self.mass}.",
-                cause="without a mass the force sets no acceleration.",
-                fix="give a positive mass.",
-            )
 
     @property
     def parts(self) -> tuple[AbstractModel, ...]:

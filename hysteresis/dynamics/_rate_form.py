@@ -8,7 +8,7 @@ import numpy as np
 from .._errors import InputError
 from .._law_model import AbstractLawModel
 from .._model import Tree
-from .._parameter import Scalar, is_concrete, parameter
+from .._parameter import POSITIVE, Scalar, is_concrete, parameter
 from .._registry import register
 from ..trees import node
 
@@ -51,22 +51,12 @@ class BoucWenForce(AbstractLawModel):
         [0.0, 0.63, -0.31]
     """
 
-    alpha: Scalar = parameter(
-        unit="output / input", bounds=(0.0, float("inf")), meaning="stiffness at z = 0"
-    )
+    alpha: Scalar = parameter(unit="output / input", **POSITIVE, meaning="stiffness at z = 0")
     beta_gamma: Scalar = parameter(0.0, unit="1 / input", meaning="loss of stiffness by |v| z")
     beta_delta: Scalar = parameter(0.0, unit="1 / input", meaning="loss of stiffness by v |z|")
-    n: Scalar = parameter(1.0, bounds=(0.5, float("inf")), fixed=True, meaning="exponent of |z|")
-
-    def __check_init__(self) -> None:
-        for name, least, strictly in (("alpha", 0.0, True), ("n", 0.5, False)):
-            value = getattr(self, name)
-            if is_concrete(value) and not np.all(value > least if strictly else value >= least):
-                raise InputError(
-                    "parameter-out-of-bounds",
-                    f"{name} = {value}.",
-                    fix=f"give a value {'above' if strictly else 'of at least'} {least:g}.",
-                )
+    n: Scalar = parameter(
+        1.0, bounds=(0.5, float("inf")), at="low", fixed=True, meaning="exponent of |z|"
+    )
 
     @property
     def with_knots(self) -> "DuhemForce | None":
@@ -108,9 +98,7 @@ class DuhemForce(AbstractLawModel):
 
     rising: Any = parameter(unit="output / input", meaning="slope while the input rises")
     falling: Any = parameter(unit="output / input", meaning="slope while it falls")
-    limit: Scalar = parameter(
-        1.0, unit="output", bounds=(0.0, float("inf")), fixed=True, meaning="last knot"
-    )
+    limit: Scalar = parameter(1.0, unit="output", **POSITIVE, fixed=True, meaning="last knot")
 
     def __check_init__(self) -> None:
         shapes = jnp.shape(self.rising), jnp.shape(self.falling)
@@ -120,10 +108,6 @@ class DuhemForce(AbstractLawModel):
                 "length-mismatch",
                 f"slopes of shapes {shapes[0]} and {shapes[1]}.",
                 fix="give as many rising as falling slopes, an odd number of at least 3.",
-            )
-        if is_concrete(self.limit) and not np.all(np.asarray(self.limit) > 0):
-            raise InputError(
-                "parameter-out-of-bounds", f"limit = {self.limit}.", fix="give a positive one."
             )
 
     def laws(self, eps: float, depth: int) -> Tree:

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 from .._errors import InputError
 from .._law_model import AbstractLawModel
 from .._model import Tree
-from .._parameter import as_float, is_concrete, parameter
+from .._parameter import POSITIVE, as_float, parameter
 from .._registry import register
 from ..trees import node
 
@@ -40,7 +40,7 @@ class StopsAndPowers(AbstractLawModel):
 
     thresholds: Float[Array, " stops"] = parameter(
         unit="input",
-        bounds=(0.0, float("inf")),
+        **POSITIVE,
         fixed=True,
         meaning="strain at which a stop slides",
     )
@@ -60,12 +60,6 @@ class StopsAndPowers(AbstractLawModel):
                 "length-mismatch",
                 f"thresholds, weights and powers have the shapes {', '.join(map(str, shapes))}.",
                 fix=f"give one weight a threshold, and {POWERS} powers.",
-            )
-        if is_concrete(self.thresholds) and not np.all(np.asarray(self.thresholds) > 0):
-            raise InputError(
-                "parameter-out-of-bounds",
-                f"thresholds = {np.asarray(self.thresholds).tolist()}.",
-                fix="give positive thresholds.",
             )
 
     def laws(self, eps: float, depth: int) -> Tree:

@@ -1,6 +1,5 @@
 """The Bouc-Wen model, integrated exactly along its input's path."""
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -8,7 +7,7 @@ from jaxtyping import Array, Float
 from .._errors import InputError
 from .._law_model import AbstractLawModel
 from .._model import Tree
-from .._parameter import Scalar, array_module, is_concrete, parameter, parameters
+from .._parameter import POSITIVE, Scalar, array_module, parameter
 from .._registry import register
 from ..trees import ROUNDING, node
 
@@ -47,19 +46,18 @@ class BoucWen(AbstractLawModel):
         [0.0, 2.3, 3.47, -0.1, -1.45]
     """
 
-    k: Scalar = parameter(
-        unit="output / input", bounds=(0.0, float("inf")), meaning="stiffness at first"
+    k: Scalar = parameter(unit="output / input", **POSITIVE, meaning="stiffness at first")
+    alpha: Scalar = parameter(
+        bounds=(0.0, 1.0), at="low high", meaning="part of the stiffness left after yield"
     )
-    alpha: Scalar = parameter(bounds=(0.0, 1.0), meaning="part of the stiffness left after yield")
     yield_at: Scalar = parameter(
-        unit="input", bounds=(0.0, float("inf")), meaning="largest z, where the first line yields"
+        unit="input", **POSITIVE, meaning="largest z, where the first line yields"
     )
-    n: Scalar = parameter(1.0, bounds=(0.5, 10.0), meaning="sharpness of yield")
-    gamma_over_beta: Scalar = parameter(0.0, bounds=(-1.0, 1.0), meaning="shape of unloading")
+    n: Scalar = parameter(1.0, bounds=(0.5, 10.0), at="low high", meaning="sharpness of yield")
+    gamma_over_beta: Scalar = parameter(
+        0.0, bounds=(-1.0, 1.0), at="high", meaning="shape of unloading"
+    )
     offset: Scalar = parameter(0.0, unit="output", meaning="constant of the output")
-
-    def __check_init__(self) -> None:
-        check_bounds(self, alpha=(True, True), n=(True, True), gamma_over_beta=(False, True))
 
     @classmethod
     def of_coefficients(
@@ -104,25 +102,6 @@ class BoucWen(AbstractLawModel):
     def descent(self) -> Scalar:
         """q: how much steeper z is at -yield_at, on the way up, than at 0."""
         return (1 - self.gamma_over_beta) / (1 + self.gamma_over_beta)
-
-
-def check_bounds(model: eqx.Module, **closed: tuple[bool, bool]) -> None:
-    """Raise `InputError` where one of a model's own parameters is not within its bounds.
-
-    `closed`: whether a parameter may lie on its lower and on its upper bound; others may not.
-    """
-    for name, info, value in parameters(model):
-        if "." in name or not is_concrete(value):
-            continue
-        x, (low, high) = np.asarray(value), info.bounds
-        at_low, at_high = closed.get(name, (False, False))
-        inside = ((x > low) | (at_low & (x == low))) & ((x < high) | (at_high & (x == high)))
-        if not np.all(inside):
-            raise InputError(
-                "parameter-out-of-bounds",
-                f"{name} = {value}.",
-                fix=f"keep {name} finite and from {low:g} to {high:g}.",
-            )
 
 
 def _gauss() -> tuple[np.ndarray, np.ndarray]:

@@ -6,13 +6,7 @@ import equinox as eqx
 
 from .._parameter import Scalar, array_module, parameter
 from .._registry import register
-from ._viscoelastic import (
-    POSITIVE,
-    STIFFNESS,
-    VISCOSITY,
-    AbstractViscoelastic,
-    check_positive,
-)
+from ._viscoelastic import MODULUS, STIFFNESS, VISCOSITY, AbstractViscoelastic
 from ._viscoelastic_chain import Chain, Hold
 
 
@@ -48,17 +42,14 @@ class Burgers(AbstractViscoelastic):
         [0.5, 1.23, 1.56, 1.75]
     """
 
-    E1: Scalar = parameter(unit=STIFFNESS, bounds=POSITIVE, meaning="instantaneous stiffness")
-    eta1: Scalar = parameter(unit=VISCOSITY, bounds=POSITIVE, meaning="viscosity of flow")
-    E2: Scalar = parameter(unit=STIFFNESS, bounds=POSITIVE, meaning="stiffness of delayed part")
-    eta2: Scalar = parameter(unit=VISCOSITY, bounds=POSITIVE, meaning="viscosity of delayed part")
+    E1: Scalar = parameter(unit=STIFFNESS, **MODULUS, meaning="instantaneous stiffness")
+    eta1: Scalar = parameter(unit=VISCOSITY, **MODULUS, meaning="viscosity of flow")
+    E2: Scalar = parameter(unit=STIFFNESS, **MODULUS, meaning="stiffness of delayed part")
+    eta2: Scalar = parameter(unit=VISCOSITY, **MODULUS, meaning="viscosity of delayed part")
     offset: Scalar = parameter(0.0, unit="output", meaning="output of the unloaded model")
     leading: bool = eqx.field(default=False, static=True)
     hold: Hold = eqx.field(default="linear", static=True)
     creeps: ClassVar[bool] = True
-
-    def __check_init__(self) -> None:
-        check_positive(E1=self.E1, eta1=self.eta1, E2=self.E2, eta2=self.eta2)
 
     def chain(self) -> Chain:
         flow = 1 / array_module(self.eta1).asarray(self.eta1)
@@ -86,16 +77,13 @@ class StandardLinearSolid(AbstractViscoelastic):
         [0.5, 1.13, 1.36, 1.45]
     """
 
-    E1: Scalar = parameter(unit=STIFFNESS, bounds=POSITIVE, meaning="instantaneous stiffness")
-    E2: Scalar = parameter(unit=STIFFNESS, bounds=POSITIVE, meaning="stiffness of delayed part")
-    eta2: Scalar = parameter(unit=VISCOSITY, bounds=POSITIVE, meaning="viscosity of delayed part")
+    E1: Scalar = parameter(unit=STIFFNESS, **MODULUS, meaning="instantaneous stiffness")
+    E2: Scalar = parameter(unit=STIFFNESS, **MODULUS, meaning="stiffness of delayed part")
+    eta2: Scalar = parameter(unit=VISCOSITY, **MODULUS, meaning="viscosity of delayed part")
     offset: Scalar = parameter(0.0, unit="output", meaning="output of the unloaded model")
     leading: bool = eqx.field(default=False, static=True)
     hold: Hold = eqx.field(default="linear", static=True)
     creeps: ClassVar[bool] = True
-
-    def __check_init__(self) -> None:
-        check_positive(E1=self.E1, E2=self.E2, eta2=self.eta2)
 
     def chain(self) -> Chain:
         return one_branch(self.E1, self.E2, self.eta2)

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from .._parameter import Scalar, as_float, is_concrete
+from .._parameter import Scalar, as_float, check_increasing
 from .._registry import register
 from ..numerics._input_memory import slow_states, stops
 
@@ -92,10 +92,7 @@ class ChannelMap(eqx.Module):
                 f"radii = {self.radii}, times = {self.times}.",
                 fix="keep them above 0.",
             )
-        if is_concrete(self.nodes) and not np.all(np.diff(np.asarray(self.nodes)) > 0):
-            raise InputError(
-                "parameter-out-of-bounds", f"nodes = {self.nodes}.", fix="keep them increasing."
-            )
+        check_increasing("nodes", self.nodes)
 
     def __call__(
         self,

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float, Int
 
 from .._errors import InputError
 from .._model import AbstractFollowingModel, Series, Tree
-from .._parameter import Scalar, is_concrete, parameter
+from .._parameter import NOT_NEGATIVE, Scalar, check_increasing, is_concrete, parameter
 from .._registry import register
 from ..trees import ROUNDING, curve, node
 
@@ -105,9 +105,7 @@ class MonotoneCurve(AbstractMonotoneCurve):
     """
 
     nodes: Values = parameter(unit="input", fixed=True, meaning="where the polygon may bend")
-    increments: Values = parameter(
-        unit="output", bounds=(0.0, float("inf")), meaning="rise over each cell"
-    )
+    increments: Values = parameter(unit="output", **NOT_NEGATIVE, meaning="rise over each cell")
     offset: Scalar = parameter(0.0, unit="output", meaning="output at the first node")
 
     def __check_init__(self) -> None:
@@ -154,9 +152,7 @@ class MonotoneSpline(AbstractMonotoneCurve):
     """
 
     nodes: Values = parameter(unit="input", fixed=True, meaning="where the slope may bend")
-    slopes: Values = parameter(
-        unit="output / input", bounds=(0.0, float("inf")), meaning="slope at each node"
-    )
+    slopes: Values = parameter(unit="output / input", **NOT_NEGATIVE, meaning="slope at each node")
     offset: Scalar = parameter(0.0, unit="output", meaning="output at the first node")
 
     def __check_init__(self) -> None:
@@ -259,7 +255,7 @@ class Clip(AbstractCurve):
 
 
 def _check_nodes(name: str, nodes: Any, values: Any, more: int) -> None:
-    """Nodes increase, are at least two and `more` than the values, of which none is negative."""
+    """Nodes increase, are at least two and `more` than the values."""
     shapes = np.shape(nodes), np.shape(values)
     if len(shapes[0]) != 1 or shapes[0][0] < 2 or shapes[1] != (shapes[0][0] - more,):
         raise InputError(
@@ -267,10 +263,7 @@ def _check_nodes(name: str, nodes: Any, values: Any, more: int) -> None:
             f"the shapes of nodes and {name} are {shapes[0]} and {shapes[1]}.",
             fix=f"give {'one node more than' if more else 'as many nodes as'} {name}, and at least two.",
         )
-    if is_concrete(nodes) and not np.all(np.diff(np.asarray(nodes, float)) > 0):
-        raise _out_of_bounds("nodes", nodes, "finite and increasing")
-    if is_concrete(values) and not np.all(np.asarray(values) >= 0):
-        raise _out_of_bounds(name, values, "not negative")
+    check_increasing("nodes", nodes)
 
 
 def _check_order(low: Any, high: Any) -> None:

@@ -6,15 +6,14 @@ from jaxtyping import Array, Float
 
 from .._law_model import AbstractLawModel
 from .._model import Tree
-from .._parameter import Scalar, parameter
+from .._parameter import NOT_NEGATIVE, POSITIVE, Scalar, check_bounds, parameter
 from .._registry import register
 from ..trees import ROUNDING, node
-from ._bouc_wen import BoucWen, check_bounds
+from ._bouc_wen import BoucWen
 
 SUBSTEPS = 16
 """Of every sample's way, however long: see `DegradingBoucWen` for what they leave."""
 
-POSITIVE = (0.0, float("inf"))
 LEAST_SLOPE = 1e-6
 """In parts of k: where there is no more, z gives nothing more either."""
 
@@ -48,18 +47,19 @@ class Pinching(eqx.Module):
         [0.79, 0.24, 0.79]
     """
 
-    slip: Scalar = parameter(bounds=(0.0, 1.0), meaning="slope that z loses by slip")
-    onset: Scalar = parameter(bounds=POSITIVE, meaning="how soon slip comes, per energy")
-    level: Scalar = parameter(bounds=(0.0, 1.0), meaning="where it slips, in parts of z's limit")
-    spread: Scalar = parameter(bounds=POSITIVE, meaning="how far around, in parts of yield_at")
-    severity: Scalar = parameter(bounds=POSITIVE, meaning="width without slip, in parts")
+    slip: Scalar = parameter(bounds=(0.0, 1.0), at="low", meaning="slope that z loses by slip")
+    onset: Scalar = parameter(**NOT_NEGATIVE, meaning="how soon slip comes, per energy")
+    level: Scalar = parameter(
+        bounds=(0.0, 1.0), at="low", meaning="where it slips, in parts of z's limit"
+    )
+    spread: Scalar = parameter(**POSITIVE, meaning="how far around, in parts of yield_at")
+    severity: Scalar = parameter(**POSITIVE, meaning="width without slip, in parts")
     widening: Scalar | None = parameter(
-        None, bounds=POSITIVE, meaning="growth of the spread, per energy"
+        None, **NOT_NEGATIVE, meaning="growth of the spread, per energy"
     )
 
     def __check_init__(self) -> None:
-        closed = (True, False)
-        check_bounds(self, slip=closed, onset=closed, level=closed, widening=closed)
+        check_bounds(self)
 
     def factor(self, w: Array, limit: Array, energy: Array) -> Array:
         """h on the way up."""
@@ -109,15 +109,12 @@ class DegradingBoucWen(AbstractLawModel):
 
     inner: BoucWen
     strength_loss: Scalar | None = parameter(
-        None, bounds=POSITIVE, meaning="growth of nu, per energy"
+        None, **NOT_NEGATIVE, meaning="growth of nu, per energy"
     )
     stiffness_loss: Scalar | None = parameter(
-        None, bounds=POSITIVE, meaning="growth of eta, per energy"
+        None, **NOT_NEGATIVE, meaning="growth of eta, per energy"
     )
     pinching: Pinching | None = None
-
-    def __check_init__(self) -> None:
-        check_bounds(self, strength_loss=(True, False), stiffness_loss=(True, False))
 
     def laws(self, eps: float, depth: int) -> Tree:
         inner, slip = self.inner, self.pinching

@@ -4,14 +4,13 @@ import math
 from typing import Any
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
 from .._law_model import AbstractLawModel
 from .._model import Tree
-from .._parameter import Scalar, is_concrete, parameter
+from .._parameter import POSITIVE, Scalar, check_increasing, parameter
 from .._registry import register
 from ..trees import node
 
@@ -75,8 +74,7 @@ class CyclicDrift(AbstractLawModel):
                 f"{len(self.levels)} levels, but rates of shape {self.rates.shape}.",
                 fix=f"give ({len(self.levels)},) rates.",
             )
-        if is_concrete(self.levels) and not (jnp.diff(self.levels) > 0).all():
-            raise InputError("parameter-out-of-bounds", "levels must increase.")
+        check_increasing("levels", self.levels)
 
     def laws(self, eps: float, depth: int) -> Tree:
         """Part of a sum: alone it has no inverse."""
@@ -118,7 +116,7 @@ class TimeDrift(AbstractLawModel):
     """
 
     times: Values = parameter(
-        unit="time", bounds=(0.0, float("inf")), fixed=True, meaning="time constants of the drift"
+        unit="time", **POSITIVE, fixed=True, meaning="time constants of the drift"
     )
     rates: Values = parameter(unit="output", meaning="drift of each time constant in the end")
     offset: Scalar = parameter(0.0, unit="output", meaning="constant of the output")
@@ -131,8 +129,6 @@ class TimeDrift(AbstractLawModel):
                 f"{len(self.times)} times, but rates of shape {self.rates.shape}.",
                 fix=f"give ({len(self.times)},) rates.",
             )
-        if is_concrete(self.times) and not (np.asarray(self.times) > 0).all():
-            raise InputError("parameter-out-of-bounds", "times must be positive.")
         if not self.most >= 0:
             raise InputError("parameter-out-of-bounds", f"most={self.most:g} is a time below 0.")
 

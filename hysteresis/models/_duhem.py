@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 from .._errors import InputError
 from .._law_model import AbstractLawModel
 from .._model import Tree
-from .._parameter import Scalar, is_concrete, parameter
+from .._parameter import POSITIVE, Scalar, is_concrete, parameter
 from .._registry import register
 from ..trees import node
 
@@ -49,11 +49,9 @@ class DuhemOperator(AbstractLawModel):
     """
 
     rising: Slopes = parameter(
-        unit="output / input", bounds=(0.0, float("inf")), meaning="slope while the input rises"
+        unit="output / input", **POSITIVE, meaning="slope while the input rises"
     )
-    falling: Slopes = parameter(
-        unit="output / input", bounds=(0.0, float("inf")), meaning="slope while it falls"
-    )
+    falling: Slopes = parameter(unit="output / input", **POSITIVE, meaning="slope while it falls")
     low: Scalar = parameter(unit="output", fixed=True, meaning="first knot")
     high: Scalar = parameter(unit="output", fixed=True, meaning="last knot")
     offset: Scalar = parameter(0.0, unit="output", meaning="output at first, where u = 0")
@@ -66,14 +64,6 @@ class DuhemOperator(AbstractLawModel):
                 f"slopes of shapes {shapes[0]} and {shapes[1]}.",
                 fix="give as many rising as falling slopes, at least two.",
             )
-        for name in ("rising", "falling"):
-            value = getattr(self, name)
-            if is_concrete(value) and not np.all(np.asarray(value) > 0):
-                raise InputError(
-                    "parameter-out-of-bounds",
-                    f"{name} = {np.asarray(value).tolist()}.",
-                    fix="give positive slopes; DuhemForce takes slopes of either sign.",
-                )
         ends = self.low, self.high
         if all(map(is_concrete, ends)) and not np.all(np.asarray(self.high) > np.asarray(self.low)):
             raise InputError(

@@ -1,17 +1,13 @@
 """Force over compression of a foam: toe, linear part, plateau, densification."""
 
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
-from .._errors import InputError
 from .._model import Tree
-from .._parameter import Scalar, is_concrete, parameter, parameters
+from .._parameter import POSITIVE, Scalar, parameter
 from .._registry import register
 from ..trees import node
 from ._curves import AbstractCurve
-
-_POSITIVE = (0.0, float("inf"))
 
 
 @register
@@ -49,28 +45,18 @@ class FoamCurve(AbstractCurve):
     """
 
     linear: Scalar = parameter(
-        unit="output / input", bounds=_POSITIVE, meaning="stiffness of bending cell walls"
+        unit="output / input", **POSITIVE, meaning="stiffness of bending cell walls"
     )
     toe: Scalar = parameter(bounds=(0.0, 1.0), meaning="stiffness at first contact, in parts")
-    plateau: Scalar = parameter(bounds=_POSITIVE, meaning="of buckling cell walls, in parts")
-    toe_length: Scalar = parameter(unit="input", bounds=_POSITIVE, meaning="end of the toe")
-    linear_length: Scalar = parameter(unit="input", bounds=_POSITIVE, meaning="of the linear part")
-    plateau_length: Scalar = parameter(unit="input", bounds=_POSITIVE, meaning="of the plateau")
-    rounding: Scalar = parameter(unit="input", bounds=_POSITIVE, meaning="width of the passages")
+    plateau: Scalar = parameter(**POSITIVE, meaning="of buckling cell walls, in parts")
+    toe_length: Scalar = parameter(unit="input", **POSITIVE, meaning="end of the toe")
+    linear_length: Scalar = parameter(unit="input", **POSITIVE, meaning="of the linear part")
+    plateau_length: Scalar = parameter(unit="input", **POSITIVE, meaning="of the plateau")
+    rounding: Scalar = parameter(unit="input", **POSITIVE, meaning="width of the passages")
     densification: Scalar = parameter(
-        unit="1 / input", bounds=_POSITIVE, meaning="growth of stiffness, in parts"
+        unit="1 / input", **POSITIVE, meaning="growth of stiffness, in parts"
     )
     offset: Scalar = parameter(0.0, unit="output", meaning="force without compression")
-
-    def __check_init__(self) -> None:
-        for name, info, value in parameters(self):
-            low, high = info.bounds
-            if is_concrete(value) and not np.all((value > low) & (value < high)):
-                raise InputError(
-                    "parameter-out-of-bounds",
-                    f"{name} = {value}.",
-                    fix=f"keep {name} between {low:g} and {high:g}.",
-                )
 
     def curve(self, u: Float[Array, "*samples"]) -> Float[Array, "*samples"]:
         risen = self._integral(u) - self._integral(jnp.zeros_like(u))

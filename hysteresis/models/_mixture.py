@@ -10,13 +10,12 @@ from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
 from .._model import AbstractModel, Tree
 from .._model import Series as Inputs
-from .._parameter import KEPT, Scalar, parameter
+from .._parameter import KEPT, NOT_NEGATIVE, Scalar, parameter
 from .._registry import register
 from ..trees import common_range, looked_for, part_tree, search_range
 from ._compose import AbstractComposite, Over, Scaled, Sum
@@ -46,7 +45,7 @@ class Mixture(AbstractComposite[tuple[Any, ...], Float[Array, "samples models"]]
     """
 
     models: tuple[AbstractModel, ...] = eqx.field(converter=tuple, metadata={KEPT: True})
-    weights: Values = parameter(unit="1", bounds=(0.0, np.inf), meaning="weights of the models")
+    weights: Values = parameter(unit="1", **NOT_NEGATIVE, meaning="weights of the models")
     offset: Scalar = parameter(0.0, unit="output", meaning="constant of the output")
 
     def __check_init__(self) -> None:

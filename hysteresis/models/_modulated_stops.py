@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 
 from .._errors import InputError
 from .._model import Tree
-from .._parameter import Scalar, is_concrete, parameter
+from .._parameter import NOT_NEGATIVE, POSITIVE, Scalar, check_increasing, parameter
 from .._registry import register
 from ..trees import AbstractSearchedModel, node
 
@@ -65,23 +65,20 @@ class ModulatedStops(AbstractSearchedModel):
     low: float = eqx.field(static=True, converter=float)
     high: float = eqx.field(static=True, converter=float)
     thresholds: Values = parameter(
-        unit="input",
-        bounds=(0.0, float("inf")),
-        fixed=True,
-        meaning="strain at which a stop slides",
+        unit="input", **POSITIVE, fixed=True, meaning="strain at which a stop slides"
     )
     levels: Values = parameter(unit="input", fixed=True, meaning="where the modulator has its hats")
     slopes: Values = parameter(
-        unit="output / input", bounds=(0.0, float("inf")), meaning="slope after a reversal"
+        unit="output / input", **NOT_NEGATIVE, meaning="slope after a reversal"
     )
     springs: Values = parameter(
-        unit="output / input", bounds=(0.0, float("inf")), meaning="stiffness beside them"
+        unit="output / input", **NOT_NEGATIVE, meaning="stiffness beside them"
     )
     offset: Scalar = parameter(0.0, unit="output", meaning="constant of the output")
     rest: float = eqx.field(default=0.0, static=True, converter=float)
     by: Modulator = eqx.field(default="span", static=True)
     plays: Values | None = parameter(
-        None, unit="output / input", bounds=(0.0, float("inf")), meaning="slope of a moving play"
+        None, unit="output / input", **NOT_NEGATIVE, meaning="slope of a moving play"
     )
 
     def __check_init__(self) -> None:
@@ -99,18 +96,8 @@ class ModulatedStops(AbstractSearchedModel):
                 f" {plays.shape} and springs of shape {self.springs.shape}.",
                 fix=f"give ({J}, {K}) slopes and plays, and ({K},) springs.",
             )
-        given = self.thresholds, self.levels, *weights
-        if not all(map(is_concrete, given)):
-            return
-        thresholds, levels, *weights = map(np.asarray, given)
-        steps = np.diff(thresholds, prepend=0.0)
-        ordered = bool((np.diff(levels) > 0).all() and (steps > 0).all())
-        if not ordered or min(w.min(initial=0.0) for w in weights) < 0:
-            raise InputError(
-                "parameter-out-of-bounds",
-                "thresholds must be positive and increase, levels increase, slopes, plays and springs not"
-                " be negative.",
-            )
+        for name in ("thresholds", "levels"):
+            check_increasing(name, getattr(self, name))
 
     def forwards(self) -> Tree:
         slopes, springs = self.of_stops()

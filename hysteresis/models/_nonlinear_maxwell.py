@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 
 from .._errors import InputError
 from .._model import Tree
-from .._parameter import Scalar, array_module, is_concrete, parameter
+from .._parameter import NOT_NEGATIVE, POSITIVE, Scalar, array_module, parameter
 from .._registry import register
 from ..trees import AbstractSearchedModel, node
 
@@ -67,13 +67,13 @@ class NonlinearMaxwell(AbstractSearchedModel):
     low: float = eqx.field(static=True, converter=float)
     high: float = eqx.field(static=True, converter=float)
     times: Float[Array, " branches"] | np.ndarray = parameter(
-        unit="time", bounds=(0.0, float("inf")), meaning="relaxation times"
+        unit="time", **POSITIVE, meaning="relaxation times"
     )
     increments: Float[Array, "branches cells"] | np.ndarray | None = parameter(
-        None, unit="output", bounds=(0.0, float("inf")), meaning="increments of the springs"
+        None, unit="output", **NOT_NEGATIVE, meaning="increments of the springs"
     )
     strengths: Float[Array, "*senses branches nodes"] | np.ndarray | None = parameter(
-        None, unit="output", bounds=(0.0, float("inf")), meaning="how much of a branch is felt"
+        None, unit="output", **NOT_NEGATIVE, meaning="how much of a branch is felt"
     )
     offset: Scalar = parameter(0.0, unit="output", meaning="constant of the output")
     leading: bool = eqx.field(default=True, static=True, kw_only=True)
@@ -85,8 +85,6 @@ class NonlinearMaxwell(AbstractSearchedModel):
                 "zero-range", f"the springs reach from {self.low:g} to {self.high:g}.",
                 fix="give low < high, enclosing the inputs the model will see.",
             )  # fmt: skip
-        if is_concrete(self.times) and not (np.asarray(self.times) > 0).all():
-            raise InputError("parameter-out-of-bounds", "a relaxation time is not positive.")
         given = enumerate((self.increments, self.strengths))
         shapes = {k: a.shape for k, a in given if a is not None}
         fits = (self.times.shape, (2, *self.times.shape))  # strengths may have two senses
@@ -98,11 +96,6 @@ class NonlinearMaxwell(AbstractSearchedModel):
                 f" {tuple(shapes.values())}.",
                 fix="give (branches, n) increments, (branches, n + 1) strengths, or one of both.",
             )
-        for array in (self.increments, self.strengths):
-            if array is not None and is_concrete(array) and not (np.asarray(array) >= 0).all():
-                raise InputError(
-                    "parameter-out-of-bounds", "springs and strengths are not negative."
-                )
 
     @property
     def cells(self) -> int:

@@ -11,7 +11,15 @@ from jaxtyping import Array, Float
 from .._errors import InputError
 from .._law_model import AbstractLawModel
 from .._model import Tree
-from .._parameter import Scalar, is_concrete, parameter, parameters
+from .._parameter import (
+    NOT_NEGATIVE,
+    POSITIVE,
+    Scalar,
+    check_increasing,
+    is_concrete,
+    parameter,
+    parameters,
+)
 from .._registry import register
 from ..trees import node, polygon, series
 
@@ -64,20 +72,15 @@ class PrandtlIshlinskii(AbstractLawModel):
     """
 
     thresholds: Values = parameter(
-        unit="input", bounds=(0.0, float("inf")), fixed=True, meaning="half widths of the plays"
+        unit="input", **POSITIVE, fixed=True, meaning="half widths of the plays"
     )
     weights: Values = parameter(
-        unit="output / input", bounds=(0.0, float("inf")), meaning="slopes of the plays"
+        unit="output / input", **NOT_NEGATIVE, meaning="slopes of the plays"
     )
-    slope: Scalar = parameter(
-        unit="output / input", bounds=(0.0, float("inf")), meaning="slope of the line"
-    )
+    slope: Scalar = parameter(unit="output / input", **POSITIVE, meaning="slope of the line")
     offset: Scalar = parameter(0.0, unit="output", meaning="constant of the output")
     rates: Values | None = parameter(
-        None,
-        unit="time",
-        bounds=(0.0, float("inf")),
-        meaning="growth of the half widths with speed",
+        None, unit="time", **NOT_NEGATIVE, meaning="growth of the half widths with speed"
     )
     bends: Values | None = parameter(
         None, unit="output", fixed=True, meaning="where the output's curve bends"
@@ -138,23 +141,13 @@ class PrandtlIshlinskii(AbstractLawModel):
             )
 
     def _check_values(self) -> None:
-        def require(name: str, condition: Any, what: str) -> None:
-            value = getattr(self, name)
-            if value is not None and not np.all(condition(np.asarray(value))):
+        for name, _, value in parameters(self):
+            if value is not None and not np.isfinite(np.asarray(value)).all():
                 raise InputError(
-                    "parameter-out-of-bounds",
-                    f"{name} = {value}.",
-                    fix=f"keep {name} {what}.",
+                    "parameter-out-of-bounds", f"{name} = {value}.", fix=f"keep {name} finite."
                 )
-
-        for name, _, _ in parameters(self):
-            require(name, np.isfinite, "finite")
-        for name in ("thresholds", "slope"):
-            require(name, lambda x: x > 0, "positive")
-        for name in ("weights", "rates"):
-            require(name, lambda x: x >= 0, "not negative")
-        for name in ("thresholds", "bends"):
-            require(name, lambda x: np.diff(x) > 0, "increasing")
+        check_increasing("thresholds", self.thresholds)
+        check_increasing("bends", self.bends)
         if self.bends is None or self.bend_slopes is None:
             return
         d, s = np.asarray(self.bends), np.asarray(self.bend_slopes)

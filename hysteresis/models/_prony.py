@@ -7,16 +7,14 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from .._parameter import Scalar, array_module, is_concrete, parameter
+from .._parameter import NOT_NEGATIVE, Scalar, array_module, is_concrete, parameter
 from .._registry import register
 from ._viscoelastic import (
-    POSITIVE,
+    MODULUS,
     STIFFNESS,
     VISCOSITY,
     AbstractViscoelastic,
     check_lengths,
-    check_not_negative,
-    check_positive,
 )
 from ._viscoelastic_chain import Chain, Hold
 
@@ -51,16 +49,12 @@ class GeneralizedKelvinVoigt(AbstractViscoelastic):
         [0.5, 1.16, 1.41, 1.52]
     """
 
-    E0: Scalar = parameter(unit=STIFFNESS, bounds=POSITIVE, meaning="instantaneous stiffness")
+    E0: Scalar = parameter(unit=STIFFNESS, **MODULUS, meaning="instantaneous stiffness")
     E: Values = parameter(
-        unit=STIFFNESS, bounds=POSITIVE, meaning="stiffnesses of the delayed parts"
+        unit=STIFFNESS, **NOT_NEGATIVE, meaning="stiffnesses of the delayed parts"
     )
-    eta: Values = parameter(
-        unit=VISCOSITY, bounds=POSITIVE, meaning="viscosities of the delayed parts"
-    )
-    eta0: Scalar | None = parameter(
-        None, unit=VISCOSITY, bounds=POSITIVE, meaning="viscosity of flow"
-    )
+    eta: Values = parameter(unit=VISCOSITY, **MODULUS, meaning="viscosities of the delayed parts")
+    eta0: Scalar | None = parameter(None, unit=VISCOSITY, **MODULUS, meaning="viscosity of flow")
     offset: Scalar = parameter(0.0, unit="output", meaning="output of the unloaded model")
     leading: bool = eqx.field(default=False, static=True)
     hold: Hold = eqx.field(default="linear", static=True)
@@ -68,8 +62,6 @@ class GeneralizedKelvinVoigt(AbstractViscoelastic):
 
     def __check_init__(self) -> None:
         check_lengths(E=self.E, eta=self.eta)
-        check_not_negative(E=self.E)
-        check_positive(E0=self.E0, eta=self.eta, eta0=self.eta0)
         if self.leading and is_concrete(self.E0) and bool(jnp.isinf(self.E0).any()):
             raise InputError(
                 "not-invertible",
@@ -114,11 +106,11 @@ class GeneralizedMaxwell(AbstractViscoelastic):
         [4.0, 2.64, 2.09, 1.84]
     """
 
-    E_inf: Scalar = parameter(unit=STIFFNESS, bounds=POSITIVE, meaning="stiffness at rest")
+    E_inf: Scalar = parameter(unit=STIFFNESS, **NOT_NEGATIVE, meaning="stiffness at rest")
     E: Values = parameter(
-        unit=STIFFNESS, bounds=POSITIVE, meaning="stiffnesses of the parts that relax"
+        unit=STIFFNESS, **NOT_NEGATIVE, meaning="stiffnesses of the parts that relax"
     )
-    tau: Values = parameter(unit="time", bounds=POSITIVE, meaning="relaxation times")
+    tau: Values = parameter(unit="time", **MODULUS, meaning="relaxation times")
     offset: Scalar = parameter(0.0, unit="output", meaning="output of the unloaded model")
     leading: bool = eqx.field(default=True, static=True)
     hold: Hold = eqx.field(default="linear", static=True)
@@ -126,8 +118,6 @@ class GeneralizedMaxwell(AbstractViscoelastic):
 
     def __check_init__(self) -> None:
         check_lengths(E=self.E, tau=self.tau)
-        check_not_negative(E_inf=self.E_inf, E=self.E)
-        check_positive(tau=self.tau)
 
     def chain(self) -> Chain:
         xp = array_module(self.E_inf, self.E, self.tau)

@@ -51,10 +51,10 @@ class Softening(AbstractSearchedModel):
     low: float = eqx.field(static=True, converter=float)
     high: float = eqx.field(static=True, converter=float)
     weights: Float[Array, "cells cells"] | np.ndarray = parameter(
-        unit="output", bounds=(0.0, float("inf")), meaning="softening of a cell by another"
+        unit="output", bounds=(0.0, float("inf")), at=None, meaning="softening of a cell by another"
     )
     recovery: Scalar = parameter(
-        float("inf"), unit="time", bounds=(0.0, float("inf")), fixed=True,
+        float("inf"), unit="time", bounds=(0.0, float("inf")), at="high", fixed=True,
         meaning="time in which conditioning is forgotten",
     )  # fmt: skip
     leading: bool = eqx.field(default=True, static=True, kw_only=True)
@@ -66,8 +66,6 @@ class Softening(AbstractSearchedModel):
             raise InputError("wrong-shape", f"weights of shape {self.weights.shape}.")
         if is_concrete(self.weights) and np.triu(np.asarray(self.weights)).min() < 0:
             raise InputError("parameter-out-of-bounds", "softening is not negative.")
-        if is_concrete(self.recovery) and not np.all(np.asarray(self.recovery) > 0):
-            raise InputError("parameter-out-of-bounds", "the recovery time is not positive.")
 
     @property
     def needs_time(self) -> bool:

@@ -3,12 +3,11 @@
 from typing import Any
 
 import equinox as eqx
-import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
 from .._model import Tree
-from .._parameter import Scalar, is_concrete, parameter
+from .._parameter import NOT_NEGATIVE, POSITIVE, Scalar, check_increasing, parameter
 from .._registry import register
 from ..trees import AbstractSearchedModel, node
 
@@ -55,17 +54,12 @@ class VelocityFriction(AbstractSearchedModel):
     low: float = eqx.field(static=True, converter=float)
     high: float = eqx.field(static=True, converter=float)
     speeds: Values = parameter(
-        unit="input / time",
-        bounds=(0.0, float("inf")),
-        fixed=True,
-        meaning="speeds of the rounding",
+        unit="input / time", **POSITIVE, fixed=True, meaning="speeds of the rounding"
     )
     levels: Values = parameter(unit="input", fixed=True, meaning="places of the hats")
-    weights: Values = parameter(
-        unit="output", bounds=(0.0, float("inf")), meaning="Coulomb friction"
-    )
+    weights: Values = parameter(unit="output", **NOT_NEGATIVE, meaning="Coulomb friction")
     viscous: Values = parameter(
-        unit="output * time / input", bounds=(0.0, float("inf")), meaning="viscous damping"
+        unit="output * time / input", **NOT_NEGATIVE, meaning="viscous damping"
     )
     offset: Scalar = parameter(0.0, unit="output", meaning="constant of the output")
     smoothing: float = eqx.field(static=True, converter=float, kw_only=True)
@@ -84,16 +78,7 @@ class VelocityFriction(AbstractSearchedModel):
                 f" {self.viscous.shape}.",
                 fix=f"give ({J}, {K}) weights and ({K},) viscous coefficients.",
             )
-        given = self.speeds, self.levels, self.weights, self.viscous
-        if not all(map(is_concrete, given)):
-            return
-        speeds, levels, weights, viscous = map(np.asarray, given)
-        ordered = bool((np.diff(levels) > 0).all() and (speeds > 0).all())
-        if not ordered or min(weights.min(initial=0.0), viscous.min()) < 0:
-            raise InputError(
-                "parameter-out-of-bounds",
-                "speeds must be positive, levels increase, weights and viscous not be negative.",
-            )
+        check_increasing("levels", self.levels)
 
     needs_time = True
 

@@ -12,14 +12,16 @@ from jaxtyping import Array, Float
 
 from .._errors import InputError
 from .._model import AbstractModel, Series, Tree, is_start, time_steps
-from .._parameter import Scalar, array_module, is_concrete
+from .._parameter import POSITIVE, Scalar, array_module, is_concrete
 from ..numerics._even_clock import even_step
 from ..numerics._recurrence import Rows, even_recurrence, linear_recurrence
 from ..running import numbers_of, outputs, place_of
 from ..trees import node
 from ._viscoelastic_chain import SOLVED, Chain, Hold, Known, against, along, exact_step
 
-POSITIVE = (0.0, float("inf"))
+MODULUS: dict[str, Any] = POSITIVE | {"at": "high"}
+"""Of moduli, viscosities and times: an infinite one is an element that does not give way."""
+
 STIFFNESS, VISCOSITY = "force / displacement", "force * time / displacement"
 
 
@@ -257,30 +259,6 @@ _branch_states = jax.jit(_at_once, static_argnums=0)
 
 
 _even = jax.jit(even_recurrence)
-
-
-def check_positive(**values: Any) -> None:
-    """Raise `InputError` where a modulus, viscosity or time is not positive; None is not there."""
-    for name, value in values.items():
-        if is_concrete(value) and not (np.asarray(value) > 0).all():
-            raise InputError(
-                "parameter-out-of-bounds",
-                f"{name} = {value}: moduli, viscosities and times are positive.",
-                cause="a sign or a unit slipped.",
-                fix=f"give {name} > 0; an element that is not there is left out, or in series very large.",
-            )
-
-
-def check_not_negative(**values: Any) -> None:
-    """Raise `InputError` where a modulus is negative; one of 0 is an element that is not there."""
-    for name, value in values.items():
-        if is_concrete(value) and not (np.asarray(value) >= 0).all():
-            raise InputError(
-                "parameter-out-of-bounds",
-                f"{name} = {value}: this stiffness is 0 or positive.",
-                cause="a sign slipped.",
-                fix=f"give {name} >= 0.",
-            )
 
 
 def check_lengths(**values: Any) -> None:

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from .._errors import InputError
 from .._model import AbstractModel, Series, Tree
-from .._parameter import Scalar, is_concrete, parameter
+from .._parameter import NOT_NEGATIVE, Scalar, is_concrete, parameter
 from .._registry import register
 from ..trees import looked_for
 from ._dead_band import play, play_step
@@ -136,13 +136,13 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
 
     density: AbstractDensity
     reversible: Float[Array, " cells"] | np.ndarray | None = parameter(
-        None, unit="output", bounds=(0.0, float("inf")), meaning="increments of the memoryless part"
+        None, unit="output", **NOT_NEGATIVE, meaning="increments of the memoryless part"
     )
     offset: Scalar = parameter(0.0, unit="output", meaning="constant of the output")
     up: Float[Array, "cells cells"] | np.ndarray | None = parameter(
         None,
         unit="output",
-        bounds=(0.0, float("inf")),
+        **NOT_NEGATIVE,
         meaning="mass of the relays of each cell that are up before the first sample",
     )
     leading: bool = eqx.field(default=False, static=True, kw_only=True)
@@ -176,10 +176,6 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
                 "length-mismatch",
                 f"{len(self.reversible)} increments for {grid.cells} cells.",
                 fix="give the reversible part one increment per cell of the grid.",
-            )
-        if not (np.asarray(self.reversible) >= 0).all():
-            raise InputError(
-                "parameter-out-of-bounds", "the reversible part has negative increments."
             )
 
     def _check_up(self) -> None:

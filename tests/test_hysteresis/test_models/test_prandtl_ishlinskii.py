@@ -117,12 +117,12 @@ def test_area_of_a_loop(seed: int, leading: bool, size: float):
 @pytest.mark.parametrize(
     ("code", "words", "change"),
     [
-        ("parameter-out-of-bounds", "thresholds increasing", {"thresholds": [1.0, 1.0]}),
-        ("parameter-out-of-bounds", "thresholds positive", {"thresholds": [0.0, 1.0]}),
-        ("parameter-out-of-bounds", "weights not negative", {"weights": [1.0, -0.1]}),
+        ("parameter-out-of-bounds", "thresholds finite and increasing", {"thresholds": [1.0, 1.0]}),
+        ("parameter-out-of-bounds", "thresholds above 0", {"thresholds": [0.0, 1.0]}),
+        ("parameter-out-of-bounds", "weights at least 0", {"weights": [1.0, -0.1]}),
         ("parameter-out-of-bounds", "weights finite", {"weights": [1.0, np.nan]}),
-        ("parameter-out-of-bounds", "slope positive", {"slope": 0.0}),
-        ("parameter-out-of-bounds", "rates not negative", {"rates": [0.0, -1.0]}),
+        ("parameter-out-of-bounds", "slope above 0", {"slope": 0.0}),
+        ("parameter-out-of-bounds", "rates at least 0", {"rates": [0.0, -1.0]}),
         ("length-mismatch", "thresholds and weights", {"weights": [1.0]}),
         ("length-mismatch", "thresholds and rates", {"rates": 1.0}),
         ("length-mismatch", "bends and bend_slopes", {"bends": [1.0]}),
