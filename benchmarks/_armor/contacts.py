@@ -19,7 +19,7 @@ from compensate.armor import (
     forearm,
     head,
 )
-from compensate.runtime import load_armor
+from compensate.runtime import load
 from hysteresis import LinearSponge
 
 from .._measure import Row, judged, least_seconds, noted
@@ -203,7 +203,7 @@ def _streams(steps: int) -> list[Row]:
     solver = ContactSolver(BOX, SPONGE)
     stream = ContactStream(solver)
     with tempfile.TemporaryDirectory() as folder:
-        armor = load_armor(export_armor(solver, Path(folder) / "armor.json"))
+        armor = load(export_armor(solver, Path(folder) / "armor.json"))
     t, both = (0.01 * k).tolist(), np.hstack([force, moment]).tolist()
     compiled = [_timed(stream.step, *now) for now in zip(t, force, moment, strict=True)]
     plain = [_timed(armor.step, *now) for now in zip([0.01] * steps, both, strict=True)]

@@ -26,7 +26,7 @@ def export_armor(
     solver: ContactSolver, path: str | Path, sensor: WristSensor | None = None, *,
     model: AbstractModel | None = None, title: str = "armor",
 ) -> Path:  # fmt: skip
-    """Write a solver as JSON for `compensate.runtime.load_armor`, with contacts to verify it on loading.
+    """Write a solver as JSON for `compensate.runtime.load`, with contacts to verify it on loading.
 
     **Arguments:**
 
@@ -43,7 +43,7 @@ def export_armor(
     **Example:**
 
         >>> file = compensate.armor.export_armor(solver, folder / "armor.json", title="upper arm")
-        >>> compensate.runtime.load_armor(file).title
+        >>> compensate.runtime.load(file).title
         'upper arm'
     """
     require_double()

@@ -162,7 +162,7 @@ def export_contacts(
     contacts: Sequence[Quantity],
     title: str = "",
 ) -> Path:
-    """Write an estimator of several contacts as JSON for `compensate.runtime.load_contacts`.
+    """Write an estimator of several contacts as JSON for `compensate.runtime.load`.
 
     The file has the forces at once; those that come late, of `MotionFilter(delay=...)`, are JAX's alone.
 
@@ -188,7 +188,7 @@ def export_contacts(
         >>> file = compensate.microchannel.export_contacts(
         ...     learnt.estimator, folder / "contacts.json", record.reading, record.time,
         ...     channels=names, contacts=forces)
-        >>> len(compensate.runtime.load_contacts(file).contacts)
+        >>> len(compensate.runtime.load(file).contacts)
         2
     """
     require_double()

@@ -2,7 +2,6 @@
 
 from collections.abc import Collection
 from math import exp, inf, isfinite, isnan, nan, sqrt
-from pathlib import Path
 from typing import Any, NamedTuple
 
 from hysteresis.laws._tree import Running, node_of
@@ -10,7 +9,7 @@ from hysteresis.laws._tree import Running, node_of
 from . import _arithmetic as plain
 from ._armor_fields import Vector, field
 from ._contact import NONE, ContactStatus, Limits, Solver, Touch, cross, dot, square, touched
-from ._file import READING_MISSING, replayed
+from ._file import READING_MISSING
 
 KIND = "hysid armor"
 
@@ -224,24 +223,7 @@ def _put(states: list[Any], values: list[dict[str, Any]]) -> None:
         vars(state).update({k: v[:] if isinstance(v, list) else v for k, v in kept.items()})
 
 
-def load_armor(path: str | Path) -> Armor:
-    """Load an armor from a file that `compensate.armor.export_armor` wrote, and verify it.
-
-    The armor first replays the contacts that the file contains, and must find them again.
-
-    **Raises:** `FileError` where the file is missing, damaged, changed or of another format, or where the
-    replay gives other contacts.
-
-    **Example:**
-
-        >>> file = compensate.armor.export_armor(solver, folder / "armor.json")
-        >>> compensate.runtime.load_armor(file).step(0.01, (0, 0, -10, 0, 0, 0)).surface
-        1
-    """
-    return replayed(path, KIND, "contacts lie {:.3g} m off", _replay)
-
-
-def _replay(document: dict[str, Any]) -> tuple[Armor, float]:
+def replay(document: dict[str, Any]) -> tuple[Armor, float]:
     """How far off, m; infinitely where a surface or status differs."""
     armor, golden, worst, before = Armor(document), document["golden"], 0.0, 0.0
     rows = zip(

@@ -3,12 +3,11 @@
 from collections.abc import Sequence
 from functools import lru_cache
 from math import inf, isfinite
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 from . import _arithmetic as plain
-from ._file import LONGEST, READING_MISSING, replayed
+from ._file import LONGEST, READING_MISSING
 from ._force_filter import LOST, SOUGHT, Setting, Way, mean_of, updated
 from ._network import Network
 from ._status import Status
@@ -121,24 +120,7 @@ class _Channels:
         return tuple(network.follow(held, passed, (F,)) for network, held, F in each)
 
 
-def load_contacts(path: str | Path) -> MultiContactEstimator:
-    """Load an estimator from a file that `compensate.microchannel.export_contacts` wrote, and verify it.
-
-    The estimator first replays the readings that the file contains, and must find their forces again.
-
-    **Raises:** `FileError` where the file is missing, damaged, changed or of another format, or where the
-    replay gives other forces.
-
-    **Example:**
-
-        >>> runtime = compensate.runtime.load_contacts(contacts_file)
-        >>> [contact["name"] for contact in runtime.contacts]
-        ['B', 'D']
-    """
-    return replayed(path, KIND, "readings give forces {:.3g} off", _replay)
-
-
-def _replay(document: dict[str, Any]) -> tuple[MultiContactEstimator, float]:
+def replay(document: dict[str, Any]) -> tuple[MultiContactEstimator, float]:
     """How far off; infinitely where a status differs."""
     estimator, golden, worst = MultiContactEstimator(document), document["golden"], 0.0
     rows = zip(

@@ -30,17 +30,6 @@ READING_MISSING = (
 
 _NEWEST = {"hysid compensator": COMPENSATOR_SCHEMA}
 
-_WRITTEN_BY = {
-    "hysid compensator": ("not a compensator. Write one with hysid export DIR --runtime FILE."),
-    "hysid force estimator": (
-        "not a force estimator. Write one with compensate.microchannel.export_force."
-    ),
-    "hysid contact forces": (
-        "not an estimator of several contacts. Write one with compensate.microchannel.export_contacts."
-    ),
-    "hysid armor": "not an armor. Write one with compensate.armor.export_armor.",
-}
-
 
 @runtime_checkable
 class Resettable(Protocol):
@@ -100,7 +89,10 @@ def read(path: str | Path, kind: str) -> dict[str, Any]:
     except (ValueError, MemoryError):
         raise FileError(f"{path}: not whole, or no JSON. Export it again.") from None
     if not isinstance(document, dict) or document.get("kind") != kind:
-        raise FileError(f"{path}: {_WRITTEN_BY[kind]}")
+        raise FileError(
+            f"{path}: not a compensator, an estimator or an armor. Write one with hysid export DIR"
+            " --runtime FILE."
+        )
     newest = _NEWEST.get(kind, SCHEMA)
     schema = document.get("schema")
     if type(schema) is not int or schema not in range(1, newest + 1):

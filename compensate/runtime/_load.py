@@ -4,17 +4,19 @@ import json
 from pathlib import Path
 from typing import Any
 
-from ._armor import KIND as ARMOR
-from ._armor import load_armor
-from ._compensator import Compensator
+from . import _armor, _contact_forces, _network
 from ._compensator import load as load_compensator
-from ._contact_forces import KIND as CONTACTS
-from ._contact_forces import load_contacts
-from ._network import KIND as FORCE
-from ._network import load_force
+from ._file import replayed
+
+LOADED = {
+    _network.KIND: ("readings give forces {:.3g} off", _network.replay),
+    _contact_forces.KIND: ("readings give forces {:.3g} off", _contact_forces.replay),
+    _armor.KIND: ("contacts lie {:.3g} m off", _armor.replay),
+}
+"""What is wrong where a replay gives something else, and what replays a file of this kind."""
 
 
-def load(path: str | Path) -> Compensator | Any:
+def load(path: str | Path) -> Any:
     """The `Compensator`, `ForceEstimator`, `MultiContactEstimator` or `Armor` of a file, once it has
     replayed the golden pair in it.
 
@@ -30,8 +32,8 @@ def load(path: str | Path) -> Compensator | Any:
         >>> value, status.name
         (0.0, 'OK')
     """
-    loads = {FORCE: load_force, CONTACTS: load_contacts, ARMOR: load_armor}
-    return loads.get(_kind(path) or "", load_compensator)(path)
+    kind = _kind(path) or ""
+    return replayed(path, kind, *LOADED[kind]) if kind in LOADED else load_compensator(path)
 
 
 def _kind(path: str | Path) -> str | None:

@@ -3,13 +3,12 @@
 from collections.abc import Sequence
 from math import exp, inf, isfinite
 from operator import mul
-from pathlib import Path
 from typing import Any
 
 from hysteresis.laws._tree import node_of
 
 from ._compensator import Estimate
-from ._file import LONGEST, READING_MISSING, replayed
+from ._file import LONGEST, READING_MISSING
 from ._status import Status
 
 KIND = "hysid force estimator"
@@ -223,26 +222,7 @@ def _finite(number: Any) -> float:
     return number
 
 
-def load_force(path: str | Path) -> ForceEstimator:
-    """Load a force estimator from a file that `compensate.microchannel.export_force` wrote, and verify it.
-
-    The estimator first replays the readings that the file contains, and must find their forces again.
-
-    **Raises:** `FileError` where the file is missing, damaged, changed or of another format, or where the
-    replay gives other forces.
-
-    **Example:**
-
-        >>> y = model.simulate(t, u)
-        >>> file = compensate.microchannel.export_force(estimator, folder / "force.json", y)
-        >>> runtime = compensate.runtime.load_force(file)
-        >>> [round(runtime.step(0.01, float(reading)).value, 6) for reading in y[:4]]
-        [0.0, 1.0, 2.0, 3.0]
-    """
-    return replayed(path, KIND, "readings give forces {:.3g} off", _replay)
-
-
-def _replay(document: dict[str, Any]) -> tuple[ForceEstimator, float]:
+def replay(document: dict[str, Any]) -> tuple[ForceEstimator, float]:
     """How far off; infinitely where a status differs."""
     estimator, golden, worst = ForceEstimator(document), document["golden"], 0.0
     rows = zip(golden["reading"], golden["dt"], golden["value"], golden["status"], strict=True)

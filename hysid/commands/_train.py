@@ -12,7 +12,7 @@ import identify
 from compensate import Quantity
 from compensate.microchannel import export_force
 from compensate.microchannel._force import ForceEstimator
-from compensate.runtime import load_force
+from compensate.runtime import load
 from hysteresis import InputError
 from hysteresis._atomic_file import write_figure
 from hysteresis._escape import shell_word
@@ -217,7 +217,7 @@ def _write_runtime(
         )  # fmt: skip
     except InputError as error:
         return None, [f"no {RUNTIME}, which runs without JAX: {error}"]
-    runtime, stamps = load_force(file), [time.perf_counter()]
+    runtime, stamps = load(file), [time.perf_counter()]
     for reading in readings[:TIMED].tolist():
         runtime.step(sensor.step, reading)
         stamps.append(time.perf_counter())

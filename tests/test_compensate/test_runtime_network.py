@@ -12,7 +12,7 @@ import pytest
 from compensate import Quantity, Status, invert
 from compensate.internal import BackwardsModel, ForceEstimator
 from compensate.microchannel import export_force
-from compensate.runtime import FileError, load, load_force
+from compensate.runtime import FileError, load
 from hysteresis import (
     AbstractModel,
     GeneralizedMaxwell,
@@ -108,7 +108,7 @@ def test_plain_python_is_the_same(name: str, tmp_path: Path):
 
 
 def test_what_the_file_says_of_itself(tmp_path: Path):
-    runtime = load_force(case("network of two channels").export(tmp_path))
+    runtime = load(case("network of two channels").export(tmp_path))
     assert [c["name"] for c in runtime.channels] == ["layer 1", "layer 2"]
     assert runtime.estimate == {"name": "force", "unit": "N"}
     assert (runtime.title, runtime.high, runtime.rates) == ("StaircaseNetwork", HIGH, True)
@@ -146,8 +146,8 @@ def test_files_that_cannot_be_trusted_are_refused(tmp_path: Path):
             load(file)
         assert words in str(refused.value)
     change(case("network").export(tmp_path), "kind", "hysid armor")
-    with pytest.raises(FileError, match="export_force"):
-        load_force(file)
+    with pytest.raises(FileError, match="cannot be run"):
+        load(file)
     with pytest.raises(FileError, match="No such file"):
         load(tmp_path / "none.json")
 

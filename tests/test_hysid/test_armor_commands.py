@@ -12,7 +12,7 @@ import hysid
 import identify
 from compensate import invert
 from compensate.armor import Armor, Box, ContactSolver, Cover, WristSensor, planned_presses
-from compensate.runtime import load_armor
+from compensate.runtime import load
 from hysteresis import LinearSponge
 from hysteresis.internal import Units, conversion, with_units
 from tests.test_hysid.command import Result, example, refused, run
@@ -87,7 +87,7 @@ def test_one_table_in_any_units_gives_the_same_contacts(
     np.testing.assert_allclose(point, truth, atol=1e-9)
     variance = np.array([float(row["zz (m^2)"]) for row in contacts(out)])
     assert (variance[2:4] > 0).all()  # on the sides; on the top z is as certain as the sponge
-    runtime = load_armor(out / "armor.json")
+    runtime = load(out / "armor.json")
     same = [runtime.step(1.0, reading).point for reading in np.hstack([F, M]).tolist()]
     np.testing.assert_allclose(same, truth, atol=1e-9)
     assert json.loads((out / "touches.json").read_text())["status"][-1] == "EXTRAPOLATED"

@@ -9,7 +9,7 @@ import pytest
 from compensate import Quantity, export_runtime, invert
 from compensate.internal import BackwardsModel, ForceEstimator
 from compensate.microchannel import export_force
-from compensate.runtime import load_force
+from compensate.runtime import load
 from hysteresis import Burgers, InputError, LinearSponge, load_model, save_model
 from hysteresis.internal import Units, conversion, extended, with_units
 
@@ -69,7 +69,7 @@ def test_forces_are_converted_to_newtons_or_refused(tmp_path):
     y = np.linspace(0.2, 1.2, 20)
     found = estimator.simulate(None, y).value
     np.testing.assert_allclose(found, 9.80665 * (y - 0.2) / 0.5, rtol=1e-12, atol=1e-12)
-    runtime = load_force(export_force(estimator, tmp_path / "force.json", y))
+    runtime = load(export_force(estimator, tmp_path / "force.json", y))
     assert runtime.step(0.01, 0.7).value == pytest.approx(9.80665, rel=1e-12)
     with pytest.raises(InputError, match="wrong-direction"):
         ForceEstimator(SENSOR, deviation=0.1, high=25.0)

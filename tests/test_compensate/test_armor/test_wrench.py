@@ -22,7 +22,7 @@ from compensate.armor import (
     forearm,
 )
 from compensate.internal import Grid
-from compensate.runtime import load_armor
+from compensate.runtime import load
 from hysteresis import Burgers, InputError, LinearSponge, PrandtlIshlinskii
 from hysteresis.internal import Units, with_units
 from tests.thorough import rest_thorough
@@ -127,7 +127,7 @@ EXPORTED = {
 def test_without_jax_it_is_the_same(cover: Any, model: Any, wrist: Any, tmp_path: Path):
     """A stream of anything: contacts, slips over edges, releases, bad readings."""
     solver = ContactSolver(BOX, cover, spin_limit=0.05)
-    armor = load_armor(export_armor(solver, tmp_path / "armor.json", wrist, model=model))
+    armor = load(export_armor(solver, tmp_path / "armor.json", wrist, model=model))
     random = np.random.default_rng(4)
     t = np.cumsum(random.uniform(0.01, 0.2, 300))
     force = np.cumsum(random.normal(size=(300, 3)), axis=0) - [0, 0, 6]
@@ -161,7 +161,7 @@ def test_weight_and_inertia_of_a_moving_shell_without_jax(tmp_path: Path):
     readings = np.hstack([force, np.cross([0.0, 0.0, 0.4], force)])
     t = 0.01 * np.arange(n)
     wanted = armor.simulate(t, readings, motion)
-    runtime = load_armor(export_armor(armor.solver, tmp_path / "armor.json", sensor))
+    runtime = load(export_armor(armor.solver, tmp_path / "armor.json", sensor))
     moves = zip(*(np.asarray(v).tolist() for v in motion), strict=True)
     found = [
         runtime.step(0.01, reading, tuple(map(tuple, now)))

@@ -19,7 +19,7 @@ from compensate.internal import (
     SearchEstimator,
 )
 from compensate.microchannel import export_contacts
-from compensate.runtime import load_contacts
+from compensate.runtime import load
 from hysteresis import InputError, PrandtlIshlinskii
 from hysteresis.internal import StaircaseNetwork
 from hysteresis.rigs import MicrochannelRig
@@ -138,7 +138,7 @@ def test_without_jax_it_is_the_same_where_readings_surprise(tmp_path: Path):
     file = export_contacts(
         estimator, tmp_path / "it.json", z, t, channels=channels, contacts=contacts
     )
-    runtime, wanted = load_contacts(file), estimator.simulate(t, z)
+    runtime, wanted = load(file), estimator.simulate(t, z)
     found = [runtime.step(*now) for now in zip(np.diff(t, prepend=t[0]), z.tolist(), strict=True)]
     status = [one.status for one in found]
     assert status.count(Status.EXTRAPOLATED) > 20

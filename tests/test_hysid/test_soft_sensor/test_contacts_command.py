@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from compensate.runtime import FileError, load_contacts
+from compensate.runtime import FileError, load
 from tests.test_hysid.command import refused, run
 
 DATA = Path(__file__).parents[3] / "datasets" / "skin-two-places.csv"
@@ -44,7 +44,7 @@ def test_what_was_learnt_runs_over_a_file_and_without_jax(trained: Path):
     value = np.array([[float(row["force B (N)"]), float(row["force D (N)"])] for row in told])
     truth = np.array([line.split(",")[3:5] for line in both], float)
     assert np.sqrt(np.mean((value - truth) ** 2)) < 0.5
-    runtime = load_contacts(trained / "runtime.json")
+    runtime = load(trained / "runtime.json")
     cells = np.array([line.split(",") for line in both], float)
     steps = zip(cells[:40, 5:].tolist(), np.diff(cells[:40, 2], prepend=cells[0, 2]), strict=True)
     same = [runtime.step(float(dt), y).value for y, dt in steps]
@@ -61,4 +61,4 @@ def test_what_cannot_be_used_is_answered(trained: Path, tmp_path: Path):
     document["zero"][0] += 0.5
     (tmp_path / "changed.json").write_text(json.dumps(document))
     with pytest.raises(FileError, match="changed"):
-        load_contacts(tmp_path / "changed.json")
+        load(tmp_path / "changed.json")
