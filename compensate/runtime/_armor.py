@@ -9,7 +9,7 @@ from hysteresis.laws._tree import Running, node_of
 from . import _arithmetic as plain
 from ._armor_fields import Vector, field
 from ._contact import NONE, ContactStatus, Limits, Solver, Touch, cross, dot, square, touched
-from ._file import READING_MISSING
+from ._file import READING_MISSING, Written
 
 KIND = "hysid armor"
 
@@ -223,7 +223,7 @@ def _put(states: list[Any], values: list[dict[str, Any]]) -> None:
         vars(state).update({k: v[:] if isinstance(v, list) else v for k, v in kept.items()})
 
 
-def replay(document: dict[str, Any]) -> tuple[Armor, float]:
+def replay(document: Written) -> tuple[Armor, float]:
     """How far off, m; infinitely where a surface or status differs."""
     armor, golden, worst, before = Armor(document), document["golden"], 0.0, 0.0
     rows = zip(

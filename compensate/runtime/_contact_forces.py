@@ -7,7 +7,7 @@ from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 from . import _arithmetic as plain
-from ._file import LONGEST, READING_MISSING
+from ._file import LONGEST, READING_MISSING, Written
 from ._force_filter import LOST, SOUGHT, Setting, Way, mean_of, updated
 from ._network import Network
 from ._status import Status
@@ -120,7 +120,7 @@ class _Channels:
         return tuple(network.follow(held, passed, (F,)) for network, held, F in each)
 
 
-def replay(document: dict[str, Any]) -> tuple[MultiContactEstimator, float]:
+def replay(document: Written) -> tuple[MultiContactEstimator, float]:
     """How far off; infinitely where a status differs."""
     estimator, golden, worst = MultiContactEstimator(document), document["golden"], 0.0
     rows = zip(

@@ -28,6 +28,9 @@ READING_MISSING = (
 )
 """Said of a call without a reading, as `step(reading)` is."""
 
+Written = dict[str, Any]
+"""What the JSON of a file holds."""
+
 _NEWEST = {"hysid compensator": COMPENSATOR_SCHEMA}
 
 
@@ -59,7 +62,7 @@ def number(value: Any) -> float | None:
 
 
 def replayed(
-    path: str | Path, kind: str, said: str, replay: Callable[[dict[str, Any]], tuple[Used, float]]
+    path: str | Path, kind: str, said: str, replay: Callable[[Written], tuple[Used, float]]
 ) -> Used:
     """What `replay` makes of the document of a file, once it gives its golden values again.
 
@@ -78,7 +81,7 @@ def replayed(
     return made
 
 
-def read(path: str | Path, kind: str) -> dict[str, Any]:
+def read(path: str | Path, kind: str) -> Written:
     """The document of a file. Raises `FileError` where it is of another kind, newer, cut off or changed."""
     try:
         document = json.loads(Path(path).read_bytes())

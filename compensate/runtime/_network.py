@@ -8,7 +8,7 @@ from typing import Any
 from hysteresis.laws._tree import node_of
 
 from ._compensator import Estimate
-from ._file import LONGEST, READING_MISSING
+from ._file import LONGEST, READING_MISSING, Written
 from ._status import Status
 
 KIND = "hysid force estimator"
@@ -222,7 +222,7 @@ def _finite(number: Any) -> float:
     return number
 
 
-def replay(document: dict[str, Any]) -> tuple[ForceEstimator, float]:
+def replay(document: Written) -> tuple[ForceEstimator, float]:
     """How far off; infinitely where a status differs."""
     estimator, golden, worst = ForceEstimator(document), document["golden"], 0.0
     rows = zip(golden["reading"], golden["dt"], golden["value"], golden["status"], strict=True)
