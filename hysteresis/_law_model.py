@@ -9,7 +9,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from ._errors import InputError
-from ._model import AbstractFollowingModel, Series
+from ._model import AbstractFollowingModel, Series, needed_time
 from ._once import once
 from .running import Numbers, numbers_of, outputs
 
@@ -59,8 +59,8 @@ class AbstractLawModel(AbstractFollowingModel[LawState, LawInput]):
         *,
         starts: tuple[int, ...] = (0,),
     ) -> LawInput:
-        if t is None:
-            self._require_time()
+        if t is None and self.needs_time:
+            needed_time(type(self).__name__, t)
         state = self.init() if state is None else state
         traced = any(isinstance(x, Tracer) for x in jax.tree.leaves((t, u, state.t)))
         xp: Any = jnp if traced else np
@@ -98,14 +98,6 @@ class AbstractLawModel(AbstractFollowingModel[LawState, LawInput]):
         numbers = self._numbers.with_state(state)
         y, after = outputs(numbers, u, dt)
         return jnp.asarray(y), jnp.asarray(numbers._replace(m=after).state)
-
-    def _require_time(self) -> None:
-        if self.needs_time:
-            raise InputError(
-                "no-time",
-                f"{type(self).__name__} depends on the rate, and this record has no time.",
-                fix="name the time column (--time COL) or the sampling step (--dt SECONDS).",
-            )
 
     def _check_steps(self, dt: np.ndarray) -> None:
         if self.needs_time and not ((dt > 0) | (self.may_jump & (dt == 0))).all():

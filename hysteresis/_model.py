@@ -232,6 +232,18 @@ class AbstractFollowingModel(AbstractModel[State, Prepared]):
         return state, y[0]
 
 
+def needed_time(name: str, time: Any, place: str = "") -> Any:
+    """The time of a record; raise `InputError` where a model that depends on the rate is given none."""
+    if time is None:
+        raise InputError(
+            "no-time",
+            f"{name} depends on the rate, and this record has no time.",
+            place=place,
+            fix="name the time column (--time COL) or the sampling step (--dt SECONDS).",
+        )
+    return time
+
+
 @overload
 def time_steps(t: Array, t_before: Any, starts: tuple[int, ...]) -> Array: ...
 @overload

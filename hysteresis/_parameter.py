@@ -111,6 +111,18 @@ def check_increasing(name: str, value: Any) -> None:
         )
 
 
+def check_lengths(least: int = 0, stacked: bool = True, /, **values: Any) -> None:
+    """Raise `InputError` where arrays are not of one shape of `least` or more, or not to be `stacked`."""
+    shapes = {name: getattr(value, "shape", None) for name, value in values.items()}
+    one = next(iter(shapes.values()))
+    if not one or one[-1] < least or len({*shapes.values()}) > 1 or (not stacked and one[1:]):
+        raise InputError(
+            "length-mismatch",
+            f"the shapes of {' and '.join(shapes)} are {' and '.join(map(str, shapes.values()))}.",
+            fix=f"give one-dimensional {' and '.join(shapes)} of one length, {least} or more.",
+        )
+
+
 def as_float(value: Any) -> Any:
     """`value` as a floating array, integers in JAX's present default precision; None stays None."""
     if value is None:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ._errors import InputError
+from ._model import needed_time
 from ._quantities import FORCE, LENGTH, Units, conversion
 from ._registry import register
 from .models._bouc_wen import BoucWen
@@ -87,19 +87,13 @@ def _sponge(record: Record) -> LinearSponge:
 
 
 def _burgers(record: Record) -> Burgers:
-    if record.time is None:
-        raise InputError(
-            "no-time",
-            "Burgers depends on the rate, and this record has no time.",
-            place=record.source,
-            fix="name the time column (--time COL) or the sampling step (--dt SECONDS).",
-        )
+    time = needed_time("Burgers", record.time, record.source)
     u, y = record.input[record.mask], record.output[record.mask]
     leading = _leads(record)
     gain = np.ptp(y) / np.ptp(u)
     stiffness = gain if leading else 1 / gain
-    span = max(float(np.ptp(record.time[rows])) for _, rows in record.sequences())
-    step = float(np.median(np.diff(record.time[next(iter(record.sequences()))[1]])))
+    span = max(float(np.ptp(time[rows])) for _, rows in record.sequences())
+    step = float(np.median(np.diff(time[next(iter(record.sequences()))[1]])))
     delay = np.sqrt(max(step, 1e-9 * span) * span)
     offset = float(y[0]) if leading else 0.0
     return Burgers(

@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 from .._errors import InputError
 from .._law_model import AbstractLawModel
 from .._model import Tree
-from .._parameter import POSITIVE, Scalar, is_concrete, parameter
+from .._parameter import POSITIVE, Scalar, check_lengths, is_concrete, parameter
 from .._registry import register
 from ..trees import node
 
@@ -57,13 +57,7 @@ class DuhemOperator(AbstractLawModel):
     offset: Scalar = parameter(0.0, unit="output", meaning="output at first, where u = 0")
 
     def __check_init__(self) -> None:
-        shapes = jnp.shape(self.rising), jnp.shape(self.falling)
-        if not shapes[0] or shapes[0] != shapes[1] or shapes[0][-1] < 2:
-            raise InputError(
-                "length-mismatch",
-                f"slopes of shapes {shapes[0]} and {shapes[1]}.",
-                fix="give as many rising as falling slopes, at least two.",
-            )
+        check_lengths(2, rising=self.rising, falling=self.falling)
         ends = self.low, self.high
         if all(map(is_concrete, ends)) and not np.all(np.asarray(self.high) > np.asarray(self.low)):
             raise InputError(

@@ -16,6 +16,7 @@ from .._parameter import (
     POSITIVE,
     Scalar,
     check_increasing,
+    check_lengths,
     is_concrete,
     parameter,
     parameters,
@@ -89,11 +90,11 @@ class PrandtlIshlinskii(AbstractLawModel):
     leading: bool = eqx.field(default=False, static=True)
 
     def __check_init__(self) -> None:
-        self._check_shapes("thresholds", "weights")
+        check_lengths(0, False, thresholds=self.thresholds, weights=self.weights)
         if self.rates is not None:
-            self._check_shapes("thresholds", "rates")
+            check_lengths(0, False, thresholds=self.thresholds, rates=self.rates)
         if self.bends is not None or self.bend_slopes is not None:
-            self._check_shapes("bends", "bend_slopes")
+            check_lengths(0, False, bends=self.bends, bend_slopes=self.bend_slopes)
         if all(is_concrete(value) for value in jax.tree.leaves(self)):
             self._check_values()
 
@@ -130,15 +131,6 @@ class PrandtlIshlinskii(AbstractLawModel):
         d = self.bends
         passed = jnp.where(d >= 0, jnp.maximum(x - d, 0), jnp.minimum(x - d, 0))
         return x + jnp.dot(self.bend_slopes, passed)
-
-    def _check_shapes(self, one: str, other: str) -> None:
-        a, b = (getattr(getattr(self, name), "shape", None) for name in (one, other))
-        if a != b or a is None or len(a) != 1:
-            raise InputError(
-                "length-mismatch",
-                f"the shapes of {one} and {other} are {a} and {b}.",
-                fix=f"give one-dimensional {one}, and as many {other}.",
-            )
 
     def _check_values(self) -> None:
         for name, _, value in parameters(self):

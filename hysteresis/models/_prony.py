@@ -7,14 +7,13 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from .._parameter import NOT_NEGATIVE, Scalar, array_module, is_concrete, parameter
+from .._parameter import NOT_NEGATIVE, Scalar, array_module, check_lengths, is_concrete, parameter
 from .._registry import register
 from ._viscoelastic import (
     MODULUS,
     STIFFNESS,
     VISCOSITY,
     AbstractViscoelastic,
-    check_lengths,
 )
 from ._viscoelastic_chain import Chain, Hold
 

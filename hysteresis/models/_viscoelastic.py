@@ -10,8 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._errors import InputError
-from .._model import AbstractModel, Series, Tree, is_start, time_steps
+from .._model import AbstractModel, Series, Tree, is_start, needed_time, time_steps
 from .._parameter import POSITIVE, Scalar, array_module, is_concrete
 from ..numerics._even_clock import even_step
 from ..numerics._recurrence import Rows, even_recurrence, linear_recurrence
@@ -109,17 +108,11 @@ class AbstractViscoelastic(AbstractModel[ViscoelasticState, ViscoelasticInput]):
         *,
         starts: tuple[int, ...] = (0,),
     ) -> ViscoelasticInput:
-        if t is None:
-            raise InputError(
-                "no-time",
-                f"{type(self).__name__} depends on the rate, and this record has no time.",
-                fix="name the time column (--time COL) or the sampling step (--dt SECONDS).",
-            )
         state = self.init() if state is None else state
         # Known times and inputs are prepared by NumPy: no program is compiled for every number of rows.
         xp, first = array_module(t, u, *state), np.asarray(starts)
         u = xp.asarray(u, dtype=None if xp is jnp else float)
-        times = xp.asarray(t, dtype=u.dtype)
+        times = xp.asarray(needed_time(type(self).__name__, t), dtype=u.dtype)
         dt: Any = time_steps(times, state.t, starts)
         if xp is np and not (np.any(dt[first]) or np.any(state.branches)):
             even = even_step(times, starts)
@@ -259,14 +252,3 @@ _branch_states = jax.jit(_at_once, static_argnums=0)
 
 
 _even = jax.jit(even_recurrence)
-
-
-def check_lengths(**values: Any) -> None:
-    """Raise `InputError` where arrays that describe the same branches differ in length."""
-    shapes = {name: getattr(value, "shape", None) for name, value in values.items()}
-    if len(set(shapes.values())) > 1 or None in shapes.values() or () in shapes.values():
-        raise InputError(
-            "length-mismatch",
-            f"the shapes of {' and '.join(shapes)} are {' and '.join(map(str, shapes.values()))}.",
-            fix=f"give one-dimensional {' and '.join(shapes)}, one value of each for every branch.",
-        )
