@@ -14,8 +14,7 @@ from typing import Any, NamedTuple
 
 from hysteresis import InputError
 
-TRIES = 3
-"""How often a unit may be lost with its worker before it is taken for the cause."""
+from .._levels import TRIES
 
 WINDOW = 256
 """Units handed out at a time: enough for a large cluster, and not all records at once in memory."""

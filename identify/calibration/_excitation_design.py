@@ -17,10 +17,10 @@ from ..dynamics._output_error import FAR, PLANT, STATE, Setting, covariance_of, 
 from ..results._detail import Motion
 from ..results._fit_result import FitResult
 
-LEVELS = (0.25, 0.5, 1.0, 2.0, 4.0)
+LEVELS = 2.0 ** np.arange(-2, 3)
 """Of the fitted record's rms force."""
 
-BANDS = ((0.8, 1.25), (0.5, 2.0), (0.25, 4.0), (0.1, 1.0))
+BANDS = (*((1 / f, f) for f in (1.25, 2.0, 4.0)), (0.1, 1.0))
 """About the resonance, by which they are multiplied; the fitted record's band is tried too."""
 
 HIGHEST, LEAST_LINES, ROWS = 0.45, 8, 4096

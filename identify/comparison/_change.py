@@ -11,12 +11,10 @@ from jaxtyping import Float
 from hysteresis import InputError
 from hysteresis.numerics._normal import NORMAL_95
 
+from .._levels import CHANCE
 from ..posterior._posterior import Posterior
 from ..results._repeatability import Repeatability, repeatability
 from ._gaussian_estimate import Estimate, Fitted, estimate, in_common, opened
-
-CLEAR = 0.01
-"""A change counts as significant if its p value, corrected by Holm, is below this."""
 
 
 class ParameterChange(NamedTuple):
@@ -46,7 +44,7 @@ class ParameterChange(NamedTuple):
     @property
     def clear(self) -> bool:
         """Whether the change is statistically significant: `p_holm` is below 0.01."""
-        return self.p_holm < CLEAR
+        return self.p_holm < CHANCE
 
 
 @dataclass(frozen=True)
@@ -232,7 +230,7 @@ def untested(left_out: dict[str, str], what: str = "tested") -> list[str]:
 
 
 def _together(p: float, chi_square: float, degrees: int) -> str:
-    verdict = "The specimen has changed" if p < CLEAR else "No significant change"
+    verdict = "The specimen has changed" if p < CHANCE else "No significant change"
     return f"{verdict}: chi-square {chi_square:.4g} with {degrees} parameters, {chance(p)}."
 
 

@@ -13,6 +13,7 @@ from ..files._fit_folder import load
 from ..files._posterior import load_posterior
 from ..parameters._transform import Transform, transform
 from ..posterior._posterior import Posterior
+from ..results._detail import DiscreteSpectrum
 from ..results._fit_result import FitResult
 
 Fitted = FitResult | str | Path
@@ -77,7 +78,7 @@ def _bounds(fit: FitResult, names: tuple[str, ...]) -> Transform:
     """The model's own bounds; sums over a grid have none, the numbers of a spectrum are positive."""
     whole = transform(fit.model, 1.0)
     inside = dict(zip(whole.names, zip(whole.low, whole.high, strict=True), strict=True))
-    other = (fit.detail.least_parameter, np.inf)
+    other = (0.0 if isinstance(fit.detail, DiscreteSpectrum) else -np.inf, np.inf)
     limits = [inside.get(name, other) for name in names]
     low, high = (tuple(float(limit[k]) for limit in limits) for k in (0, 1))
     return Transform(names, low, high, 1.0)

@@ -9,7 +9,8 @@ from scipy.special import ndtri, stdtr
 from hysteresis import InputError
 from hysteresis.records._loop_table import LoopTable
 
-from ._change import CLEAR, holm
+from .._levels import CHANCE
+from ._change import holm
 
 POWER = 0.8
 """Probability with which the needed specimens would show a difference as large as this one."""
@@ -38,7 +39,7 @@ class LoopDifference(NamedTuple):
     @property
     def clear(self) -> bool:
         """Whether the difference is statistically significant."""
-        return self.p is not None and self.p < CLEAR
+        return self.p is not None and self.p < CHANCE
 
 
 def compare_loops(
@@ -83,7 +84,7 @@ def compare_loops(
             )
             p = float(2 * stdtr(free, -abs(difference) / error)) if error else 0.0
             each = (np.var(x, ddof=1) + np.var(y, ddof=1)) / difference**2
-            needed = max(2, int(np.ceil(each * (ndtri(1 - CLEAR / 2) + ndtri(POWER)) ** 2)))
+            needed = max(2, int(np.ceil(each * (ndtri(1 - CHANCE / 2) + ndtri(POWER)) ** 2)))
         means = float(x.mean()), float(y.mean())
         found.append(LoopDifference(name, unit, *means, difference, error, p, needed))
     tested = [k for k, row in enumerate(found) if row.p is not None]

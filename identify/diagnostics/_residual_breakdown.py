@@ -10,6 +10,7 @@ from jaxtyping import Float
 
 from hysteresis import Record
 
+from .._levels import CHANCE
 from ..noise._residual_statistics import estimate_noise
 from ..results._fit_result import FitResult
 from ._whiteness import has_one_speed, speed
@@ -140,7 +141,7 @@ def _in_words(parts: tuple[Part, ...], record: Record) -> str:
     rows = sum(part.rows for part in parts if part.kind == worst.kind)
     whole = sum(part.rmse**2 * part.rows for part in parts if part.kind == worst.kind) / rows
     # One family of parts in a hundred has one so far off by chance.
-    clear = worst.excess > scipy.special.ndtri(0.99 ** (1 / len(parts)))
+    clear = worst.excess > scipy.special.ndtri((1 - CHANCE) ** (1 / len(parts)))
     if not clear and worst.rmse < MUCH * np.sqrt(whole):
         return "The error is spread evenly over branches, cycles, rates and inputs."
     name = {"rate": f"rates of {worst.name}", "input": f"inputs of {worst.name}"}.get(

@@ -13,6 +13,7 @@ from hysteresis.models._viscoelastic import AbstractViscoelastic
 from hysteresis.records._cycles import loop_sums, noise_level
 from hysteresis.records._excitation import WIDER
 
+from .._levels import HELD
 from ..results._fit_result import SEAM, FitResult
 from ..results._trained_condition import Extrapolation, RowsBeyond
 from ._whiteness import speed
@@ -114,10 +115,6 @@ def unseen_time_constants(model: AbstractModel, record: Record) -> list[Note]:
     return found
 
 
-BAND = 0.02
-"""Of the trained range: an input that stays within it is held."""
-
-
 def extrapolation(fit: FitResult, predicted: Float[np.ndarray, " samples"]) -> Extrapolation | None:
     """Count and score the held-out rows beyond what was fitted; None where nothing was held out.
 
@@ -148,7 +145,7 @@ def rows_beyond(fit: FitResult, test: Record) -> dict[str, Bool[np.ndarray, " sa
         return found | {"rate": nothing, "time": nothing}
     for name, of in (
         ("rate", lambda record: np.abs(speed(record))),
-        ("time", lambda record: held_for(record, BAND * span)),
+        ("time", lambda record: held_for(record, HELD * span)),
     ):
         found[name] = of(test) > (1 + SEAM) * of(train)[used].max(initial=0.0)
     return found

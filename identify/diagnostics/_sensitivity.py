@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from .._levels import GROUPS
 from ..posterior._log_posterior import target
 from ..posterior._mode import likeliest_near
 from ..results._fit_result import FitResult
@@ -14,9 +15,6 @@ from ._whiteness import innovations
 
 FAR = 4.0
 """Deviations from which on a row is an outlier."""
-
-PIECES = 12
-"""Cycles, or sequences, left out one by one; of more, neighbours are left out together."""
 
 SHORT = 10
 """Rows of a sequence that is no cycle of its own."""
@@ -118,7 +116,7 @@ def _cases(fit: FitResult) -> Iterator[tuple[str, np.ndarray]]:
     counts = np.bincount(which[used])
     numbers = [n for n in range(1, len(counts)) if counts[n] > SHORT]
     if len(numbers) > 1:
-        groups = np.array_split(numbers, min(len(numbers), PIECES))
+        groups = np.array_split(numbers, min(len(numbers), GROUPS))
         for group in groups:
             names = [record.labels[n - 1] if several else str(n) for n in group]
             first = group[0] == numbers[0] and len(group) == 1

@@ -9,11 +9,9 @@ from jaxtyping import Bool, Float, Int
 
 from hysteresis import Record
 
+from .._levels import CHANCE
 from ..noise._model import rows_of
 from ..results._fit_result import FitResult
-
-LEVEL = 0.99
-"""Of the bands, and of the family of lags that decides what is said."""
 
 ORDERS = 8
 """Of the autoregressive filter that whitens residuals without a noise model, at most."""
@@ -23,8 +21,7 @@ class Correlation(NamedTuple):
     """Correlation of residuals with something else, lag by lag.
 
     - `lags`: rows by which the other precedes the residual; below 0 it comes later.
-    - `values` within `band` at each lag with a chance of `LEVEL` where there is none; within `family` at
-      all lags together.
+    - `values` beyond `band` at one lag with `CHANCE` where there is none; beyond `family` at any lag.
     """
 
     lags: Int[np.ndarray, " lags"]
@@ -63,7 +60,7 @@ class Whiteness(NamedTuple):
     @property
     def white(self) -> bool:
         """Nothing lies outside."""
-        return self.p_value > 1 - LEVEL and not any(
+        return self.p_value > CHANCE and not any(
             c.worst for c in (self.input, self.speed) if c is not None
         )
 
@@ -191,7 +188,7 @@ def _cross(
 
 def _bands(rows: int, lags: int) -> tuple[float, float]:
     """Half widths for one lag and for all: Sidak's, of Gaussian correlations."""
-    tails = 0.5 + 0.5 * LEVEL, 0.5 + 0.5 * LEVEL ** (1 / lags)
+    tails = 1 - CHANCE / 2, 0.5 + 0.5 * (1 - CHANCE) ** (1 / lags)
     one, all_ = (float(scipy.special.ndtri(tail) / np.sqrt(max(rows, 1))) for tail in tails)
     return one, all_
 
@@ -227,7 +224,7 @@ def _whitened(
 def _itself_in_words(itself: Correlation, p_value: float) -> str:
     lags = len(itself.lags)
     chance = f"p = {p_value:.2g}" if p_value >= 1e-6 else "p < 1e-6"
-    if p_value > 1 - LEVEL:
+    if p_value > CHANCE:
         return f"The residuals are white: Ljung-Box {chance} over {lags} lags."
     worst = int(np.argmax(np.abs(itself.values)))
     return (

@@ -23,6 +23,7 @@ from hysteresis._limits import damage_told, load_arrays
 from hysteresis._serialisation import described, rebuilt
 from hysteresis._verdict import Verdict
 
+from .._levels import TRIES
 from ..noise._model import NoiseModel
 from ..noise._reml import PARTS
 from ..parameters._settings import from_words, in_words
@@ -35,8 +36,8 @@ from ..storage._json import check_free, versions
 from ._fit_document import checked
 
 SCHEMA = 1
-ATTEMPTS, MAY_PASS = 3, ("", "wrong-checksum", "file-not-found")
-"""How often a folder is looked at that another process may be writing, and for which faults."""
+MAY_PASS = "", "wrong-checksum", "file-not-found"
+"""Faults of a folder that another process may be writing: it is looked at again."""
 MOST_RESIDUALS = 4_000_000
 """Residuals of candidates that are saved, so that their loops can be drawn: 16 MB."""
 OF_EARLIER = (
@@ -135,14 +136,14 @@ def load(folder: str | Path) -> FitResult:
 
 def read_fit(folder: Path) -> tuple[FitResult, dict[str, Any]]:
     """`load`, and the document of the fit: fit.json is read once."""
-    for again in range(ATTEMPTS):
+    for again in range(TRIES):
         try:
             document = read_document(folder)
             files = {} if "files" not in document else whole_files(folder, document)
             break
         except (InputError, FileNotFoundError) as error:
             # Another process may be writing the folder: its next look is at one whole set.
-            if again == ATTEMPTS - 1 or getattr(error, "code", "") not in MAY_PASS:
+            if again == TRIES - 1 or getattr(error, "code", "") not in MAY_PASS:
                 raise
             time.sleep(0.05)
     if several := [*document.get("folders", {}).values()] or [*document.get("each", ())]:

@@ -20,8 +20,8 @@ from ._arithmetic import Rows
 # noise is the one whose simulated residuals M e have the size and the correlation that were found.
 
 
-CORRELATIONS = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.85, 0.9, 0.95)
-"""Of neighbouring rows, that are simulated; between them residuals are interpolated."""
+CORRELATIONS = 1 - np.geomspace(1.0, 0.05, 12)
+"""Of neighbouring rows, that are simulated: even steps of log(1 - phi). Residuals are interpolated."""
 
 SIMULATED, VALUES = 32, 320_000
 """Series of noise for each, and fewer if there are so many rows that they have more values together. The
@@ -104,10 +104,6 @@ BELIEVED = 1e-3
 """Chance of noise to leave what is left, below which it is not believed to be noise."""
 
 
-TWENTIETH = 1.96
-"""Standard deviations beyond which one of twenty Gaussian numbers lies."""
-
-
 class Left(NamedTuple):
     """What is left of a linearised model under one noise, all through the filter that makes it white.
 
@@ -151,8 +147,8 @@ def nothing_speaks_against(left: Left, rows: Rows, spent: int = 0) -> bool:
     tails = abs(np.mean(squares**2) / np.mean(squares) ** 2 - 3) * np.sqrt(count / 24)
     spread = np.std(squares) * np.std(reading)
     growth = np.cov(squares, reading)[0, 1] / spread * np.sqrt(count) if spread > 0 else 0.0
-    quiet = bool(max(tails, abs(growth)) < TWENTIETH)
-    return quiet and believed(left, rows.place, spent) > 0.05
+    chance = 2 * scipy.special.ndtr(-max(tails, abs(growth)))
+    return bool(min(chance, believed(left, rows.place, spent)) > 0.05)
 
 
 def _white(x: np.ndarray, place: np.ndarray, spent: int) -> float:

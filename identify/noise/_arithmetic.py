@@ -41,7 +41,7 @@ class Rows(NamedTuple):
 
 
 class Arithmetic(NamedTuple):
-    """The parts of a `NoiseModel`, whose docstring has the equations, and the module that computes.
+    """The parts of a `NoiseModel`, whose docstrings have the equations, and the module that computes.
 
     Plain tuples, whose arrays have no checks of shapes: a search evaluates them thousands of times.
     """
@@ -56,7 +56,6 @@ class Arithmetic(NamedTuple):
     xp: Any = np
 
     def scale(self, rows: Rows) -> Known:
-        """s_i."""
         xp = self.xp
         squares = xp.ones_like(rows.output) * self.sigma**2
         if self.growth is not None:
@@ -66,10 +65,6 @@ class Arithmetic(NamedTuple):
         return xp.sqrt(squares) / xp.where(rows.counted, rows.weight, 1.0)
 
     def whitened(self, r: Known, rows: Rows) -> Known:
-        """One-step-ahead errors over their deviations: independent, of unit variance; linear in r.
-
-        Several columns go through the same filter.
-        """
         xp = self.xp
         over = xp.where(rows.counted, 1.0, 0.0) / self.scale(rows)
         across = (slice(None), *[None] * (np.ndim(r) - 1))
@@ -85,13 +80,11 @@ class Arithmetic(NamedTuple):
         return v * (xp.where(rows.counted, 1.0, 0.0) / xp.sqrt(rho * self._innovation))[across]
 
     def pointwise(self, r: Known, rows: Rows) -> Known:
-        """log p(r_i | those before), 0 where a row does not count."""
         xp = self.xp
         term = self.log_density(self.whitened(r, rows)) - xp.log(self._deviations(rows))
         return xp.where(rows.counted, term, 0.0)
 
     def log_likelihood(self, r: Known, rows: Rows) -> Known:
-        """log p(r), whatever the misfit."""
         xp = self.xp
         if self.misfit is None:
             return xp.sum(self.pointwise(r, rows))
@@ -112,7 +105,6 @@ class Arithmetic(NamedTuple):
         return constant - xp.sum(xp.log(xp.diagonal(self._misfit_root(rows)[1])))
 
     def information_of(self, columns: Known, rows: Rows) -> Known:
-        """Expected -d2 log p / d p2 of parameters p that move the residuals along the columns."""
         return self.information * self.products(self.whitened(columns, rows), rows)
 
     def products(self, W: Known, rows: Rows) -> Known:
@@ -149,13 +141,11 @@ class Arithmetic(NamedTuple):
 
     @property
     def information(self) -> Known:
-        """E[(d log density / dx)^2]: 1, of Student's t (nu + 1) / (nu + 3)."""
         tail = 0.0 if self.tail is None else self.tail
         return (1 + tail) / (1 + 3 * tail)
 
     @property
     def correlation_time(self) -> Known:
-        """1 + 2 sum of the autocorrelations, in rows."""
         phi, theta = self._arma
         return ((1 + theta) / (1 - phi)) ** 2 * self._innovation
 

@@ -103,10 +103,6 @@ class NoiseModel(eqx.Module):
         """Expected -d2 log p / d p2 of parameters p that move the residuals along the columns."""
         return self.arithmetic(rows, columns).information_of(columns, rows)
 
-    def log_density(self, x: Float[Known, " rows"]) -> Float[Known, " rows"]:
-        """Of a residual in units of its scale."""
-        return self.arithmetic(None, x).log_density(x)
-
     @property
     def information(self) -> Known:
         """E[(d log density / dx)^2]: 1, of Student's t (nu + 1) / (nu + 3)."""

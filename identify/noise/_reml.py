@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Array, Float
 from scipy.optimize import OptimizeResult, minimize
-from scipy.special import logit
 
 from hysteresis import InputError
 
@@ -19,17 +18,11 @@ from ._arithmetic import Arithmetic, Rows
 PARTS = ("sigma", "growth", "input_sigma", "misfit", "phi", "theta", "tail")
 """The parts a noise model may have, in the order of their unconstrained parameters."""
 
-ABSENT = (0.0, np.log(1e-9), np.log(1e-9), np.log(1e-9), 0.0, 0.0, float(logit(2e-6)))
-"""Unconstrained parameters that switch a part off: it is then negligibly small."""
-
-BEGIN = (0.0, *[np.log(0.3)] * 3, float(logit(0.75)), float(logit(0.45)), float(logit(0.4)))
-"""Start values of the parts that are on: phi = 0.5, theta = -0.1, five degrees of freedom."""
-
 STILL = 1e-11
 """Change of the cost a row below which the search for the noise ends."""
 
-WITHIN = ((-9.0,) * 4 + (-12.0,) * 3, (3.0,) * 4 + (12.0,) * 3)
-"""Bounds of the search, unconstrained: sizes from 1e-4 to 20 times the residuals', phi up to 0.99999."""
+WITHIN = 12.0
+"""The search stays between minus this and this, unconstrained: phi up to 0.99999."""
 
 
 class Linearised(NamedTuple):
@@ -48,8 +41,8 @@ class Linearised(NamedTuple):
 class NoiseFit(NamedTuple):
     """The restricted maximum likelihood of one kind of noise.
 
-    - `free`: the noise's parameters in unconstrained space, in the order of `PARTS`; parts of other kinds
-      have the values of `ABSENT`.
+    - `free`: the noise's parameters in unconstrained space, in the order of `PARTS`; -inf for parts of
+      other kinds.
     - `away`: the change d of the model's parameters that goes with it.
     - `cost`: -log of the restricted likelihood.
     """
@@ -129,9 +122,10 @@ def noise_fit(
         basis.T @ at.precision @ basis, np.diag(np.where(seen, 0.0, counted.sum())),
         float(counted.sum()), kind, sizes,
     )  # fmt: skip
-    begin = np.array(BEGIN) if near is None else near - np.log(sizes)
-    # A part that the estimate near by did not have, or that went to its bound, starts anew.
-    begin = np.where(begin > np.array(WITHIN[0]) + 1, begin, BEGIN)
+    begin = np.zeros(len(PARTS)) if near is None else near - np.log(sizes)
+    # A part that the estimate near by did not have, or that went to its bound, starts anew, at 0: as large
+    # as the residuals, not correlated, with four degrees of freedom.
+    begin = np.where(begin > 1 - WITHIN, begin, 0.0)
     start = seek.free_of(begin[seek.moves])[seek.moves]
     if "tail" in kind:
         start = np.append(start, np.zeros(len(at.pull)))
@@ -179,8 +173,8 @@ class _Sought(NamedTuple):
 
     def free_of(self, x: np.ndarray) -> np.ndarray:
         """All unconstrained parameters, inside the bounds of the search."""
-        free = np.array(ABSENT)
-        free[self.moves] = np.clip(x, *(np.array(ends)[self.moves] for ends in WITHIN))
+        free = np.full(len(PARTS), -np.inf)
+        free[self.moves] = np.clip(x, -WITHIN, WITHIN)
         return free
 
     def noise(self, free: np.ndarray) -> Arithmetic:

@@ -1,8 +1,9 @@
 """Residual statistics: standard deviation, correlation time, effective sample size."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import scipy
 from jaxtyping import Float
 
 from ._reml import PARTS, Linearised, of_free
@@ -43,10 +44,6 @@ def widening(
     others = sum(variances(free + way) for way in (*steps, *-steps))
     average = v + (others - 2 * len(steps) * v) / 2
     return np.sqrt(np.clip(average / v, 1.0, 4.0))
-
-
-WHOLE, BLOCKS = 100_000, 8
-"""Rows of a sequence that is transformed at once, and the blocks of a longer one, at most."""
 
 
 class Noise(NamedTuple):
@@ -92,7 +89,7 @@ def estimate_noise(residuals: list[Float[np.ndarray, " _"]], parameters: int = 0
         return Noise(0.0, samples, 1.0)
     rho = np.zeros(max(len(r) for r in residuals))
     for r in residuals:
-        _add_autocovariance(rho, r)
+        rho[: len(r)] += autocovariance(r)
     # Not divided by the shrinking count of products, which biases the noisy tail to 0.
     rho /= rho[0]
     time = 2 * np.cumsum(rho) - 1
@@ -105,22 +102,11 @@ def estimate_noise(residuals: list[Float[np.ndarray, " _"]], parameters: int = 0
     return Noise(float(sigma), samples, max(tau, 1.0))
 
 
-def _add_autocovariance(total: Float[np.ndarray, " lags"], r: Float[np.ndarray, " rows"]) -> None:
-    """Add sum_i r_i r_(i+k) at every lag k of r.
-
-    A long sequence is cut into blocks, and the products of those that are so many blocks apart are summed
-    in their spectra: the same sums, in a fraction of the memory.
-    """
-    size = len(r) if len(r) <= WHOLE else 1 << (len(r) // BLOCKS).bit_length()
-    blocks = [r[k : k + size] for k in range(0, len(r), size)]
-    for apart in range(len(blocks)):
-        spectrum = np.zeros(size + 1, complex)
-        for one, other in zip(blocks, blocks[apart:], strict=False):
-            first = np.fft.rfft(one, 2 * size)
-            second = first if apart == 0 else np.fft.rfft(other, 2 * size)
-            spectrum += first.conj() * second
-        products = np.fft.irfft(spectrum, 2 * size)
-        here = total[apart * size : min((apart + 1) * size, len(r))]
-        here += products[: len(here)]
-        if apart:  # and at the lags below, where the other block comes earlier
-            total[(apart - 1) * size + 1 : apart * size] += products[size + 1 :]
+def autocovariance(x: Float[np.ndarray, "rows *series"]) -> Float[np.ndarray, "rows *series"]:
+    """sum_i x_i x_(i+k) at every lag k, along the first axis."""
+    half = scipy.fft.next_fast_len(len(x), real=True)
+    spectrum: Any = scipy.fft.rfft(x, 2 * half, axis=0)
+    power = spectrum.real**2 + spectrum.imag**2
+    del spectrum
+    # A cosine transform holds half of what an inverse Fourier transform does.
+    return np.asarray(scipy.fft.dct(power, 1, axis=0, overwrite_x=True))[: len(x)] / (2 * half)

@@ -12,11 +12,9 @@ from jaxtyping import Array, Float
 from hysteresis import AbstractModel, Record, parameters
 from hysteresis._parameter import parameter_at
 
+from .._levels import FACTOR
 from ._priors import Prior
 from ._settings import Setting, Settings
-
-DECADES = 1e3
-"""Factor of the default log-normal prior: two thirds within three decades of the data's scale."""
 
 Model = TypeVar("Model", bound=eqx.Module)
 Vector = TypeVar("Vector", Float[np.ndarray, " parameters"], Float[Array, " parameters"])
@@ -226,7 +224,7 @@ def default_prior(bounds: tuple[float, float], scale: float) -> Prior:
     if np.isfinite(low) and np.isfinite(high):
         return Prior("uniform", low, high, default=True)
     if low == 0:
-        return Prior("log-normal", scale, DECADES, default=True)
+        return Prior("log-normal", scale, FACTOR, default=True)
     middle = low if np.isfinite(low) else high if np.isfinite(high) else 0.0
     return Prior("normal", middle, 10 * scale, default=True)
 

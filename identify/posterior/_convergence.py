@@ -1,7 +1,7 @@
 """Whether chains agree, how many draws they are worth, and whether they know one mode or several."""
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -93,13 +93,6 @@ def has_two_modes(draws: Float[np.ndarray, " draws"], effective: float) -> bool:
     aside = max(ASIDE, DRAWS_ASIDE / effective)
     valleys = (density < VALLEY * lower) & (below > aside) & (below < 1 - aside)
     return bool(valleys.any())
-
-
-def autocovariance(x: Float[np.ndarray, "steps *series"]) -> Float[np.ndarray, "steps *series"]:
-    """Sums of products of deviations from the mean that lie k steps apart, by k; along the first axis."""
-    size = scipy.fft.next_fast_len(2 * len(x), real=True)
-    spectrum: Any = scipy.fft.rfft(x - x.mean(axis=0), size, axis=0)
-    return np.asarray(scipy.fft.irfft(np.abs(spectrum) ** 2, size, axis=0))[: len(x)]
 
 
 def _split(chains: np.ndarray) -> np.ndarray:

@@ -8,8 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from ..noise._residual_statistics import autocovariance
 from ..storage._checkpoint import Checkpoint
-from ._convergence import Chains, Progress, autocovariance, rhat
+from ._convergence import Chains, Progress, rhat
 
 # How the walkers of several ensembles move, side by side: emcee's interface for moves.
 
@@ -204,7 +205,7 @@ def autocorrelation_times(
     steps = points.shape[1]
     tau = np.empty((len(points), points.shape[-1]))
     for k, chain in enumerate(points):
-        covariance = autocovariance(chain)
+        covariance = autocovariance(chain - chain.mean(axis=0))
         if not covariance[0].all():
             tau[k] = steps
             continue

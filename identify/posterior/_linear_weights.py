@@ -12,6 +12,7 @@ from threadpoolctl import threadpool_limits
 
 from hysteresis import InputError, Record
 
+from .._levels import CHANCE, MANY_ROWS
 from ..linear._composition import CompositionUnknowns
 from ..linear._composition_fit import SLACK
 from ..linear._composition_memory import memory_blocks, memory_of
@@ -40,10 +41,8 @@ from ._weights_evidence import (
 # The columns of a linear fit at the rows it was fitted to, its prior, and the sums that mean something.
 
 
-LONGEST = 100_000
-"""Rows of a composition that the sums are made of; of a longer record stretches of `STRETCH` rows."""
-
 STRETCH = 1000
+"""Rows of each stretch of a composition's record that is too long for the sums."""
 
 WIDE = 1e-5
 """What stands for the prior of the offset, over the mean of the others: it is as good as flat."""
@@ -151,12 +150,12 @@ def _with_offset(K: Float[np.ndarray, "n n"], period: int | None = None) -> np.n
 
 
 def _stretches(used: Bool[np.ndarray, " samples"]) -> Bool[np.ndarray, " samples"]:
-    """At most `LONGEST` of the rows, in stretches of neighbours."""
+    """At most `MANY_ROWS` of the rows, in stretches of neighbours."""
     rows = np.flatnonzero(used)
-    if len(rows) <= LONGEST:
+    if len(rows) <= MANY_ROWS:
         return used
     stretch = np.arange(len(rows)) // STRETCH
-    count, kept = int(stretch[-1]) + 1, LONGEST // STRETCH
+    count, kept = int(stretch[-1]) + 1, MANY_ROWS // STRETCH
     taken = np.isin(stretch, np.linspace(0, count - 1, kept).astype(int))
     few = np.zeros_like(used)
     few[rows[taken]] = True
@@ -201,9 +200,6 @@ MOST = 100
 
 FIRM = 1e4
 """How much firmer the projection holds a sum than the data do."""
-
-CHANCE = 0.01
-"""A sum is not held where it contradicts the signs of the weights by more than chance does so often."""
 
 KNOWN = 0.01
 """Part of its prior variance that is left of a sum which the data know."""

@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 from hysteresis import AbstractModel, BoucWenForce, InputError, Oscillator
 from hysteresis._precision import in_this_precision
 
+from .._levels import FACTOR
 from ..dynamics._classes import COARSER, periods_to_steady_state
 from ..dynamics._duhem_search import duhem_family, unknowns_of_bouc_wen
 from ..dynamics._measured_motion import measured_motion
@@ -19,7 +20,7 @@ from ..dynamics._output_error import Family, Setting
 from ..noise._model import NoiseModel
 from ..parameters._priors import Prior
 from ..parameters._settings import Setting as Said
-from ..parameters._transform import DECADES, Transform, Vectors, transform, transform_for
+from ..parameters._transform import Transform, Vectors, transform, transform_for
 from ..results._detail import Motion
 from ..results._fit_result import FitResult
 from ._log_posterior import NOISE_PRIORS
@@ -178,7 +179,7 @@ def _priors(detail: Motion, displacement: Float[np.ndarray, " samples"]) -> dict
     stiffness, per_length = abs(linear.stiffness), 10 / float(np.std(displacement))
 
     def positive(scale: float) -> Said:
-        return Said(prior=Prior("log-normal", scale, DECADES, default=True))
+        return Said(prior=Prior("log-normal", scale, FACTOR, default=True))
 
     def about_zero(scale: float) -> Said:
         return Said(prior=Prior("normal", 0.0, scale, default=True))

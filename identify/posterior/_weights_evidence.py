@@ -25,6 +25,8 @@ import scipy.linalg
 import scipy.optimize
 from jaxtyping import Float
 
+from .._levels import FACTOR
+
 # Sums over rows from which the normal equations under AR(1) noise follow for any correlation.
 
 
@@ -88,7 +90,7 @@ def neighbour_sums(
     )
 
 
-DECADES = np.log(1e3)
+DECADES = np.log(FACTOR)
 """Deviation of the logarithms of sigma, about the output's range, and of the strength, about `USUAL`."""
 
 PRIOR_VARIANCE = (float(DECADES**2), float(np.pi**2 / 3), float(DECADES**2))

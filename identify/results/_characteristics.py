@@ -15,8 +15,7 @@ from hysteresis import Record
 from hysteresis._format import number_of
 from hysteresis.records._loop_table import LoopTable, loop_table
 
-HELD, HELD_ROWS = 0.02, 8
-"""A hold: so many rows in which the input stays within this part of its range."""
+from .._levels import HELD, HELD_ROWS
 
 LEVEL, SCATTER = 1e-3, 6.0
 """At its level an input is this close, of its range, or this many median deviations."""

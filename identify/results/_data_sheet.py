@@ -9,12 +9,14 @@ import numpy as np
 from hysteresis import InputError, Record
 from hysteresis._drawing import html_of, plot_of
 from hysteresis._format import number_of, plain, quantity, with_error
+from hysteresis._quantities import conversion
 from hysteresis._show import aligned
 from hysteresis.records._loads import over
 from hysteresis.records._loop_cut import Pair, step_of
 from hysteresis.records._loop_figures import Loops
 
-from ._characteristics import HELD_ROWS, holds_of
+from .._levels import HELD_ROWS, REPEATS
+from ._characteristics import holds_of
 
 LEAST, RESOLUTIONS = 0.1, 500
 """Errors of the reading are told from the first of ten even steps of the range on, and from so many
@@ -25,12 +27,6 @@ BAND = 0.01
 
 UPPER, LOWER = 0.5, 0.1
 """Of the range: a hold above the one tells creep, one below the other behind a load its recovery."""
-
-TOLD = 3
-"""Loops that a drift or a coefficient needs."""
-
-HOURS = {"s": 3600.0, "ms": 3.6e6, "min": 60.0, "h": 1.0}
-"""Of a clock's unit in an hour."""
 
 DEFINITIONS = {
     "full-scale output": "Output at the upper end of the range less output at its lower end.",
@@ -315,7 +311,8 @@ class _Sheet(NamedTuple):
             told = number_of(len(back), "loop")
             yield self.row("zero return", back.mean(), np.linalg.norm(error) / len(back), told)
             yield self.row("zero error", abs(back[at]), error[at], told)
-        rate = "percent / h" if unit in HOURS else f"percent / {unit}"
+        hours = conversion(unit, "h")
+        rate = "percent / h" if hours else f"percent / {unit}"
         if loops.t is None:
             yield self.none("drift of the zero", "the record has no clock", rate)
             return
@@ -326,7 +323,7 @@ class _Sheet(NamedTuple):
         if found is None:
             yield self.none("drift of the zero", "fewer than three later loops in a run", rate)
             return
-        by = 100 / abs(self.scale) * HOURS.get(unit, 1.0)
+        by = 100 / abs(self.scale) / (hours or 1.0)
         told = number_of(int(later.sum()), "later loop")
         yield self.row("drift of the zero", by * found[0], by * found[1], told, rate)
 
@@ -402,7 +399,7 @@ def _slope(x: np.ndarray, y: np.ndarray, group: np.ndarray) -> tuple[float, floa
     count = np.bincount(group)
     x, y = (z - (np.bincount(group, z) / count)[group] for z in (x, y))
     free = len(x) - int(np.sum(count > 0)) - 1
-    if free < 1 or len(x) < TOLD or not x @ x > 0:
+    if free < 1 or len(x) < REPEATS or not x @ x > 0:
         return None
     slope = float(x @ y / (x @ x))
     left = y - slope * x

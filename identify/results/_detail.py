@@ -20,11 +20,10 @@ from ..linear._composition import CompositionUnknowns
 from ..linear._conditioned_unknowns import ConditionedUnknowns
 from ..linear._linear_fit import LinearFit
 from ..linear._preisach_unknowns import GridUnknowns, GridWords
-from ..noise._residual_statistics import Noise
 from ..spectra._extrapolation import Allowed
 from ..spectra._of_record import PARTS, angular, answers_on, is_moduli, is_survey
 from ..spectra._prony_series import Input, Way
-from ..spectra._spectrum import Order, Spectrum
+from ..spectra._spectrum import Spectrum
 from ..spectra._superposition import Shifts
 from ._motion_detail import Motion
 
@@ -39,8 +38,6 @@ class Parametric:
     kind: ClassVar[str] = "parametric"
     is_linear: ClassVar[bool] = False
     """Whether the unknowns are weights that a prior holds together: they are not counted as parameters."""
-    least_parameter: ClassVar[float] = -np.inf
-    """Lower limit of a reported parameter that is not one of the model's own."""
 
     def words(self) -> Words:
         """What fit.json says beside the parameters."""
@@ -62,7 +59,6 @@ class GridWeights:
     linear: LinearFit[GridUnknowns]
     kind: ClassVar[str] = "grid weights"
     is_linear: ClassVar[bool] = True
-    least_parameter: ClassVar[float] = -np.inf
     key: ClassVar[str] = "unknowns"
     """Under this name fit.json holds it."""
 
@@ -92,7 +88,6 @@ class Composition:
     linear: LinearFit[CompositionUnknowns] | LinearFit[ConditionedUnknowns]
     kind: ClassVar[str] = "composition"
     is_linear: ClassVar[bool] = True
-    least_parameter: ClassVar[float] = -np.inf
     key: ClassVar[str] = "composition"
 
     @property
@@ -131,7 +126,6 @@ class ReversalCurves:
     count: int
     kind: ClassVar[str] = "reversal curves"
     is_linear: ClassVar[bool] = True
-    least_parameter: ClassVar[float] = -np.inf
     key: ClassVar[str] = "reversal_curves"
 
     def words(self) -> Words:
@@ -160,7 +154,6 @@ class FoldedState:
     curve: PolynomialCurve
     kind: ClassVar[str] = "butterfly"
     is_linear: ClassVar[bool] = True
-    least_parameter: ClassVar[float] = -np.inf
     key: ClassVar[str] = "butterfly"
 
     def words(self) -> Words:
@@ -190,23 +183,17 @@ class DiscreteSpectrum:
     shifts: Shifts | None = None
     kind: ClassVar[str] = "spectrum"
     is_linear: ClassVar[bool] = False
-    least_parameter: ClassVar[float] = 0.0
     key: ClassVar[str] = "spectrum"
 
     def words(self) -> Words:
-        spectrum, shifts = self.spectrum, self.shifts
+        spectrum = self.spectrum
         found = {
-            "kind": spectrum.kind,
-            "order": spectrum.order,
-            "dense": spectrum.dense,
-            "table": [row._asdict() for row in spectrum.table],
-            "noise": spectrum.noise._asdict(),
-            "step": spectrum.step,
-            "span": spectrum.span,
-            "notes": list(spectrum.notes),
+            k: getattr(spectrum, k) for k in ("kind", "order", "dense", "step", "span", "notes")
         }
-        if shifts is not None:
-            found["shifts"] = shifts.words()
+        found["table"] = [row._asdict() for row in spectrum.table]
+        found["noise"] = spectrum.noise._asdict()
+        if self.shifts is not None:
+            found["shifts"] = self.shifts._asdict()
         return {self.key: found}
 
     def outputs(self, record: Record) -> np.ndarray | None:
@@ -223,17 +210,16 @@ class DiscreteSpectrum:
     @classmethod
     def rebuilt(cls, words: Any, arrays: Arrays, model: Any) -> "DiscreteSpectrum":
         """The inverse of `words` and `arrays`; the answers of other orders are not kept."""
-        words = dict(words)
-        kept = words.pop("shifts", None)
-        changed = {
+        words, kept = dict(words), {}
+        for name, x in words.pop("shifts", {}).items():
+            kept[name] = np.array(x, float) if name != "constants" and isinstance(x, list) else x
+        words |= {
             "model": model,
-            "table": decoded(words["table"], tuple[Order, ...], "table"),
-            "noise": decoded(words["noise"], Noise, "noise"),
             "allowed": Allowed(*(arrays[f"spectrum_{name}"] for name in Allowed._fields)),
-            "notes": tuple(words["notes"]),
             "way": Way(*arrays["spectrum_way"]) if "spectrum_way" in arrays else None,
         }
-        return cls(Spectrum(**words | changed), None if kept is None else Shifts.rebuilt(kept))
+        shifts = decoded(kept, Shifts, "shifts") if kept else None
+        return cls(decoded(words, Spectrum, cls.key), shifts)
 
 
 def answers_over(

@@ -17,6 +17,7 @@ from jaxtyping import Bool, Float, Int
 from hysteresis import AbstractModel, Record, parameters
 from hysteresis._parameter import parameter_at
 
+from .._levels import GROUPS, MANY_ROWS
 from ..linear._composition import CompositionUnknowns
 from ..linear._composition_fit import SLACK
 from ..linear._composition_memory import memory_blocks
@@ -30,9 +31,6 @@ from ._detail import Composition, GridWeights, Parametric
 from ._fit_result import FitResult
 from ._repeatability import groups_of, slope_of
 
-MOST = 12
-"""Groups that are left out; neighbouring cycles go together where there are more."""
-
 LEAST = 2
 """Groups without which nothing can be left out."""
 
@@ -41,9 +39,6 @@ KNOWN = 0.25
 
 HALVES, ROUNDING = (*0.5 ** np.arange(8), 0.0), 1e-9
 """Parts of a step that are tried, and how much more than nothing an error may grow by it."""
-
-LONGEST = 100_000
-"""Rows from which on no row is left out: each group takes a run of the model over all of them."""
 
 
 class WithoutGroup(NamedTuple):
@@ -69,10 +64,10 @@ def models_without_groups(fit: FitResult) -> list[WithoutGroup]:
     """
     group = groups_of(fit.train, fit.used)
     count = int(group.max()) + 1 if len(group) else 0
-    if count < LEAST or len(group) > LONGEST:
+    if count < LEAST or len(group) > MANY_ROWS:
         return []
-    if count > MOST:
-        group = np.where(group >= 0, group * MOST // count, -1)
+    if count > GROUPS:
+        group = np.where(group >= 0, group * GROUPS // count, -1)
     group = _alike(group, fit.used)
     if isinstance(fit.detail, GridWeights | Composition):
         models = _of_weights(fit.detail.linear, fit.train, np.where(fit.used, group, -1))

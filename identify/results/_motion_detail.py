@@ -13,6 +13,14 @@ from hysteresis._serialisation import decoded
 from ..dynamics._linear_approximation import LinearApproximation
 from ..dynamics._recorded_motion import RecordedMotion
 
+PLANT = "mass", "damping", "stiffness"
+OWN = "chi2", "sigma", "classes", "records", "few", "starts"
+RECORDED = {k: k for k in ("dt", "period", "initial")} | {
+    "oversampling": "substeps",
+    "decimation": "stages",
+}
+"""Entries of fit.json, and of the recorded motion the fields that they hold."""
+
 
 @dataclass(frozen=True, eq=False)
 class Motion:
@@ -37,7 +45,6 @@ class Motion:
     few: bool
     starts: tuple[float, ...] = ()
     kind: ClassVar[str] = "motion"
-    least_parameter: ClassVar[float] = -np.inf
     key: ClassVar[str] = "motion"
 
     @property
@@ -46,28 +53,9 @@ class Motion:
         return not self.few
 
     def words(self) -> dict[str, Any]:
-        own, linear = self.recorded, self.linear
-        return {
-            self.key: {
-                "dt": own.dt,
-                "oversampling": own.substeps,
-                "decimation": list(own.stages),
-                "period": own.period,
-                "initial": list(own.initial),
-                "chi2": self.chi2,
-                "sigma": self.sigma,
-                "classes": list(self.classes),
-                "linear": {
-                    "mass": linear.mass,
-                    "damping": linear.damping,
-                    "stiffness": linear.stiffness,
-                    "resonance": linear.resonance,
-                },
-                "records": list(self.records),
-                "few": self.few,
-                "starts": list(self.starts),
-            }
-        }
+        linear = {k: getattr(self.linear, k) for k in (*PLANT, "resonance")}
+        recorded = {said: getattr(self.recorded, k) for said, k in RECORDED.items()}
+        return {self.key: recorded | {k: getattr(self, k) for k in OWN} | {"linear": linear}}
 
     def arrays(self) -> dict[str, Any]:
         linear = self.linear
@@ -93,27 +81,17 @@ class Motion:
     @classmethod
     def rebuilt(cls, words: Any, arrays: Mapping[str, np.ndarray], model: Any) -> "Motion":
         """The inverse of `words` and `arrays`."""
-        said = decoded(words, _Words, cls.key)
+        said: Any = decoded(words, _Words, cls.key)
         recorded = RecordedMotion(
-            model, said["dt"], said["oversampling"], said["decimation"], said["period"],
-            said["initial"], arrays["motion_force"],
-        )  # fmt: skip
+            model, force=arrays["motion_force"], **{k: said[word] for word, k in RECORDED.items()}
+        )
         real, imaginary = arrays["motion_response"]
-        found = said["linear"]
+        mass, damping, stiffness = (said["linear"][k] for k in PLANT)
         linear = LinearApproximation(
-            found["mass"], found["damping"], found["stiffness"], arrays["motion_frequencies"],
-            real + 1j * imaginary, arrays["motion_noise"], arrays["motion_distortion"],
+            mass, damping, stiffness, arrays["motion_frequencies"], real + 1j * imaginary,
+            arrays["motion_noise"], arrays["motion_distortion"],
         )  # fmt: skip
-        return cls(
-            recorded, said["chi2"], said["sigma"], said["classes"], linear, said["records"],
-            said["few"], said["starts"],
-        )  # fmt: skip
-
-
-class _Line(TypedDict):
-    mass: float
-    damping: float
-    stiffness: float
+        return cls(recorded, linear=linear, **{k: said[k] for k in OWN})
 
 
 class _Words(TypedDict):
@@ -127,7 +105,7 @@ class _Words(TypedDict):
     chi2: float
     sigma: float
     classes: tuple[dict[str, Any], ...]
-    linear: _Line
+    linear: dict[str, float]
     records: tuple[str, str]
     few: bool
     starts: tuple[float, ...]

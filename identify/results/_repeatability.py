@@ -17,13 +17,11 @@ from scipy.special import stdtrit
 from hysteresis import Record
 from hysteresis._parameter import parameter_at
 
+from .._levels import REPEATS
 from ..parameters._settings import numbers_of
 from ._detail import Parametric
 from ._fit_result import FitResult
 from ._parameters import with_ties
-
-LEAST = 3
-"""Cycles, or sequences, that tell how much they differ."""
 
 STEP = 1e-4
 """Of a parameter's value, or of its standard error where that is 0, for differences."""
@@ -72,7 +70,7 @@ def repeatability(fit: FitResult) -> Repeatability | None:
     names = tuple(p.name for p in fit.parameters if p.status == "free")
     group = groups_of(fit.train, fit.used)
     count = int(group.max()) + 1 if len(group) else 0
-    if not (isinstance(fit.detail, Parametric) and names and count >= LEAST):
+    if not (isinstance(fit.detail, Parametric) and names and count >= REPEATS):
         return None
     used = fit.used & np.isfinite(fit.residuals)
     w = fit.train.weights[used]
@@ -86,7 +84,7 @@ def repeatability(fit: FitResult) -> Repeatability | None:
     steps = np.linalg.lstsq((J / scale).T @ (J / scale), steps.T, rcond=None)[0].T / scale
     first = fit.train.n_cycles >= 2 * len(fit.train.labels) and fit.train.cycle == 1
     later = np.setdiff1d(np.arange(count), group[first])
-    told = later if len(later) >= LEAST else np.arange(count)
+    told = later if len(later) >= REPEATS else np.arange(count)
     away = steps[told] - steps[told].mean(0)
     return Repeatability(names, count / (len(told) - 1) * away.T @ away, len(told))
 

@@ -21,6 +21,7 @@ import numpy as np
 import scipy.special
 from jaxtyping import Float
 
+from .._levels import CONFIDENCE
 from ..linear._nnls import nonnegative_least_squares
 from ..noise._residual_statistics import Noise
 from ._prony_series import Fitted, Input, Problem
@@ -32,7 +33,6 @@ BEYOND = (1.0, 1.5, 2.0, 3.0, 5.0, 10.0, 30.0, 100.0)
 INSIDE, MOST = 3, 15
 """Times in each decade inside the record at which they are, and in all; in between the range is a little
 narrow."""
-CONFIDENCE = 0.9
 FIRST = 1e-3
 """Of lambda |e| |c| / q, where the search for the largest lambda begins."""
 TRIED = 10

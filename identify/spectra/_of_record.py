@@ -8,13 +8,14 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 from jaxtyping import Bool, Float
+from scipy.constants import zero_Celsius
 
 from hysteresis import InputError, Record
 from hysteresis._quantities import conversion
 
 from ._prony_series import Input, Kind
 from ._response import Response
-from ._superposition import ZERO, Shifts
+from ._superposition import Shifts
 
 MODULI, RUNS = "moduli", "runs"
 """Codes of the notes in the history of a record of moduli, and of one of several temperatures."""
@@ -153,7 +154,7 @@ def _temperature(record: Record, rows: np.ndarray) -> float:
     value = float(np.mean(record.columns[name][rows]))
     word = unit.replace("°", "deg").replace("Δ", "delta_").removeprefix("delta_").lower()
     if word in ("k", "kelvin"):
-        return value - ZERO
+        return value - zero_Celsius
     return (value - 32) / 1.8 if word in ("degf", "fahrenheit", "f") else value
 
 

@@ -21,6 +21,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
+from scipy.constants import R, zero_Celsius
 from scipy.optimize import least_squares
 
 from hysteresis import InputError
@@ -31,9 +32,6 @@ from ._response import Response, problem_of, resolved
 from ._spectrum import BEYOND, Spectrum, noise_of, spectrum
 
 PerTemperature = Float[np.ndarray, " temperatures"]
-GAS = 8.314462618e-3
-"""Gas constant in kJ / (mol K)."""
-ZERO = 273.15
 NEAR = 0.5
 """Kelvins within which a temperature is that of a run."""
 ROUNDS = 40
@@ -61,20 +59,6 @@ class Shifts(NamedTuple):
     law_error: float
     left: PerTemperature
     alone: PerTemperature
-
-    def words(self) -> dict[str, Any]:
-        """Plain data."""
-        return {
-            k: x.tolist() if isinstance(x, np.ndarray) else x for k, x in self._asdict().items()
-        }
-
-    @classmethod
-    def rebuilt(cls, words: dict[str, Any]) -> "Shifts":
-        """The inverse of `words`."""
-        kept: dict[str, Any] = dict(words)
-        kept |= {k: np.array(x, float) for k, x in words.items() if isinstance(x, list)}
-        kept["constants"] = tuple(words["constants"])
-        return cls(**kept)
 
     def at(self, temperature: float) -> float:
         """log10 a at a temperature (degC): that of a run within half a kelvin, else that of the law."""
@@ -286,7 +270,11 @@ def _slopes(problem: Problem, fitted: Fitted) -> Float[np.ndarray, "rows tempera
 def _law(law: str, constants: np.ndarray, T: np.ndarray, reference: float) -> np.ndarray:
     if law == "WLF":
         return -constants[0] * (T - reference) / (constants[1] + T - reference)
-    return constants[0] / (GAS * np.log(10)) * (1 / (T + ZERO) - 1 / (reference + ZERO))
+    return (
+        constants[0]
+        / (R / 1e3 * np.log(10))
+        * (1 / (T + zero_Celsius) - 1 / (reference + zero_Celsius))
+    )
 
 
 def _best_law(
