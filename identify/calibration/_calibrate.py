@@ -9,7 +9,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from hysteresis import InputError, parameters
 from hysteresis._parameter import parameter_at
@@ -18,8 +18,8 @@ from ..parameters._precision import require_double
 from ..parametric._levenberg_marquardt import least_squares
 from ..posterior._convergence import Progress
 from ..posterior._emcee import first_walkers, sample_ensembles
-from ..posterior._posterior import Posterior
-from ..posterior._sample import MOST_STEPS, posterior_of, walkers_for
+from ..posterior._posterior import Posterior, posterior_of
+from ..posterior._sample import MOST_STEPS, walkers_for
 from ..storage._checkpoint import Checkpoint
 
 System = TypeVar("System", bound=eqx.Module)
@@ -187,8 +187,8 @@ def calibrate(
     require_double(allow_float32)
     prior = prior_of(system, deviations)
     start = jnp.zeros(len(prior.names)) if begin is None else jnp.asarray(begin)
-    found = _search(residuals, prior, start, steps)
-    if not found.starts:
+    found, best, values, slopes, is_finite = _search(residuals, prior, start, steps)
+    if not is_finite:
         raise InputError(
             "not-finite",
             "the residuals of the given system are not all finite.",
@@ -196,15 +196,16 @@ def calibrate(
             fix="exclude such readings, or start from values with finite residuals.",
         )
     # QR of [J; 1], whose R is a root of the precision: never singular.
-    R = np.linalg.qr(np.concatenate([found.jacobian, np.eye(len(start))]), mode="r")
+    J, left = (np.asarray(x)[: -len(start)] for x in (found.jacobian, found.residuals))
+    R = np.linalg.qr(np.concatenate([J, np.eye(len(start))]), mode="r")
     root = np.linalg.inv(R)
-    after = np.linalg.norm(np.asarray(found.slopes) @ root, axis=1)
+    after = np.linalg.norm(np.asarray(slopes) @ root, axis=1)
     before = np.concatenate([np.asarray(s).ravel() for s in prior.deviations])
-    rows = zip(prior.names, np.asarray(found.values), after, before, strict=True)
+    rows = zip(prior.names, np.asarray(values), after, before, strict=True)
     return Calibration(
-        system=found.system, parameters=tuple(Calibrated(n, *map(float, x)) for n, *x in rows),
-        rms=float(found.rms), converged=bool(found.done), steps=int(found.steps), prior=prior,
-        residuals=residuals, point=np.asarray(found.z), root=root, jacobian=np.asarray(found.jacobian),
+        system=best, parameters=tuple(Calibrated(n, *map(float, x)) for n, *x in rows),
+        rms=float(np.sqrt(np.mean(left**2))), converged=bool(found.converged), steps=int(found.steps),
+        prior=prior, residuals=residuals, point=np.asarray(found.free), root=root, jacobian=J,
     )  # fmt: skip
 
 
@@ -231,23 +232,12 @@ def prior_of(system: eqx.Module, deviations: Mapping[str, Any]) -> Prior:
     return Prior(system, tuple(deviations), tuple(lows), tuple(spreads))
 
 
-class _Minimum(NamedTuple):
-    """The minimum z: its system, all values with their derivatives by z, the residuals' Jacobian and rms
-    there; whether the search converged, and after how many steps; whether the start was finite."""
-
-    z: Float[Array, " unknowns"]
-    system: Any
-    values: Float[Array, " unknowns"]
-    slopes: Float[Array, "unknowns unknowns"]
-    jacobian: Float[Array, "residuals unknowns"]
-    rms: Float[Array, ""]
-    done: Bool[Array, ""]
-    steps: Array
-    starts: Bool[Array, ""]
-
-
 @eqx.filter_jit
-def _search(residuals: Callable[[Any], Array], prior: Prior, start: Array, steps: int) -> _Minimum:
+def _search(
+    residuals: Callable[[Any], Array], prior: Prior, start: Array, steps: int
+) -> tuple[Any, Any, Array, Array, Array]:
+    """The minimum; its system, all values and their derivatives by z; whether the start was finite."""
+
     def residuals_at(z: Array, prior: Prior) -> Array:
         return jnp.ravel(residuals(prior.at(z)))
 
@@ -256,12 +246,9 @@ def _search(residuals: Callable[[Any], Array], prior: Prior, start: Array, steps
 
     first = residuals_at(start, prior)
     found = least_squares(both, start, prior, first.size + start.size, steps)
-    z = found.free
-    return _Minimum(
-        z, prior.at(z), prior.values(z), jax.jacfwd(prior.values)(z), found.jacobian[: first.size],
-        jnp.sqrt(jnp.mean(found.residuals[: first.size] ** 2)), found.converged, found.steps,
-        jnp.isfinite(first).all(),
-    )  # fmt: skip
+    slopes = jax.jacfwd(prior.values)(found.free)
+    is_finite = jnp.isfinite(first).all()
+    return found, prior.at(found.free), prior.values(found.free), slopes, is_finite
 
 
 def _density(

@@ -92,14 +92,19 @@ def estimate_noise(residuals: list[Float[np.ndarray, " _"]], parameters: int = 0
         rho[: len(r)] += autocovariance(r)
     # Not divided by the shrinking count of products, which biases the noisy tail to 0.
     rho /= rho[0]
-    time = 2 * np.cumsum(rho) - 1
-    window = np.flatnonzero(np.arange(len(rho)) >= 5 * time)
-    of_mean = time[window[0]] if len(window) else time[-1]
     of_rhythm = 2 * np.sum(rho[rho**2 > 9 / samples] ** 2) - 1
-    tau = float(max(of_mean, of_rhythm))
+    tau = float(max(integrated_time(rho), of_rhythm))
     tau = min(tau, samples / (parameters + 1.0))
     sigma = np.sqrt(squares / max(samples - parameters, 1))
     return Noise(float(sigma), samples, max(tau, 1.0))
+
+
+def integrated_time(rho: Float[np.ndarray, "lags *series"]) -> Float[np.ndarray, "*series"]:
+    """1 + 2 sum of rho_k up to the first lag k >= 5 times that, Sokal's window, or to the last one."""
+    sums = 2 * np.cumsum(rho, axis=0) - 1
+    inside = (np.arange(len(rho)) >= sums.T * 5).T
+    window = np.where(inside.any(axis=0), inside.argmax(axis=0), len(rho) - 1)
+    return np.take_along_axis(sums, window[None], axis=0)[0]
 
 
 def autocovariance(x: Float[np.ndarray, "rows *series"]) -> Float[np.ndarray, "rows *series"]:

@@ -82,11 +82,9 @@ def has_two_modes(draws: Float[np.ndarray, " draws"], effective: float) -> bool:
         return False
     cells = int(min(max(np.ptp(draws) / width * 8, 16), 100_000))
     counts, edges = np.histogram(draws, cells)
-    step = edges[1] - edges[0]
-    reach = np.arange(-int(4 * width / step) - 1, int(4 * width / step) + 2)
-    kernel = np.exp(-0.5 * (reach * step / width) ** 2)
-    density = np.convolve(np.pad(counts, len(reach)), kernel, "same")
-    below = np.cumsum(np.pad(counts, len(reach))) / len(draws)
+    sigma = width / (edges[1] - edges[0])
+    density = scipy.ndimage.gaussian_filter1d(counts.astype(float), sigma, mode="constant")
+    below = np.cumsum(counts) / len(draws)
     lower = np.minimum(
         np.maximum.accumulate(density), np.maximum.accumulate(density[::-1])[::-1]
     )  # of the highest peaks on either side

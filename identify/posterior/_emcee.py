@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from ..noise._residual_statistics import autocovariance
+from ..noise._residual_statistics import autocovariance, integrated_time
 from ..storage._checkpoint import Checkpoint
 from ._convergence import Chains, Progress, rhat
 
@@ -124,14 +124,6 @@ LEAST = 20
 """Steps that chains have to hold, so that something can be said about them."""
 
 
-class Interrupted(KeyboardInterrupt):
-    """Ctrl-C while chains were drawn. `chains`: those so far, None where they are too short."""
-
-    def __init__(self, chains: Chains | None) -> None:
-        super().__init__()
-        self.chains: Chains | None = chains
-
-
 class History(NamedTuple):
     """All that a run needs to resume.
 
@@ -209,10 +201,7 @@ def autocorrelation_times(
         if not covariance[0].all():
             tau[k] = steps
             continue
-        sums = 2 * np.cumsum((covariance / covariance[0]).mean(axis=1), axis=0) - 1
-        inside = np.arange(steps)[:, None] >= 5 * sums
-        window = np.where(inside.any(axis=0), inside.argmax(axis=0), steps - 1)
-        tau[k] = np.take_along_axis(sums, window[None], axis=0)[0]
+        tau[k] = integrated_time((covariance / covariance[0]).mean(axis=1))
     return np.clip(tau, 1.0, steps)
 
 
@@ -226,13 +215,15 @@ def sample_ensembles(
     most: int,
     checkpoint: Checkpoint,
     tell: Progress,
+    least: int = LEAST,
 ) -> Chains:
     """Advance ensembles from `first`, or from what the checkpoint kept, to their end; see `SideBySide` for
     `place` and `root`.
 
-    Whatever stops it, the checkpoint is written once more before the error goes on.
+    Whatever stops it, the checkpoint is written once more before the error goes on. After Ctrl-C the chains
+    so far are the result, from `least` steps on.
 
-    Raises `Interrupted` after Ctrl-C, `InputError` where the checkpoint cannot be used or written.
+    Raises `InputError` where the checkpoint cannot be used or written.
     """
     history = _read(checkpoint.read()) or _begun(first, log_probability, seed, place, root)
     run = _Run(log_probability, history)
@@ -241,7 +232,7 @@ def sample_ensembles(
     saved = time.monotonic()
     try:
         while True:
-            if steps is None and _is_check(run.done):
+            if steps is None and run.done == _next_check(run.done - 1):
                 last = judged(run.history.points[:, 1:])
                 if last.finished:
                     tell(run.done, run.done, _words(run, last, 0.0))
@@ -260,25 +251,15 @@ def sample_ensembles(
                 checkpoint.write(run.history.arrays, run.done)
                 saved = time.monotonic()
             tell(run.done, total, _words(run, last, to_go))
-    except KeyboardInterrupt as stop:
+    except KeyboardInterrupt:
         checkpoint.write(run.history.arrays, run.done)
-        if run.done < LEAST:
-            raise Interrupted(None) from stop
+        if run.done < least:
+            raise
         said = f"interrupted after {run.done:,} steps; with --resume (resume=True) it goes on."
         found = _finished(run.history, checkpoint, wants_rule=False)
-        raise Interrupted(found._replace(notes=(*found.notes, said))) from stop
+        return found._replace(notes=(*found.notes, said))
     checkpoint.write(run.history.arrays, run.done)
     return _finished(run.history, checkpoint, wants_rule=steps is None)
-
-
-def drawn_so_far(*arguments: Any) -> Chains:
-    """`sample_ensembles`, and after Ctrl-C the chains so far, where they are not too short."""
-    try:
-        return sample_ensembles(*arguments)
-    except Interrupted as stop:
-        if stop.chains is None:
-            raise
-        return stop.chains
 
 
 def first_walkers(
@@ -411,10 +392,6 @@ def _begun(
     accepted = np.zeros((ensembles, walkers), int)
     random: Any = np.random.RandomState(np.random.MT19937(np.random.SeedSequence(seed))).get_state()
     return History(points[:, None], found, accepted, random, place, root)
-
-
-def _is_check(steps: int) -> bool:
-    return steps == FIRST_CHECK or steps == _next_check(steps - 1)
 
 
 def _next_check(steps: int) -> int:

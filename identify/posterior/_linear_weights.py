@@ -2,6 +2,8 @@
 
 import time
 from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -27,8 +29,8 @@ from ..records._folds import Parts
 from ..results._fit_result import FitResult
 from ..storage._checkpoint import Checkpoint
 from ._convergence import Chains, Progress
-from ._emcee import drawn_so_far, first_walkers
-from ._posterior import Posterior, modes_of, summary_of
+from ._emcee import first_walkers, sample_ensembles
+from ._posterior import Posterior, posterior_of, summary_of
 from ._weights_evidence import (
     PRIOR_VARIANCE,
     Basis,
@@ -186,13 +188,8 @@ def slow_loop(base: CompositionUnknowns) -> Float[np.ndarray, "3 unknowns"]:
     rising, falling = columns[: STEPS + 1], columns[: STEPS - 1 : -1]
     side = -1.0 if base.leading else 1.0
     low, high = falling[0], falling[-1]
-    width = side * np.sign(base.scale) * _mean_between(falling - rising)
+    width = side * np.sign(base.scale) * np.trapezoid(falling - rising, dx=1 / STEPS, axis=0)
     return np.stack([(low + high) / 2, high - low, width])
-
-
-def _mean_between(columns: Float[np.ndarray, "rows unknowns"]) -> Float[np.ndarray, " unknowns"]:
-    """The mean over an even grid, by the trapezoidal rule."""
-    return (columns[1:] + columns[:-1]).mean(0) / 2
 
 
 MOST = 100
@@ -236,7 +233,7 @@ def sample_weights(
     steps, most, ensembles, walkers, seed = length
     place, root = evidence.place, evidence.root
     first = first_walkers(evidence, place, root, ensembles, walkers, seed)
-    chains = drawn_so_far(evidence, first, place, root, seed, steps, most, kept, tell)
+    chains = sample_ensembles(evidence, first, place, root, seed, steps, most, kept, tell)
     points = _chosen(chains, min(steps or MOST, MOST))
     scale = linear.meaning.scale
     given = _Given(linear, design, evidence.place)
@@ -253,21 +250,21 @@ def sample_weights(
     # Given noise and strength the unknowns are independent draws, so theirs is the R-hat of those.
     agreement, ess = float(chains.rhat.max()), min(float(len(flat)), float(chains.ess.min()))
     summaries = [summary_of(name, draws[..., j], ess, agreement) for j, name in enumerate(names)]
-    every = evidence.in_units(chains.points, scale).reshape(ensembles, -1, points.shape[-1])
-    for j, name in enumerate(evidence.names):
-        worth, narrower = float(chains.ess[j]), 1 - chains.points[..., j].var() / PRIOR_VARIANCE[j]
-        summaries.append(
-            summary_of(
-                name, every[..., j], worth, float(chains.rhat[j]),
-                modes_of(every[..., j], worth), float(narrower),
-            )
-        )  # fmt: skip
-    return Posterior(
-        (*names, *evidence.names), draws, linear.meaning.model(unknowns), tuple(summaries),
-        f"{chains.method}; weights projected", chains.acceptance, chains.autocorrelation,
-        time.perf_counter() - begin, (*chains.notes, *_left_open(design, given.determined)),
-        chains.long_enough, evidence(flat).reshape(points.shape[:2]), chains.statistics,
+    found = posterior_of(
+        evidence.names, chains, partial(evidence.in_units, scale=scale), lambda _: None,
+        np.array(PRIOR_VARIANCE), begin,
     )  # fmt: skip
+    return replace(
+        found,
+        names=(*names, *evidence.names),
+        draws=draws,
+        model=linear.meaning.model(unknowns),
+        summaries=(*summaries, *found.summaries),
+        method=f"{chains.method}; weights projected",
+        seconds=time.perf_counter() - begin,
+        notes=(*chains.notes, *_left_open(design, given.determined)),
+        log_probability=evidence(flat).reshape(points.shape[:2]),
+    )
 
 
 def _chosen(chains: Chains, count: int) -> Float[np.ndarray, "ensembles draws parameters"]:

@@ -1,6 +1,7 @@
 """What the data leave open: a posterior's draws, and what can be said of each parameter."""
 
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -13,7 +14,7 @@ from jaxtyping import Array, Float, Int
 from hysteresis._drawing import html_of, plot_of
 from hysteresis._show import aligned, at_most
 
-from ._convergence import has_two_modes, rhat
+from ._convergence import Chains, has_two_modes, rhat
 from ._log_posterior import Target
 
 # What draws of a posterior say of every row: its likelihood, and readings to be expected there.
@@ -202,6 +203,38 @@ def summary_of(
     )  # fmt: skip
 
 
-def modes_of(draws: Float[np.ndarray, "ensembles draws"], ess: float) -> int:
-    """2 where `has_two_modes`."""
-    return 1 + has_two_modes(draws.ravel(), ess)
+def posterior_of(
+    names: tuple[str, ...],
+    chains: Chains,
+    values: Callable[[np.ndarray], np.ndarray | Array],
+    models: Callable[[Array], Any],
+    prior_variance: Float[np.ndarray, " parameters"],
+    begin: float,
+) -> Posterior:
+    """Chains in the parameters' units, thinned, with what can be said of each.
+
+    **Arguments:** `values` and `models`: of many points of the free space; `prior_variance`: of each
+    parameter there; `begin`: when the work began, `time.perf_counter()`.
+    """
+
+    def in_units(points: np.ndarray) -> np.ndarray:
+        flat = points.reshape(-1, points.shape[-1])
+        return np.asarray(values(flat)).reshape(points.shape)
+
+    ensembles, _, _, parameters = chains.points.shape
+    every, thinned = in_units(chains.points), chains.thinned
+    summaries = []
+    for j, name in enumerate(names):
+        column, ess = every[..., j].reshape(ensembles, -1), float(chains.ess[j])
+        contraction = 1 - chains.points[..., j].var() / prior_variance[j]
+        modes = 1 + has_two_modes(thinned[..., j].ravel(), ess)
+        summaries.append(
+            summary_of(name, column, ess, float(chains.rhat[j]), modes, float(contraction))
+        )
+    flat = jnp.asarray(thinned.reshape(-1, parameters))
+    density = chains.log_probability[:, :: chains.thin].reshape(ensembles, -1)
+    return Posterior(
+        names, in_units(thinned), models(flat), tuple(summaries), chains.method, chains.acceptance,
+        chains.autocorrelation, time.perf_counter() - begin, chains.notes, chains.long_enough,
+        density, chains.statistics,
+    )  # fmt: skip

@@ -17,6 +17,7 @@ from ..noise._reml import PARTS
 from ..noise._residual_statistics import estimate_noise
 from ..records._run_model import prepare
 from ..results._fit_result import FitResult
+from ..results._repeatability import cycles_or_sequences
 from ._log_posterior import target
 from ._mode import likeliest_near
 from ._posterior import Posterior
@@ -103,14 +104,9 @@ def predictive(
     clean_low, clean_high = np.split(np.quantile(y, ends[1:], axis=0), 2)
     measured = record.output[rows]
     inside = (low <= measured) & (measured <= high)
-    which = record.cycle[rows]
-    name = "cycle {}"
-    if len(record.labels) > 1:
-        which, name = np.searchsorted(record.starts, rows, side="right"), "{}"
-    cycles = {
-        name.format(record.labels[k - 1] if name == "{}" else k): inside[:, which == k].mean(1)
-        for k in np.unique(which[which > 0])
-    }
+    names, which = cycles_or_sequences(record)
+    which = which[rows]
+    cycles = {names[k]: inside[:, which == k].mean(1) for k in np.unique(which[which > 0])}
     coverage, effective = inside.mean(1), _effective(record, rows, middle - measured)
     said = _in_words(coverage, effective, len(rows), "held-out" if held_out else "training")
     return Bands(

@@ -1,7 +1,6 @@
 """`sample`: draws from the posterior of a fit, by ensembles of emcee."""
 
 import time
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -9,7 +8,6 @@ from typing import Any
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -29,12 +27,12 @@ from ..results._fit_result import FitResult
 from ..storage._checkpoint import Checkpoint, digest
 from ..storage._json import versions
 from ._convergence import Chains, Progress
-from ._emcee import LEAST, LogProbability, drawn_so_far, first_walkers, sample_ensembles
+from ._emcee import LEAST, LogProbability, first_walkers, sample_ensembles
 from ._linear_weights import Length, sample_weights
 from ._log_posterior import Target, target
 from ._mode import top_of
 from ._motion_target import MotionTarget, motion_target
-from ._posterior import Posterior, modes_of, per_row, summary_of
+from ._posterior import Posterior, per_row, posterior_of
 
 MOST_STEPS = 20_000
 UNCERTAIN = 2.0
@@ -129,7 +127,8 @@ def sample(
     file = None if checkpoint is None else Path(checkpoint)
     if isinstance(detail, GridWeights | Composition):
         length = Length(steps, most, ensembles, walkers_for(walkers, 3), seed)
-        kept = Checkpoint(file, _weights_identity(fit, detail, length), resume, every)
+        identity = _weights_identity(fit, detail, seed, ensembles, length.walkers)
+        kept = Checkpoint(file, identity, resume, every)
         return sample_weights(fit, detail.linear, length, kept, tell)
     held: tuple[str, ...] = ()
     aim: Target | MotionTarget
@@ -145,7 +144,7 @@ def sample(
         density = log_probability(aim)
         place, _, root = map(np.asarray, top_of(aim))
     first = first_walkers(density, place, root, ensembles, walkers, seed)
-    chains = drawn_so_far(density, first, place, root, seed, steps, most, kept, tell)
+    chains = sample_ensembles(density, first, place, root, seed, steps, most, kept, tell)
     chains = chains._replace(notes=(*_held_in_words(fit, held), *chains.notes))
     return _posterior(aim, chains, seed, begin)
 
@@ -177,7 +176,7 @@ def known_target(
             first = first_walkers(density, place, root, ensembles, count, seed)
             nowhere = Checkpoint(None)
             short = sample_ensembles(
-                density, first, place, root, seed, PILOT, PILOT, nowhere, lambda *_: None
+                density, first, place, root, seed, PILOT, PILOT, nowhere, lambda *_: None, PILOT
             )
             points = short.points.reshape(-1, len(aim.names))
             low, high = np.quantile(points[:, may], [0.05, 0.95], axis=0)
@@ -242,51 +241,44 @@ def walkers_for(walkers: int | None, parameters: int) -> int:
     return walkers
 
 
-def _identity(
-    fit: FitResult, aim: Target | MotionTarget, seed: int, ensembles: int, walkers: int
-) -> dict[str, str]:
+def _identity(fit: FitResult, aim: Target | MotionTarget, *run: int) -> dict[str, str]:
     def of(module: Any) -> str:
         structure, arrays = described(module, for_file=False)
         return digest(structure, *arrays.values())
 
+    bounds = aim.bounds
+    priors = bounds[:3], bounds[4:], np.asarray(bounds.scale), aim.noise_bounds.priors
     return {
         "model": of(aim.template),
         "data": digest(*_columns(fit), np.asarray(aim.start)),
         "noise": digest(of(aim.noise_template), aim.weight),
-        "priors": digest(
-            aim.bounds[:3], aim.bounds[4:], np.asarray(aim.bounds.scale), aim.noise_bounds.priors
-        ),
-        "seed": str(seed),
-        "ensembles": str(ensembles),
-        "walkers": str(walkers),
-        "versions": _versions("emcee", "jax", "numpy"),
-    }
+        "priors": digest(*priors),
+    } | _run_identity("jax", *run)
 
 
 def _weights_identity(
-    fit: FitResult, detail: GridWeights | Composition, length: Length
+    fit: FitResult, detail: GridWeights | Composition, *run: int
 ) -> dict[str, str]:
     return {
         "model": digest(detail.words(), detail.linear.unknowns),
         "data": digest(*_columns(fit), *fit.train.columns.values()),
         "noise": "AR(1)",
         "priors": "of the strength",
-        "seed": str(length.seed),
-        "ensembles": str(length.ensembles),
-        "walkers": str(length.walkers),
-        "versions": _versions("emcee", "numpy", "scipy"),
-    }
+    } | _run_identity("scipy", *run)
+
+
+def _run_identity(library: str, seed: int, ensembles: int, walkers: int) -> dict[str, str]:
+    used = sorted(("emcee", library, "numpy"))
+    said = ", ".join(f"{name} {versions(used)[name]}" for name in used)
+    return {
+        "seed": str(seed), "ensembles": str(ensembles), "walkers": str(walkers), "versions": said,
+    }  # fmt: skip
 
 
 def _columns(fit: FitResult) -> tuple[Any, ...]:
     """The data of a fit."""
     record = fit.train
     return record.input, record.output, record.time, record.starts, record.mask, fit.used
-
-
-def _versions(*names: str) -> str:
-    known = versions(names)
-    return ", ".join(f"{name} {known[name]}" for name in names)
 
 
 def _posterior(aim: Target | MotionTarget, chains: Chains, seed: int, begin: float) -> Posterior:
@@ -296,41 +288,6 @@ def _posterior(aim: Target | MotionTarget, chains: Chains, seed: int, begin: flo
     found = posterior_of(aim.names, chains, aim.values, models, free.var(0), begin)
     rows = per_row(aim, chains.thinned, seed) if isinstance(aim, Target) else None
     return replace(found, prior=values, per_row=rows)
-
-
-def posterior_of(
-    names: tuple[str, ...],
-    chains: Chains,
-    values: Callable[[np.ndarray], np.ndarray | Array],
-    models: Callable[[Array], Any],
-    prior_variance: Float[np.ndarray, " parameters"],
-    begin: float,
-) -> Posterior:
-    """Chains in the parameters' units, thinned, with what can be said of each.
-
-    **Arguments:** `values` and `models`: of many points of the free space; `prior_variance`: of each
-    parameter there; `begin`: when the work began, `time.perf_counter()`.
-    """
-
-    def in_units(points: np.ndarray) -> np.ndarray:
-        flat = points.reshape(-1, points.shape[-1])
-        return np.asarray(values(flat)).reshape(points.shape)
-
-    ensembles, _, _, parameters = chains.points.shape
-    every, thinned = in_units(chains.points), chains.thinned
-    summaries = []
-    for j, name in enumerate(names):
-        column, ess = every[..., j].reshape(ensembles, -1), float(chains.ess[j])
-        contraction = 1 - chains.points[..., j].var() / prior_variance[j]
-        said = {"modes": modes_of(thinned[..., j], ess), "contraction": float(contraction)}
-        summaries.append(summary_of(name, column, ess, float(chains.rhat[j]), **said))
-    flat = jnp.asarray(thinned.reshape(-1, parameters))
-    density = chains.log_probability[:, :: chains.thin].reshape(ensembles, -1)
-    return Posterior(
-        names, in_units(thinned), models(flat), tuple(summaries), chains.method, chains.acceptance,
-        chains.autocorrelation, time.perf_counter() - begin, chains.notes, chains.long_enough,
-        density, chains.statistics,
-    )  # fmt: skip
 
 
 def _prior(aim: Target | MotionTarget, seed: int) -> tuple[np.ndarray, np.ndarray]:

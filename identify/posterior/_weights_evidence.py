@@ -99,8 +99,8 @@ PRIOR_VARIANCE = (float(DECADES**2), float(np.pi**2 / 3), float(DECADES**2))
 USUAL = 1e-3
 """Median of the prior of the strength."""
 
-STRENGTHS = (1e-9, 1e2)
-"""Least and greatest strength that the readings are asked about."""
+STRENGTHS = np.log(np.geomspace(1e-9, 1e2, 200))
+"""Logarithms of the strengths that the readings are asked about."""
 
 LOST = 1e-8
 """Eigenvalue, over the rows, below which the data say nothing along a direction."""
@@ -144,7 +144,7 @@ class WeightsEvidence:
     """log p(y | log sigma, 2 atanh phi, log strength) plus the log prior, of many points at once.
 
     - `sums`: of the rows (A U, y), U the known directions. Outputs are in units of their range.
-    - `place`, `root`: the top, and a root of Laplace's covariance.
+    - `place`, `root`: the mean, and a root of the covariance.
     """
 
     names = ("sigma", "phi", "prior.strength")
@@ -161,7 +161,7 @@ class WeightsEvidence:
         )
         self.place: Float[np.ndarray, " 3"]
         self.root: Float[np.ndarray, "3 3"]
-        self.place, self.root = self._laplace(top)
+        self.place, self.root = self._moments(width)
 
     def __call__(self, points: Points) -> Float[np.ndarray, " points"]:
         """Of every point; -inf beyond the `ENDS`."""
@@ -171,7 +171,7 @@ class WeightsEvidence:
         at = first[:, None] + np.arange(4)
         known = self._values[at], self._squares[at], self._yy[at], self._log_det[at]
         # Readings without noise want no prior: beyond these strengths its own prior alone decides.
-        limited = np.clip(log_strength, *np.log(STRENGTHS))
+        limited = np.clip(log_strength, STRENGTHS[0], STRENGTHS[-1])
         spread, left, log_det = self._parts(known, limited[:, None])
         shares = _lagrange(self.nodes[at], v)
         # What is left keeps its sign by its logarithm.
@@ -209,21 +209,18 @@ class WeightsEvidence:
         left = np.maximum(yy - (squares / total).sum(-1), 1e-24 * yy)
         return spread, left, log_det
 
-    def _likeliest(self, v: float) -> tuple[float, float, float]:
-        """-log p at atanh phi = v, and log sigma and log strength there, where it is least."""
-        tried = np.log(np.geomspace(*STRENGTHS, 200))
+    def _over_strengths(self, v: float) -> tuple[np.ndarray, np.ndarray]:
+        """-log p at atanh phi = v and each of `STRENGTHS`, and log sigma where it is least."""
         known = tuple(np.asarray(x)[None] for x in self._at(v))
-        spread, left, log_det = self._parts(known, tried)
+        spread, left, log_det = self._parts(known, STRENGTHS)
         rows = self.sums.rows - 1
-        loss = 0.5 * (rows * np.log(left) + spread + log_det)
-        best = int(np.argmin(loss))
-        return float(loss[best]), 0.5 * float(np.log(left[best] / rows)), float(tried[best])
+        return 0.5 * (rows * np.log(left) + spread + log_det), 0.5 * np.log(left / rows)
 
     def _top(self) -> tuple[float, float]:
         """atanh phi of the likeliest noise, whatever its size and the prior, and its deviation."""
 
         def loss(v: float) -> float:
-            return self._likeliest(v)[0]
+            return float(self._over_strengths(v)[0].min())
 
         found: Any = scipy.optimize.minimize_scalar(
             loss, bounds=(ENDS[0] + 0.1, ENDS[1] - 0.1), method="bounded", options={"xatol": 1e-3}
@@ -232,43 +229,21 @@ class WeightsEvidence:
         curvature = (loss(top + h) + loss(top - h) - 2 * loss(top)) / h**2
         return top, float(1 / np.sqrt(max(curvature, 1.0)))
 
-    def _laplace(self, v: float) -> tuple[np.ndarray, np.ndarray]:
-        _, log_sigma, log_strength = self._likeliest(v)
-        first = np.array([log_sigma, 2 * v, log_strength])
-        found = scipy.optimize.minimize(
-            lambda point: -self(point[None])[0], first, method="Nelder-Mead",
-            options={"xatol": 1e-4, "fatol": 1e-6, "maxiter": 400},
-        )  # fmt: skip
-        return found.x, _root_of_covariance(self, found.x)
-
-
-def _root_of_covariance(
-    density: WeightsEvidence, place: Float[np.ndarray, " n"]
-) -> Float[np.ndarray, "n n"]:
-    """A root of minus the inverse Hessian at the top, by differences over about a deviation each."""
-    n, height = len(place), density(place[None])[0]
-    steps = np.full(n, 0.05)
-    for k in range(n):  # about half a unit of log-probability down
-        for _ in range(30):
-            move = np.zeros(n)
-            move[k] = steps[k]
-            drop = height - density(np.stack([place + move, place - move])).mean()
-            if 0.1 < drop < 1.0:
-                break
-            steps[k] *= np.clip(np.sqrt(0.5 / max(drop, 1e-6)), 0.1, 4.0)
-    away = np.diag(steps)
-    pairs = [(i, j) for i in range(n) for j in range(n)]
-    corners = [
-        place + a * away[i] + b * away[j] for i, j in pairs for a in (1, -1) for b in (1, -1)
-    ]
-    found = density(np.stack(corners)).reshape(n, n, 4)
-    mixed = (found[..., 0] - found[..., 1] - found[..., 2] + found[..., 3]) / 4
-    singles = 2 * height - density(place + away) - density(place - away)
-    curvature = -mixed
-    curvature[np.diag_indices(n)] = singles
-    curvature = np.nan_to_num((curvature + curvature.T) / 2, posinf=1e6, neginf=-1e6)
-    values, vectors = np.linalg.eigh(curvature)
-    return steps[:, None] * vectors / np.sqrt(np.clip(values, 1e-2, None))
+    def _moments(self, width: float) -> tuple[np.ndarray, np.ndarray]:
+        """Mean and a root of the covariance, by sums over the nodes and `STRENGTHS`."""
+        loss, log_sigma = np.stack([self._over_strengths(float(v)) for v in self.nodes], 1)
+        z, log_strength = np.broadcast_arrays(2 * self.nodes[:, None], STRENGTHS)
+        points = np.stack([log_sigma, z, log_strength], -1).reshape(-1, 3)
+        log_weight = np.log(np.gradient(self.nodes))[:, None] - loss
+        log_weight = log_weight.ravel() + _log_prior(points)
+        weight = np.exp(log_weight - log_weight.max())
+        # That of sigma given the others, and what lies between neighbouring nodes and strengths.
+        inside = [
+            0.5 / self.sums.rows,
+            *(np.array([2 * STEP * width, np.diff(STRENGTHS)[0]]) ** 2 / 12),
+        ]
+        covariance = np.cov(points.T, aweights=weight, ddof=0) + np.diag(inside)
+        return np.average(points, 0, weight), np.linalg.cholesky(covariance)
 
 
 def _lagrange(nodes: Float[np.ndarray, "points 4"], x: np.ndarray) -> np.ndarray:

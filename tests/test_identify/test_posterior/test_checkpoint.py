@@ -6,6 +6,7 @@ import shutil
 import signal
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -90,8 +91,8 @@ def same(one: Any, other: Any) -> None:
 def test_interrupted_chains_go_on_bit_for_bit(whole, tmp_path) -> None:
     file = tmp_path / "chains.npz"
     for at in (1, 17, 60):
-        with pytest.raises(KeyboardInterrupt):
-            drawn(file, resume=True, progress=interrupting(at))
+        with suppress(KeyboardInterrupt):  # from 20 steps on the chains so far are the result
+            assert "interrupted" in drawn(file, resume=True, progress=interrupting(at)).notes[-1]
     same(drawn(file, resume=True), whole)
     same(drawn(file, resume=True), whole)  # there is nothing left to do
 
@@ -99,8 +100,7 @@ def test_interrupted_chains_go_on_bit_for_bit(whole, tmp_path) -> None:
 def test_the_rule_stops_at_the_same_step_however_often_it_was_interrupted(tmp_path) -> None:
     whole, file = drawn(None, steps=None), tmp_path / "chains.npz"
     for at in (30, 100, 190):
-        with pytest.raises(KeyboardInterrupt):
-            drawn(file, steps=None, resume=True, progress=interrupting(at))
+        drawn(file, steps=None, resume=True, progress=interrupting(at))
     same(drawn(file, steps=None, resume=True), whole)
 
 
