@@ -28,7 +28,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..linear._nnls import nonnegative_least_squares
-from ._prony_series import Fitted, Problem, Times
+from ._prony_series import Fitted, Problem, Times, to_unit
 
 DENSITIES = (2, 3, 4)
 """Time constants a decade that are tried. One between two of four differs from a mixture of them by 1 %."""
@@ -53,11 +53,8 @@ class Smoothed(NamedTuple):
 
 def smoothed(problem: Problem, log_tau: Times, strengths: Sequence[float] = SMOOTHNESS) -> Smoothed:
     """The spectrum on one grid, with the lambda of those given that has the greatest evidence."""
-    A, y, first = problem.columns(log_tau), problem.target, len(problem.free)
-    size = np.linalg.norm(A, axis=0)
-    size[size == 0] = 1.0
-    A /= size
-    n = len(size)
+    A, size = to_unit(problem.columns(log_tau))
+    y, first, n = problem.target, len(problem.free), len(size)
     D = np.zeros((n, n))
     D[first:, first:] = 2 * np.eye(n - first) - np.eye(n - first, k=1) - np.eye(n - first, k=-1)
     G, b, R = A.T @ A, A.T @ y, D.T @ D

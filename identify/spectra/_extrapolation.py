@@ -24,11 +24,11 @@ from jaxtyping import Float
 from .._levels import CONFIDENCE
 from ..linear._nnls import nonnegative_least_squares
 from ..noise._residual_statistics import Noise
-from ._prony_series import Fitted, Input, Problem
+from ._prony_series import Fitted, Input, Problem, response, to_unit
 
 A_DECADE = 4
 """Time constants of the grid in each decade: one between two differs from a mixture of them by 1 %."""
-BEYOND = (1.0, 1.5, 2.0, 3.0, 5.0, 10.0, 30.0, 100.0)
+BEYOND = np.geomspace(1.0, 100.0, 8)
 """Times, in spans of the record, at which the extremes of a step's answer are looked for."""
 INSIDE, MOST = 3, 15
 """Times in each decade inside the record at which they are, and in all; in between the range is a little
@@ -53,10 +53,7 @@ class Allowed(NamedTuple):
 
     def outputs(self, at: Input) -> Float[np.ndarray, "spectra times"]:
         """The responses of all of them to an input."""
-        own, branches = at.memoryless, at.branches(self.log_tau)
-        first = self.strengths.shape[1] - len(self.log_tau)
-        made = self.strengths[:, : own.shape[1]] @ own.T + self.strengths[:, first:] @ branches.T
-        return made if at.u is None else made + self.strengths[:, first - 1 : first]
+        return response(at, self.log_tau, self.strengths)
 
     def fitted(self, at: Input) -> Float[np.ndarray, " times"]:
         """The response of the fit."""
@@ -72,10 +69,7 @@ def allowed(problem: Problem, fitted: Fitted, noise: Noise, step: float, span: f
     fit = np.zeros(fitted.memoryless + len(log_tau))
     fit[: len(fitted.strengths)] = fitted.strengths
 
-    A = problem.columns(log_tau)
-    size = np.linalg.norm(A, axis=0)
-    size[size == 0] = 1.0
-    A /= size
+    A, size = to_unit(problem.columns(log_tau))
     # The grid's columns are alike to rounding: a weak prior, 3e-5 of the output, keeps the factors.
     H = A.T @ A + 1e-9 * np.eye(len(size))
     b, free = A.T @ problem.target, np.append(problem.free, np.zeros(len(log_tau), bool))
@@ -124,7 +118,7 @@ def _step_answers(
     count = min(MOST, 1 + int(INSIDE * np.log10(span / step)))
     inside = np.geomspace(step, span, count, endpoint=False)
     way = problem.inputs[0].way
-    at = Input(problem.kind, np.append(inside, span * np.array(BEYOND)), way=way)
+    at = Input(problem.kind, np.append(inside, span * BEYOND), way=way)
     memoryless = np.zeros((len(at.t), len(problem.free)))
     memoryless[:, : at.memoryless.shape[1]] = at.memoryless
     return np.hstack([memoryless, at.branches(log_tau)])

@@ -16,13 +16,14 @@ Viscoelastic Properties of Polymers (1980), chapter 3.
 """
 
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Any, Literal, NamedTuple
+from functools import cached_property, lru_cache
+from typing import Any, Literal, NamedTuple, cast
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
+from scipy.optimize import least_squares
 
 from hysteresis import GeneralizedKelvinVoigt
 
@@ -156,10 +157,16 @@ class Fitted(NamedTuple):
 
     def outputs(self, at: Input) -> Rows:
         """The response to an input. An offset belongs to an input that moves."""
-        own = at.memoryless
-        made = own @ self.strengths[: own.shape[1]]
-        made = made + at.branches(self.log_tau) @ self.strengths[self.memoryless :]
-        return made if at.u is None else made + self.strengths[self.memoryless - 1]
+        return response(at, self.log_tau, self.strengths)
+
+
+def response(
+    at: Input, log_tau: Times, strengths: Float[np.ndarray, "*spectra columns"]
+) -> Float[np.ndarray, "*spectra rows"]:
+    """The outputs of one or several spectra. An offset belongs to an input that moves."""
+    own, first = at.memoryless, strengths.shape[-1] - len(log_tau)
+    made = strengths[..., : own.shape[1]] @ own.T + strengths[..., first:] @ at.branches(log_tau).T
+    return made if at.u is None else made + strengths[..., first - 1 : first]
 
 
 @dataclass(frozen=True)
@@ -240,36 +247,23 @@ class Problem:
         return self.answer(log_tau, c, A @ c - self.target, times_known=True)
 
     def fit(self, log_tau: Times, bounds: tuple[float, float], most: int = 60) -> Fitted:
-        """The time constants refined by Levenberg-Marquardt inside `bounds` (log)."""
-        x = np.clip(log_tau, *bounds)
-        A, c = self.solve(x)
-        r = A @ c - self.target
-        damping = 1e-3
-        for _ in range(most if len(x) else 0):
-            J = self._jacobian(x, A, c)
-            size = np.linalg.norm(J, axis=0)
-            g = J.T @ r
-            # At a bound that it pushes against a time constant stays, and where nothing depends on it.
-            inside = ((x > bounds[0]) | (g < 0)) & ((x < bounds[1]) | (g > 0))
-            at = np.flatnonzero(inside & (size > 1e-12 * size.max()))
-            U = J[:, at] / size[None, at]
-            before = r @ r
-            while damping < 1e9:
-                trial = x.copy()
-                H = U.T @ U + damping * np.eye(len(at))
-                trial[at] -= np.linalg.solve(H, g[at] / size[at]) / size[at]
-                trial = np.clip(trial, *bounds)
-                A, c = self.solve(trial)
-                left = A @ c - self.target
-                if left @ left < before:
-                    x, r, damping = trial, left, max(damping / 10, 1e-9)
-                    break
-                damping *= 10
-            if damping >= 1e9 or r @ r > (1 - 1e-9) * before:
-                break
-        x = np.sort(x)
-        A, c = self.solve(x)
-        return self.answer(x, c, A @ c - self.target)
+        """The time constants refined inside `bounds` (log) by so many steps, at most."""
+
+        # Residuals and Jacobian are asked for at the same point, one after the other.
+        solved = lru_cache(1)(lambda point: self.solve(np.frombuffer(point)))
+
+        def residuals(x: Times) -> Rows:
+            A, c = solved(x.tobytes())
+            return A @ c - self.target
+
+        def jacobian(x: Times) -> Branches:
+            return self._jacobian(x, *solved(x.tobytes()))
+
+        x, jac = np.clip(log_tau, *bounds), cast(Any, jacobian)
+        if len(x):
+            found: Any = least_squares(residuals, x, jac, bounds, ftol=1e-9, max_nfev=most)
+            x = np.sort(found.x)
+        return self.at(x)._replace(times_known=False)
 
     def _jacobian(self, x: Times, A: Matrix, c: Vector) -> Branches:
         """Kaufman's Jacobian: the part of the columns' slopes that the strengths cannot compensate."""
@@ -294,11 +288,16 @@ class Problem:
         return inverse / (scale[:, None] * scale[None])
 
 
-def strengths(A: Matrix, target: Rows, free: Bool[np.ndarray, " memoryless"]) -> Vector:
-    """Least squares with c >= 0, except for the free ones among the first, memoryless columns."""
+def to_unit(A: Matrix) -> tuple[Matrix, Vector]:
+    """Columns of unit size, and their sizes before; 1 for one that is 0."""
     size = np.linalg.norm(A, axis=0)
     size[size == 0] = 1.0
-    scaled = A / size[None]
+    return A / size, size
+
+
+def strengths(A: Matrix, target: Rows, free: Bool[np.ndarray, " memoryless"]) -> Vector:
+    """Least squares with c >= 0, except for the free ones among the first, memoryless columns."""
+    scaled, size = to_unit(A)
     # Close time constants have columns that are alike: a weak prior keeps the factors.
     H = scaled.T @ scaled + 1e-13 * np.eye(len(size))
     signs = np.append(free, np.zeros(len(size) - len(free), bool))
