@@ -1,5 +1,7 @@
 """What is said when the user's data or settings are at fault."""
 
+from typing import Any
+
 
 class InputError(ValueError):
     """The user's data or settings are at fault: say where, what, why, and how to mend it.
@@ -36,6 +38,13 @@ class InputError(ValueError):
             "fix": "fix",
         }
         return {name: getattr(self, field) for name, field in names.items()}
+
+    def __reduce__(self) -> tuple[Any, ...]:  # between processes
+        return type(self)._of, (vars(self),)
+
+    @classmethod
+    def _of(cls, fields: dict[str, str]) -> "InputError":
+        return cls(**fields)
 
     def _text(self) -> str:
         text = f"{self.place}: {self.problem}" if self.place else self.problem

@@ -8,7 +8,7 @@ from functools import cached_property, partial
 from itertools import count
 from operator import length_hint
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 from uuid import uuid4
 
 import jax
@@ -72,14 +72,6 @@ HOME = uuid4().hex
 """Tells this process from others: what was fitted here need not travel."""
 
 
-class Fault(NamedTuple):
-    """An `InputError` in the form in which it is sent between processes."""
-
-    code: str
-    problem: str
-    words: dict[str, str]
-
-
 def fit_alone(
     home: str,
     function: Callable[..., FitResult],
@@ -87,19 +79,15 @@ def fit_alone(
     train: Record,
     test: Record | None,
     double: bool,
-) -> FitResult | dict[str, bytes] | Fault:
+) -> FitResult | dict[str, bytes]:
     """Fit one record; in another process, return the files of the fit."""
-    try:
-        with jax.enable_x64(double):
-            if home != HOME and function is fit:
-                for one in candidates(options["model"]):
-                    described(one.template)  # raises where the files of its fit could not be loaded
-            watched = {"progress": _interrupts} if function is fit else {}
-            found = function(train, test=test, **watched, **unpacked(options))
-            return found if home == HOME else files_of(found)
-    except InputError as error:
-        words = {"place": error.place, "cause": error.cause, "fix": error.fix}
-        return Fault(error.code, error.problem, words)
+    with jax.enable_x64(double):
+        if home != HOME and function is fit:
+            for one in candidates(options["model"]):
+                described(one.template)  # raises where the files of its fit could not be loaded
+        watched = {"progress": _interrupts} if function is fit else {}
+        found = function(train, test=test, **watched, **unpacked(options))
+        return found if home == HOME else files_of(found)
 
 
 def _interrupts(line: str) -> None:
@@ -295,8 +283,6 @@ class _Run:
     def _take(self, unit: Unit, outcome: Any) -> None:
         if isinstance(outcome, Exception):
             self._fail(unit.names[0], _explained(outcome))
-        elif isinstance(outcome, Fault):
-            self._fail(unit.names[0], InputError(*outcome[:2], **outcome.words))
         else:
             self._keep(unit.names[0], outcome)
 

@@ -199,12 +199,6 @@ def files_of(fit: FitResult) -> dict[str, bytes]:
         return {file.name: file.read_bytes() for file in Path(folder).iterdir()}
 
 
-def write_files(files: Mapping[str, bytes], folder: Path) -> None:
-    """Write the files of a saved fit into a folder."""
-    for name, content in files.items():
-        (folder / name).write_bytes(content)
-
-
 def held_in_memory(fit: FitResult | Mapping[str, bytes]) -> Kept:
     """A fit that is kept in memory, without a folder."""
     if isinstance(fit, FitResult):
@@ -212,7 +206,8 @@ def held_in_memory(fit: FitResult | Mapping[str, bytes]) -> Kept:
 
     def opened() -> FitResult:
         with tempfile.TemporaryDirectory() as folder:
-            write_files(fit, Path(folder))
+            for name, content in fit.items():
+                (Path(folder) / name).write_bytes(content)
             return load(folder)
 
     return Kept(lambda: row_of(json.loads(fit["fit.json"])), in_this_precision(opened))

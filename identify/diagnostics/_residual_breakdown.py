@@ -13,6 +13,7 @@ from hysteresis import Record
 from .._levels import CHANCE
 from ..noise._residual_statistics import estimate_noise
 from ..results._fit_result import FitResult
+from ..results._repeatability import cycles_or_sequences
 from ._whiteness import has_one_speed, speed
 
 Kind = Literal["branch", "cycle", "rate", "input"]
@@ -91,19 +92,22 @@ def _cuts(record: Record, used: np.ndarray) -> Iterator[tuple[Kind, list[str], n
     fastest = float(np.abs(v).max(initial=0.0))
     moves = np.abs(v) > 1e-3 * fastest
     yield "branch", ["rising", "falling", "rest"], np.where(moves, np.where(v > 0, 0, 1), 2)
-    if len(record.labels) > 1:
-        lengths = np.diff([*record.starts, len(record)])
-        yield "cycle", [*record.labels], np.repeat(np.arange(len(lengths)), lengths)[used]
-    else:
-        numbers, which = np.unique(record.cycle[used], return_inverse=True)
-        yield "cycle", [f"cycle {n}" if n else "outside cycles" for n in numbers], which
+    names, which = cycles_or_sequences(record)
+    yield "cycle", names, which[used]
     if not has_one_speed(v):
-        unit = _per(record.input_unit, record.time_unit if record.time is not None else "row")
+        time = (
+            "row"
+            if record.time is None
+            else "time"
+            if record.time_unit == "1"
+            else record.time_unit
+        )
         edges = [float(x) for x in np.quantile(np.abs(v[moves]), np.linspace(0, 1, RANGES))]
         # Rates that hardly differ are one: 1 to 1.01 says nothing.
         apart = [edges[0]]
         apart += [edge for edge in edges[1:-1] if edge > 1.3 * apart[-1]]
-        names, which = _bins(np.abs(v), np.array([*apart, edges[-1]]), unit)
+        edges = np.array([*apart, edges[-1]])
+        names, which = _bins(np.abs(v), edges, f"{record.input_unit}/{time}")
         yield "rate", [*names, "rest"], np.where(moves, which, len(names))
     unit = record.input_unit if record.input_unit != "1" else ""
     yield "input", *_bins(u, np.linspace(u.min(), u.max(), RANGES + 1), unit)
@@ -112,10 +116,6 @@ def _cuts(record: Record, used: np.ndarray) -> Iterator[tuple[Kind, list[str], n
 def _bins(x: np.ndarray, edges: np.ndarray, unit: str) -> tuple[list[str], np.ndarray]:
     which = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, len(edges) - 2)
     return [f"{a:.3g} to {b:.3g} {unit}".rstrip() for a, b in pairwise(edges)], which
-
-
-def _per(unit: str, time: str) -> str:
-    return f"{unit}/{'time' if time == '1' else time}"
 
 
 def _grouped(r: np.ndarray, which: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:

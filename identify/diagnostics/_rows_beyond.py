@@ -1,8 +1,6 @@
 """Which held-out rows lie beyond the inputs, rates and hold times of the fitted ones."""
 
-import hashlib
 from typing import NamedTuple
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -51,26 +49,14 @@ class LoopsLeft(NamedTuple):
 
 def loops_left(fit: FitResult) -> LoopsLeft:
     """Loops in the measured output and in the residuals, over the rows that were fitted."""
-    width, noise, span = _measured(fit.train, fit.used)
-    return LoopsLeft(width, loop_sums(fit.train, fit.residuals, fit.used).width, noise, span)
-
-
-_known: "WeakKeyDictionary[Record, dict[bytes, tuple[float, float, float]]]" = WeakKeyDictionary()
-
-
-def _measured(record: Record, used: Bool[np.ndarray, " samples"]) -> tuple[float, float, float]:
-    """Width, noise and span of the measured loops: once for all candidates of a fit."""
-    rows_used = hashlib.sha256(used.tobytes()).digest()
-    known = _known.setdefault(record, {})
-    if rows_used not in known:
-        y, parts = record.output, [rows for _, rows in record.sequences()]
-        noise = [noise_level(y[rows][used[rows]]) for rows in parts if used[rows].any()]
-        known[rows_used] = (
-            loop_sums(record, y, used).width,
-            float(np.median(noise)) if noise else 0.0,
-            float(np.ptp(y[used])) if used.any() else 0.0,
-        )
-    return known[rows_used]
+    record, used, y = fit.train, fit.used, fit.train.output
+    noise = [noise_level(y[x][used[x]]) for _, x in record.sequences() if used[x].any()]
+    return LoopsLeft(
+        loop_sums(record, y, used).width,
+        loop_sums(record, fit.residuals, used).width,
+        float(np.median(noise)) if noise else 0.0,
+        float(np.ptp(y[used])) if used.any() else 0.0,
+    )
 
 
 # Time constants that a record cannot show: longer than it lasts, shorter than its sampling steps.

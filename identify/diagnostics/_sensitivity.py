@@ -11,6 +11,7 @@ from .._levels import GROUPS
 from ..posterior._log_posterior import target
 from ..posterior._mode import likeliest_near
 from ..results._fit_result import FitResult
+from ..results._repeatability import cycles_or_sequences
 from ._whiteness import innovations
 
 FAR = 4.0
@@ -109,16 +110,14 @@ def sensitivity(fit: FitResult) -> Sensitivity:
 def _cases(fit: FitResult) -> Iterator[tuple[str, np.ndarray]]:
     """What is left out, and those rows."""
     record, used = fit.train, fit.used
-    several = len(record.labels) > 1
-    kind = "sequence" if several else "cycle"
-    lengths = np.diff([*record.starts, len(record)])
-    which = np.repeat(np.arange(1, len(lengths) + 1), lengths) if several else record.cycle
+    kind = "sequence" if len(record.labels) > 1 else "cycle"
+    labels, which = cycles_or_sequences(record)
     counts = np.bincount(which[used])
     numbers = [n for n in range(1, len(counts)) if counts[n] > SHORT]
     if len(numbers) > 1:
         groups = np.array_split(numbers, min(len(numbers), GROUPS))
         for group in groups:
-            names = [record.labels[n - 1] if several else str(n) for n in group]
+            names = [labels[n].removeprefix("cycle ") for n in group]
             first = group[0] == numbers[0] and len(group) == 1
             said = f"the first {kind}" if first else f"{kind} {names[0]}"
             if len(group) > 1:

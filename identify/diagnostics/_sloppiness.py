@@ -8,10 +8,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from hysteresis import AbstractModel, Note, parameters
+from hysteresis import Note
 from hysteresis._note import warning
 from hysteresis._parameter import ParameterInfo
 
+from ..parameters._settings import numbers_of
 from ..parameters._transform import transform_for
 from ..posterior._log_posterior import Target, target
 from ..records._run_model import predict
@@ -82,7 +83,7 @@ def sloppiness(fit: FitResult) -> Sloppiness:
         (('K', 'b'), 22)
     """
     aim = target(fit)
-    infos = _infos(fit.model)
+    infos = {name: info for name, info, _ in numbers_of(fit.model)}
     names = tuple(name for name in aim.names if name in infos)
     J = np.asarray(_jacobian(aim, aim.start))[:, : len(names)]
     size = 1.0 if fit.noise_model is None else float(np.sqrt(fit.noise_model.information))
@@ -114,8 +115,7 @@ def without_effect(fit: FitResult, names: list[str]) -> list[Note]:
     its range."""
     model, used = fit.model, fit.used
     bounds = transform_for(model, fit.train, fit.settings)
-    infos, said = _infos(model), []
-    flows = any("time" in info.unit.split() for info in infos.values())
+    said, flows = [], any("time" in info.unit.split() for _, info, _ in numbers_of(model))
     mend = "add a creep hold" if flows else "leave it out"
     output = predict(model, fit.train)[used]
     for name in names:
@@ -133,16 +133,6 @@ def without_effect(fit: FitResult, names: list[str]) -> list[Note]:
 @eqx.filter_jit
 def _jacobian(aim: Target, point: Array) -> Array:
     return jax.jacfwd(aim.residuals)(point)
-
-
-def _infos(model: AbstractModel) -> dict[str, ParameterInfo]:
-    """What is known of each number among the parameters, named as in `Transform`."""
-    return {
-        name if np.ndim(value) == 0 else f"{name}.{k}": info
-        for name, info, value in parameters(model)
-        if value is not None
-        for k in range(np.size(value))
-    }
 
 
 def _direction(

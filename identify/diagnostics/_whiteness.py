@@ -200,20 +200,14 @@ def _whitened(
 
     Its order is chosen by the Bayesian information criterion, its coefficients are Yule and Walker's.
     """
-    lags = np.arange(ORDERS + 1)
-    products, pairs = _products(signals[0], signals[0], used, starts, lags)
-    a, left = np.array([1.0]), float(products[0])
-    best, least = a, np.log(max(left, 1e-300))
-    for order in range(1, ORDERS + 1):
-        if not left > 0:
-            break
-        # Levinson's recursion.
-        k = -float(a @ products[order:0:-1][: len(a)]) / left
-        a = np.append(a, 0.0) + k * np.append(a, 0.0)[::-1]
-        left *= 1 - k**2
-        score = np.log(max(left, 1e-300)) + order * np.log(pairs[0]) / pairs[0]
+    products, pairs = _products(signals[0], signals[0], used, starts, np.arange(ORDERS + 1))
+    best, least = np.ones(1), np.log(max(products[0], 1e-300))
+    for order in range(1, ORDERS + 1 if products[0] > 0 else 1):
+        a = -scipy.linalg.solve_toeplitz(products[:order], products[1 : order + 1])
+        left = max(products[0] + a @ products[1 : order + 1], 1e-300)
+        score = np.log(left) + order * np.log(pairs[0]) / pairs[0]
         if score < least:
-            best, least = a, score
+            best, least = np.append(1.0, a), score
     pieces = [slice(int(a), int(b)) for a, b in zip(starts, [*starts[1:], len(used)], strict=True)]
     return tuple(
         np.concatenate([scipy.signal.lfilter(best, [1.0], x[rows]) for rows in pieces])

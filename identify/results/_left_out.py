@@ -9,12 +9,10 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
-import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from hysteresis import AbstractModel, Record, parameters
+from hysteresis import AbstractModel, Record
 from hysteresis._parameter import parameter_at
 
 from .._levels import GROUPS, MANY_ROWS
@@ -26,6 +24,7 @@ from ..linear._linear_fit import LinearFit
 from ..linear._preisach_problem import PreisachProblem
 from ..linear._preisach_unknowns import GridUnknowns
 from ..linear._unknown_vectors import relative
+from ..parameters._settings import numbers_of, replaced
 from ..records._folds import Parts
 from ._detail import Composition, GridWeights, Parametric
 from ._fit_result import FitResult
@@ -147,7 +146,7 @@ def _of_parameters(
     J = w[:, None] * np.column_stack([slope_of(fit, p.name) for p in free])
     size = np.maximum(np.sqrt((J[used] ** 2).sum(0)), np.finfo(float).tiny)
     J, r = J / size, np.where(used, w * fit.residuals, 0.0)
-    lows = {name: info.bounds[0] for name, info, _ in parameters(fit.model)}
+    lows = {name: info.bounds[0] for name, info, _ in numbers_of(fit.model)}
     for g in range(int(group.max()) + 1):
         own, rest = used & (group == g), used & (group != g)
         if not (own.any() and rest.any()):
@@ -159,7 +158,7 @@ def _of_parameters(
         for part in HALVES:
             model = fit.model
             for p, by in zip(free, part * step, strict=True):
-                model = _moved(model, p.name, float(by), lows)
+                model = _moved(model, p.name, float(by), lows[p.name])
             missed = w * (replace(fit, model=model).predict(fit.train) - fit.train.output)
             if float(np.sum(missed[rest] ** 2)) <= least:
                 break
@@ -181,14 +180,8 @@ def _step(
     return turned @ (gain * (turned.T @ slope))
 
 
-def _moved(model: AbstractModel, name: str, by: float, lows: dict[str, float]) -> AbstractModel:
+def _moved(model: AbstractModel, name: str, by: float, low: float) -> AbstractModel:
     """The model with one parameter moved, on the scale on which it has no lower bound."""
-    array, _, place = name.rpartition(".")
-    is_entry = place.isdigit() and eqx.is_array(parameter_at(model, array))
-    field = array if is_entry else name
-    value = jnp.asarray(parameter_at(model, field))
-    low = lows.get(field, -np.inf)
-    old = value[int(place)] if is_entry else value
-    new = old + by if low == -np.inf else low + (old - low) * jnp.exp(by / (old - low))
-    value = value.at[int(place)].set(new) if is_entry else new
-    return eqx.tree_at(lambda m: parameter_at(m, field), model, value)
+    old = float(parameter_at(model, name))
+    new = old + by if low == -np.inf else low + (old - low) * np.exp(by / (old - low))
+    return replaced(model, name, new)

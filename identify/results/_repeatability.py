@@ -8,8 +8,6 @@ best line itself is known is seen from what differs between cycles.
 from dataclasses import replace
 from typing import NamedTuple
 
-import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 from scipy.special import stdtrit
@@ -18,7 +16,7 @@ from hysteresis import Record
 from hysteresis._parameter import parameter_at
 
 from .._levels import REPEATS
-from ..parameters._settings import numbers_of
+from ..parameters._settings import numbers_of, replaced
 from ._detail import Parametric
 from ._fit_result import FitResult
 from ._parameters import with_ties
@@ -110,6 +108,16 @@ def with_repeatability(fit: FitResult) -> FitResult:
     return replace(fit, parameters=with_ties(tuple(told.values()), ties))
 
 
+def cycles_or_sequences(record: Record) -> tuple[list[str], Int[np.ndarray, " samples"]]:
+    """Names, and the name's number for each row: of its sequence where there are several, else of its
+    cycle, with 0 outside cycles."""
+    if len(record.labels) == 1:
+        which = np.maximum(record.cycle, 0)
+        return ["outside cycles", *(f"cycle {k}" for k in range(1, int(which.max()) + 1))], which
+    lengths = np.diff([*record.starts, len(record)])
+    return ["", *record.labels], np.repeat(np.arange(1, len(lengths) + 1), lengths)
+
+
 def groups_of(record: Record, used: np.ndarray) -> Int[np.ndarray, " samples"]:
     """Number of the cycle of each row over all sequences, of those with counted rows; -1 for none."""
     sequence = np.repeat(np.arange(len(record.labels)), np.diff([*record.starts, len(record)]))
@@ -126,15 +134,11 @@ def groups_of(record: Record, used: np.ndarray) -> Int[np.ndarray, " samples"]:
 
 def slope_of(fit: FitResult, name: str) -> Float[np.ndarray, " samples"]:
     """dy / d parameter of every row, by central differences."""
-    array, _, place = name.rpartition(".")
-    is_entry = place.isdigit() and eqx.is_array(parameter_at(fit.model, array))
-    field = array if is_entry else name
-    value = jnp.asarray(parameter_at(fit.model, field))
     own = next(p for p in fit.parameters if p.name == name)
+    value = float(parameter_at(fit.model, name))
     step = STEP * (abs(own.value) or own.stderr or 1.0)
     ends = []
     for side in (step, -step):
-        new = value.at[int(place)].add(side) if is_entry else value + side
-        moved = eqx.tree_at(lambda m: parameter_at(m, field), fit.model, new)
-        ends.append(np.asarray(replace(fit, model=moved).predict(fit.train)))
+        moved = replace(fit, model=replaced(fit.model, name, value + side))
+        ends.append(np.asarray(moved.predict(fit.train)))
     return (ends[0] - ends[1]) / (2 * step)
