@@ -1,5 +1,6 @@
 """What is said when the user's data or settings are at fault."""
 
+from functools import partial
 from typing import Any
 
 
@@ -40,11 +41,7 @@ class InputError(ValueError):
         return {name: getattr(self, field) for name, field in names.items()}
 
     def __reduce__(self) -> tuple[Any, ...]:  # between processes
-        return type(self)._of, (vars(self),)
-
-    @classmethod
-    def _of(cls, fields: dict[str, str]) -> "InputError":
-        return cls(**fields)
+        return partial(type(self), **vars(self)), ()
 
     def _text(self) -> str:
         text = f"{self.place}: {self.problem}" if self.place else self.problem

@@ -21,5 +21,17 @@ TRIES = 3
 GROUPS = 12
 """Groups of cycles that are left out one by one, at most; of more, neighbours go together."""
 
-HELD, HELD_ROWS = 0.02, 8
-"""A hold: so many rows in which the input stays within this part of its range."""
+HELD = 0.02
+"""Of the range: an input that stays within it is held."""
+
+FEWEST = 8
+"""Rows of a hold or of a spectrum, or lines of a multisine, at least."""
+
+FEW = 20
+"""Rows, steps or draws without which nothing is said of their distribution."""
+
+SOME_ROWS = 2000
+"""Rows that are looked at, about, where many more tell no more."""
+
+STEPS = 40
+"""Of a search, at most: one that converges ends before."""

@@ -42,17 +42,17 @@ def done_by(
     """
     if executor is None:
         for unit in units:
-            yield unit, _attempt(unit)
+            yield unit, _attempt(unit.function, *unit.arguments)
     elif isinstance(executor, Executor):
         yield from _spread(units, executor, None)
     else:
         yield from _spread(units, executor(), executor)
 
 
-def _attempt(unit: Unit) -> Any:
+def _attempt(work: Callable[..., Any], *arguments: Any) -> Any:
     try:
-        return unit.function(*unit.arguments)
-    except Exception as error:
+        return work(*arguments)
+    except (Exception, CancelledError) as error:
         return error
 
 
@@ -82,7 +82,7 @@ def _spread(
             # Whatever ended; of a broken pool that is everything.
             for future in wait(flying, return_when=FIRST_COMPLETED).done if flying else ():
                 unit, tries = flying.pop(future)
-                outcome = _outcome(future)
+                outcome = _attempt(future.result)
                 if isinstance(outcome, BrokenExecutor):
                     broken.append((unit, tries))
                 elif _is_lost(outcome) and tries < TRIES:
@@ -106,13 +106,6 @@ def _spread(
             future.cancel()
         if make is not None:
             executor.shutdown(wait=True, cancel_futures=True)
-
-
-def _outcome(future: Future[Any]) -> Any:
-    try:
-        return future.result()
-    except (Exception, CancelledError) as error:
-        return error
 
 
 def _is_lost(outcome: Any) -> bool:

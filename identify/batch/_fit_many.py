@@ -20,6 +20,7 @@ from hysteresis._note import ProgressNote
 from hysteresis._precision import in_this_precision, is_double
 from hysteresis._serialisation import described
 
+from .._levels import FEW
 from ..fitting._candidates import Asked, candidates
 from ..fitting._fit import INTERRUPTED, fit
 from ..fitting._verdict import USABLE
@@ -33,15 +34,15 @@ from ._folder import Batch, Folder, Kept, digest, files_of, held_in_memory, para
 # Linear sponges by least squares in closed form: a row of the table in 0.1 ms, without a fit.
 
 
-ROWS, CORRELATION = 20, 0.6
-"""Least rows and correlation with the input of a record that certainly passes `check_identifiable`."""
+CORRELATION = 0.6
+"""Least one with the input of a record that certainly passes `check_identifiable`."""
 
 
 def line_row(record: Record, threshold: float) -> dict[str, Any] | None:
     """The row of the `LinearSponge` that has the least squares, its noise Gaussian; None where `fit` itself
     has to tell whether the record identifies one."""
     u, y = record.input[record.mask], record.output[record.mask]
-    if len(u) < ROWS or record.channels or record.sigma is not None:
+    if len(u) < FEW or record.channels or record.sigma is not None:
         return None
     with np.errstate(divide="ignore", invalid="ignore"):
         correlation = np.mean((u - u.mean()) * (y - y.mean())) / (u.std() * y.std())

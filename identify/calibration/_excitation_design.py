@@ -10,6 +10,7 @@ from jaxtyping import Float
 from hysteresis import InputError, Oscillator, Sum
 from hysteresis.dynamics._oscillator import forces_of
 
+from .._levels import FEWEST
 from ..dynamics._classes import COARSER, periods_to_steady_state
 from ..dynamics._duhem_search import duhem_family
 from ..dynamics._measured_motion import LEAST_ROWS, measured_motion
@@ -23,7 +24,7 @@ LEVELS = 2.0 ** np.arange(-2, 3)
 BANDS = (*((1 / f, f) for f in (1.25, 2.0, 4.0)), (0.1, 1.0))
 """About the resonance, by which they are multiplied; the fitted record's band is tried too."""
 
-HIGHEST, LEAST_LINES, ROWS = 0.45, 8, 4096
+HIGHEST, ROWS = 0.45, 4096
 PLACES = 33
 """Forces at which the standard deviation of the slopes f+ and f- is taken."""
 
@@ -71,13 +72,13 @@ def multisine(
     """
     frequencies = np.fft.rfftfreq(rows, dt)
     lines = (frequencies >= low) & (frequencies <= high) & (frequencies > 0)
-    if not 0 <= low < high < 0.5 / dt or lines.sum() < LEAST_LINES or not level > 0:
+    if not 0 <= low < high < 0.5 / dt or lines.sum() < FEWEST or not level > 0:
         raise InputError(
             "bad-option",
             f"a multisine of {level:g} rms from {low:g} to {high:g}: {int(lines.sum())} lines at a sampling"
             f" rate of {1 / dt:g}, {rows} rows a period.",
             fix=f"give a positive level, a band below {0.5 / dt:g}, and a period of so many rows that at"
-            f" least {LEAST_LINES} lines lie in it.",
+            f" least {FEWEST} lines lie in it.",
         )
     phases = np.random.default_rng(seed).uniform(0, 2 * np.pi, int(lines.sum()))
     spectrum = np.zeros(len(frequencies), complex)

@@ -14,15 +14,13 @@ from jaxtyping import Array, Float
 from hysteresis import InputError, Note
 from hysteresis._note import warning
 
+from .._levels import CONFIDENCE, STEPS
 from ..posterior._log_posterior import Target, target
 from ..posterior._mode import Maximum, likeliest_near
 from ..results._fit_result import FitResult
 
 REACH = float(np.log(1e6))
 """How far an end is sought in a logarithm; of an unbounded parameter a million times its scale."""
-
-STEPS = 40
-"""Points on one side of the maximum, at most."""
 
 TRIED, OTHERS = 6, 1
 """Starts followed to their end, and further maxima that profiles go out from, at most."""
@@ -67,7 +65,7 @@ def bound_of(level: float) -> float:
     return float(scipy.special.chdtri(1, 1 - level)) / 2
 
 
-def profile(fit: FitResult, name: str, *, level: float = 0.9) -> Profile:
+def profile(fit: FitResult, name: str, *, level: float = CONFIDENCE) -> Profile:
     """The profile likelihood of the parameter `name`, and the interval in which it drops by less than
     half the `level` quantile of chi-square with one degree of freedom.
 
@@ -91,7 +89,7 @@ def profile(fit: FitResult, name: str, *, level: float = 0.9) -> Profile:
 
 
 def profiles(
-    fit: FitResult, names: Iterable[str] | None = None, *, level: float = 0.9
+    fit: FitResult, names: Iterable[str] | None = None, *, level: float = CONFIDENCE
 ) -> tuple[Profile, ...]:
     """The profiles of several parameters, all those of the model unless named; see `profile`."""
     aim = target(fit)
@@ -123,7 +121,7 @@ def another_minimum(fit: FitResult) -> tuple[Note, bool] | None:
     names = aim.bounds.names
     behind = fit.noise.effective / 2 * np.log(starts.objective / starts.objective[0])
     noise = np.asarray(aim.start)[len(names) :]
-    points = [np.append(free, noise) for free in starts.free[behind < bound_of(0.9)]]
+    points = [np.append(free, noise) for free in starts.free[behind < bound_of(CONFIDENCE)]]
     values = np.array([aim.values(point)[: len(names)] for point in points])
     size = np.array([errors.get(name, np.inf) for name in names])
     for point, other in zip(points, values, strict=True):

@@ -10,6 +10,7 @@ from jaxtyping import Array, Float
 
 from hysteresis.records._arrays import pieces
 
+from .._levels import FEW
 from ._arithmetic import Rows
 
 # Correlated noise behind a linear fit whose many unknowns have followed part of it.
@@ -142,7 +143,7 @@ def nothing_speaks_against(left: Left, rows: Rows, spent: int = 0) -> bool:
     counted = np.asarray(rows.counted)
     squares, reading = x[counted] ** 2, reading[counted]
     count = len(squares)
-    if count < 20 or not squares.any():
+    if count < FEW or not squares.any():
         return False
     tails = abs(np.mean(squares**2) / np.mean(squares) ** 2 - 3) * np.sqrt(count / 24)
     spread = np.std(squares) * np.std(reading)

@@ -104,7 +104,7 @@ def integrated_time(rho: Float[np.ndarray, "lags *series"]) -> Float[np.ndarray,
     sums = 2 * np.cumsum(rho, axis=0) - 1
     inside = (np.arange(len(rho)) >= sums.T * 5).T
     window = np.where(inside.any(axis=0), inside.argmax(axis=0), len(rho) - 1)
-    return np.take_along_axis(sums, window[None], axis=0)[0]
+    return np.asarray(np.take_along_axis(sums, window[None], axis=0)[0])
 
 
 def autocovariance(x: Float[np.ndarray, "rows *series"]) -> Float[np.ndarray, "rows *series"]:

@@ -7,6 +7,8 @@ import numpy as np
 import scipy
 from jaxtyping import Float
 
+from .._levels import FEW
+
 # What a sampler hands over, whichever it was.
 
 
@@ -45,10 +47,8 @@ class Chains(NamedTuple):
 
 
 VALLEY, ASIDE = 0.5, 0.05
-"""A valley counts below this part of the lower peak, and with this part of the draws on either side."""
-
-DRAWS_ASIDE = 20
-"""Effective draws that have to be there, too."""
+"""A valley counts below this part of the lower peak, and with this part of the draws, and `FEW` effective
+ones, on either side."""
 
 
 def rhat(chains: Float[np.ndarray, "chains draws"]) -> float:
@@ -88,7 +88,7 @@ def has_two_modes(draws: Float[np.ndarray, " draws"], effective: float) -> bool:
     lower = np.minimum(
         np.maximum.accumulate(density), np.maximum.accumulate(density[::-1])[::-1]
     )  # of the highest peaks on either side
-    aside = max(ASIDE, DRAWS_ASIDE / effective)
+    aside = max(ASIDE, FEW / effective)
     valleys = (density < VALLEY * lower) & (below > aside) & (below < 1 - aside)
     return bool(valleys.any())
 

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from .._levels import FEW
 from ..noise._residual_statistics import autocovariance, integrated_time
 from ..storage._checkpoint import Checkpoint
 from ._convergence import Chains, Progress, rhat
@@ -120,10 +121,6 @@ MOMENT = 0.25
 """Seconds of a block of steps: how often it can be interrupted, and says where it is."""
 
 
-LEAST = 20
-"""Steps that chains have to hold, so that something can be said about them."""
-
-
 class History(NamedTuple):
     """All that a run needs to resume.
 
@@ -215,7 +212,7 @@ def sample_ensembles(
     most: int,
     checkpoint: Checkpoint,
     tell: Progress,
-    least: int = LEAST,
+    least: int = FEW,
 ) -> Chains:
     """Advance ensembles from `first`, or from what the checkpoint kept, to their end; see `SideBySide` for
     `place` and `root`.

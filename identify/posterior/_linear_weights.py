@@ -202,20 +202,18 @@ KNOWN = 0.01
 """Part of its prior variance that is left of a sum which the data know."""
 
 
-class Length(NamedTuple):
-    """How many steps and walkers, see `sample`."""
-
-    steps: int | None
-    most: int
-    ensembles: int
-    walkers: int
-    seed: int
-
-
 # Many small factorisations, for which threads of BLAS only wait.
 @threadpool_limits.wrap(limits=1, user_api="blas")
 def sample_weights(
-    fit: FitResult, linear: LinearFit, length: Length, kept: Checkpoint, tell: Progress
+    fit: FitResult,
+    linear: LinearFit,
+    steps: int | None,
+    most: int,
+    ensembles: int,
+    walkers: int,
+    seed: int,
+    kept: Checkpoint,
+    tell: Progress,
 ) -> Posterior:
     """Draw noise, its correlation and the prior's strength by emcee, and given each the unknowns.
 
@@ -230,7 +228,6 @@ def sample_weights(
     begin = time.perf_counter()
     design = weights_design(linear, fit.train, fit.used)
     evidence = WeightsEvidence(design.sums)
-    steps, most, ensembles, walkers, seed = length
     place, root = evidence.place, evidence.root
     first = first_walkers(evidence, place, root, ensembles, walkers, seed)
     chains = sample_ensembles(evidence, first, place, root, seed, steps, most, kept, tell)

@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from .._levels import STEPS
 from ._log_posterior import Target
 
 Function = Callable[[Float[Array, " numbers"]], Float[Array, ""]]
@@ -31,7 +32,7 @@ def maximise(
     function: Function,
     point: Float[Array, " numbers"],
     moves: Bool[Array, " numbers"],
-    steps: int = 40,
+    steps: int = STEPS,
 ) -> Maximum:
     """The maximum near `point` over those numbers that move; pure JAX.
 

@@ -12,6 +12,7 @@ from jaxtyping import Array, Float, Int
 from hysteresis import AbstractModel, Record
 from hysteresis.models._extrapolation import extended
 
+from .._levels import SOME_ROWS
 from ..noise._model import NoiseModel, rows_of
 from ..noise._reml import PARTS
 from ..noise._residual_statistics import estimate_noise
@@ -24,8 +25,8 @@ from ._posterior import Posterior
 from ._sample import sample
 
 LEVELS = (0.5, 0.9, 0.99)
-DRAWS, ROWS = 100, 2000
-"""Draws of the model, and rows of the record, at most."""
+DRAWS = 100
+"""Draws of the model, at most."""
 
 HALVINGS = 25
 """Of the interval around a quantile of a mixture: 3e-8 of it are left."""
@@ -87,7 +88,7 @@ def predictive(
         posterior = sample(fit, steps=DRAWS // 4, ensembles=4, seed=fit.seed)
     models, noise = _drawn(fit) if posterior is None else _chosen(posterior)
     counted = np.flatnonzero(record.mask)
-    rows = counted[:: -(-len(counted) // ROWS)]
+    rows = counted[:: -(-len(counted) // SOME_ROWS)]
     # All draws of a model prepare an input alike.
     models, one = _widened(models, record)
     prepared = prepare(one, record)

@@ -15,6 +15,7 @@ from hysteresis import InputError
 from hysteresis._serialisation import described
 from hysteresis.numerics._normal import NORMAL_95
 
+from .._levels import FEW
 from ..results._detail import (
     Composition,
     DiscreteSpectrum,
@@ -27,8 +28,8 @@ from ..results._fit_result import FitResult
 from ..storage._checkpoint import Checkpoint, digest
 from ..storage._json import versions
 from ._convergence import Chains, Progress
-from ._emcee import LEAST, LogProbability, first_walkers, sample_ensembles
-from ._linear_weights import Length, sample_weights
+from ._emcee import LogProbability, first_walkers, sample_ensembles
+from ._linear_weights import sample_weights
 from ._log_posterior import Target, target
 from ._mode import top_of
 from ._motion_target import MotionTarget, motion_target
@@ -126,10 +127,10 @@ def sample(
     tell = progress or (lambda done, total, text: None)
     file = None if checkpoint is None else Path(checkpoint)
     if isinstance(detail, GridWeights | Composition):
-        length = Length(steps, most, ensembles, walkers_for(walkers, 3), seed)
-        identity = _weights_identity(fit, detail, seed, ensembles, length.walkers)
+        walkers = walkers_for(walkers, 3)
+        identity = _weights_identity(fit, detail, seed, ensembles, walkers)
         kept = Checkpoint(file, identity, resume, every)
-        return sample_weights(fit, detail.linear, length, kept, tell)
+        return sample_weights(fit, detail.linear, steps, most, ensembles, walkers, seed, kept, tell)
     held: tuple[str, ...] = ()
     aim: Target | MotionTarget
     if isinstance(detail, Motion):
@@ -217,11 +218,11 @@ def _log_probability(
 
 def _check(steps: int | None, ensembles: int, seed: int, most: int) -> None:
     longest = most if steps is None else steps
-    if ensembles < 2 or longest < LEAST:
+    if ensembles < 2 or longest < FEW:
         raise InputError(
             "bad-option",
             f"{longest} steps in {ensembles} ensembles say nothing about convergence.",
-            fix=f"take at least {LEAST} steps and 2 ensembles.",
+            fix=f"take at least {FEW} steps and 2 ensembles.",
         )
     if seed < 0:
         raise InputError("bad-option", f"the seed is {seed}.", fix="take a whole number from 0 on.")

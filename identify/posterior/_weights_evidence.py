@@ -72,17 +72,15 @@ def neighbour_sums(
     first[[each.start for each in sequences]] = True
     last[[each.stop - 1 for each in sequences]] = True
     same, following, ends = 0.0, 0.0, 0.0
-    begin, before = 0, None
+    begin, before = 0, 0.0
     for block in blocks:
         here = slice(begin, begin + len(block))
         same = same + block.T @ block
         for at in (first[here], last[here]):
             ends = ends + block[at].T @ block[at]
         goes_on = ~first[here]
-        joined = block if before is None else np.vstack([before, block])
-        second = joined[-len(block) :][goes_on] if before is not None else block[goes_on]
-        behind = joined[: len(block)][goes_on] if before is not None else block[:-1][goes_on[1:]]
-        crossed = behind.T @ second
+        behind = np.vstack([before + np.zeros_like(block[:1]), block[:-1]])
+        crossed = behind[goes_on].T @ block[goes_on]
         following = following + crossed + crossed.T
         begin, before = here.stop, block[-1:]
     return NeighbourSums(

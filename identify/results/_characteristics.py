@@ -15,7 +15,7 @@ from hysteresis import Record
 from hysteresis._format import number_of
 from hysteresis.records._loop_table import LoopTable, loop_table
 
-from .._levels import HELD, HELD_ROWS
+from .._levels import FEWEST, HELD
 
 LEVEL, SCATTER = 1e-3, 6.0
 """At its level an input is this close, of its range, or this many median deviations."""
@@ -132,7 +132,7 @@ def _relaxation(
     if record.time is None:
         return none("the record has no clock")
     held = (rows[counted[rows]] for rows in holds_of(record))
-    holds = [rows for rows in held if len(rows) >= HELD_ROWS]
+    holds = [rows for rows in held if len(rows) >= FEWEST]
     if not holds:
         return none("the input is never held")
     ends = [_ends(outputs[:, rows]) for rows in holds]
@@ -160,9 +160,9 @@ def holds_of(record: Record) -> list[np.ndarray]:
     span = float(np.ptp(record.input[record.mask])) if record.mask.any() else 0.0
     for _, where in record.sequences():
         u = record.input[where]
-        if len(u) < HELD_ROWS:
+        if len(u) < FEWEST:
             continue
-        windows = np.lib.stride_tricks.sliding_window_view(u, HELD_ROWS)
+        windows = np.lib.stride_tricks.sliding_window_view(u, FEWEST)
         moves, steps = np.abs(np.diff(u)), np.diff(t[where])
         # Along its path, so that rests do not slow it down.
         pace = float(np.sum(moves**2 / steps) / moves.sum()) if moves.any() else 0.0
@@ -170,7 +170,7 @@ def holds_of(record: Record) -> list[np.ndarray]:
         for run in np.split(still, np.flatnonzero(np.diff(still) > 1) + 1):
             if not len(run):
                 continue
-            rows = np.arange(run[0], run[-1] + HELD_ROWS)
+            rows = np.arange(run[0], run[-1] + FEWEST)
             # Where it arrives and leaves it still moves: from the first row at the level to the last.
             away = np.abs(u[rows] - np.median(u[rows]))
             at = np.flatnonzero(away <= max(SCATTER * np.median(away), LEVEL * span))

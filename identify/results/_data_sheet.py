@@ -15,7 +15,7 @@ from hysteresis.records._loads import over
 from hysteresis.records._loop_cut import Pair, step_of
 from hysteresis.records._loop_figures import Loops
 
-from .._levels import HELD_ROWS, REPEATS
+from .._levels import FEWEST, REPEATS
 from ._characteristics import holds_of
 
 LEAST, RESOLUTIONS = 0.1, 500
@@ -415,7 +415,7 @@ def _holds(record: Record) -> list[tuple[float, np.ndarray, np.ndarray]]:
     return [
         (float(record.input[rows].mean()), record.time[rows], record.output[rows])
         for rows in found
-        if len(rows) >= HELD_ROWS
+        if len(rows) >= FEWEST
     ]
 
 

@@ -19,7 +19,7 @@ from .._levels import GROUPS, MANY_ROWS
 from ..linear._composition import CompositionUnknowns
 from ..linear._composition_fit import SLACK
 from ..linear._composition_memory import memory_blocks
-from ..linear._cross_validation import NormalEquations
+from ..linear._cross_validation import NormalEquations, normal_equations_of
 from ..linear._linear_fit import LinearFit
 from ..linear._preisach_problem import PreisachProblem
 from ..linear._preisach_unknowns import GridUnknowns
@@ -121,18 +121,14 @@ def _of_composition(
 ) -> dict[int, NormalEquations]:
     y = relative(meaning, record.output)
     used = (group >= 0) & (y > meaning.least + SLACK)  # below it an output tells only a limit
-    n = meaning.count
-    found = {
-        g: NormalEquations(np.zeros((n, n)), np.zeros(n), 0.0, 0) for g in np.unique(group[used])
-    }
+    found: dict[int, NormalEquations] = {}
     for here, memory in memory_blocks(meaning.memory(), record, np.flatnonzero(used)):
-        A = meaning.columns(memory)
-        for g in np.unique(group[here]):
-            own = group[here] == g
-            w = record.weights[here][own]
-            a, v = w[:, None] * A[own], w * y[here][own]
-            found[g] += NormalEquations(a.T @ a, a.T @ v, float(v @ v), int(own.sum()))
-    return {int(g): equations for g, equations in found.items()}
+        w, own = record.weights[here], group[here]
+        which = {int(g): own == g for g in np.unique(own)}
+        A = w[:, None] * meaning.columns(memory)
+        for g, more in normal_equations_of(A, w * y[here], which).items():
+            found[g] = found[g] + more if g in found else more
+    return found
 
 
 def _of_parameters(

@@ -27,6 +27,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from .._levels import SOME_ROWS
 from ..linear._nnls import nonnegative_least_squares
 from ._prony_series import Fitted, Problem, Times, to_unit
 
@@ -91,7 +92,8 @@ def short_series(
 ) -> dict[int, Fitted]:
     """The best series of so many time constants, by their number: `counts` fall."""
     found: dict[int, Fitted] = {}
-    few, more = problem.thinned(SEARCHED), dense
+    # The search looks at some rows of a unit step; the rest refine the times.
+    few, more = problem.thinned(SOME_ROWS), dense
     for count in counts:
         starts = {tuple(_merged(few, one, count)) for one in (dense, more)}
         tries = [few.fit(np.array(start), bounds) for start in starts]
@@ -111,10 +113,6 @@ def _without_idle(fitted: Fitted) -> Fitted:
         strengths=fitted.strengths[there],
         known=fitted.known[there],
     )
-
-
-SEARCHED = 3000
-"""About how many rows of a unit step the search looks at; the rest refine the times."""
 
 
 def _merged(problem: Problem, fitted: Fitted, count: int) -> Float[np.ndarray, " count"]:

@@ -9,8 +9,9 @@ from jaxtyping import Float
 
 from hysteresis import GeneralizedKelvinVoigt, GeneralizedMaxwell, InputError
 
+from .._levels import FEWEST, SOME_ROWS
 from ..noise._residual_statistics import Noise, estimate_noise
-from ._dense_spectrum import SEARCHED, dense_spectrum, short_series
+from ._dense_spectrum import dense_spectrum, short_series
 from ._extrapolation import Allowed, allowed
 from ._fractional import Fractional, fractional_of
 from ._prony_series import Fitted, Input, Kind, Problem, Way
@@ -23,8 +24,6 @@ SUPPORT = 6.0
 TOGETHER, NOTICED = 2.0, 0.01
 """Storage and loss contradict each other where together they leave so many times what each alone does, and
 more than so much of the reading."""
-LEAST = 8
-"""Rows, at least."""
 BEYOND = 3.0
 """How far beyond the record's step and span a time constant is searched, as a factor."""
 
@@ -186,8 +185,8 @@ def spectrum(
         responses = tuple(map(_relaxing, responses))
     kind, notes = side_of(responses), list[str]()
     problem = problem_of(responses, notes, _known(fixed or {}, kind))
-    if (count := np.count_nonzero(problem.weights)) < LEAST:
-        raise InputError("too-few-rows", f"{count} rows: a spectrum needs at least {LEAST}.")
+    if (count := np.count_nonzero(problem.weights)) < FEWEST:
+        raise InputError("too-few-rows", f"{count} rows: a spectrum needs at least {FEWEST}.")
     steps, spans = zip(*map(resolved, problem.inputs), strict=True)
     step, span = min(steps), max(spans)
     ends = np.log(bounds or (step / BEYOND, span * BEYOND))
@@ -213,7 +212,7 @@ def spectrum(
     answers = tuple(Answer(_model(f, problem), f, *_log_covariance(f, problem)) for f in fits)
     notes += [] if table[best].dense else _notes(fits[best], step, span, kind)
     notes += _contradiction(problem, fits[best], ends)
-    around = allowed(problem.thinned(SEARCHED), fits[best], noise, step, span)
+    around = allowed(problem.thinned(SOME_ROWS), fits[best], noise, step, span)
     way = responses[0].way if len(responses) == 1 else None
     return Spectrum(
         kind, answers[best].model, table[best].order, table, noise, around, step, span, tuple(notes), way,

@@ -26,6 +26,7 @@ from scipy.optimize import least_squares
 
 from hysteresis import InputError
 
+from .._levels import STEPS
 from ._dense_spectrum import Smoothed, dense_spectrum, smoothed
 from ._prony_series import Fitted, Problem
 from ._response import Response, problem_of, resolved
@@ -34,8 +35,6 @@ from ._spectrum import BEYOND, Spectrum, noise_of, spectrum
 PerTemperature = Float[np.ndarray, " temperatures"]
 NEAR = 0.5
 """Kelvins within which a temperature is that of a run."""
-ROUNDS = 40
-"""Steps of the search for the shifts with one smoothness, at most."""
 CHOICES = 4
 """Times that the evidence chooses the smoothness again after that."""
 
@@ -225,7 +224,7 @@ def _descended(
 ) -> PerTemperature:
     """The best shifts for a spectrum of this smoothness."""
     fitted, damping = begin.fitted, 1e-3
-    for _ in range(ROUNDS):
+    for _ in range(STEPS):
         J = _slopes(_shifted(problem, log_a), fitted)[:, free]
         H, g, before = J.T @ J, J.T @ fitted.residuals, _cost(fitted)
         size = np.diag(np.maximum(np.diagonal(H), 1e-12 * np.diagonal(H).max()))
