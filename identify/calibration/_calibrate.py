@@ -196,7 +196,8 @@ def calibrate(
             fix="exclude such readings, or start from values with finite residuals.",
         )
     # QR of [J; 1], whose R is a root of the precision: never singular.
-    J, left = (np.asarray(x)[: -len(start)] for x in (found.jacobian, found.residuals))
+    measured = len(found.residuals) - len(start)
+    J, left = (np.asarray(x)[:measured] for x in (found.jacobian, found.residuals))
     R = np.linalg.qr(np.concatenate([J, np.eye(len(start))]), mode="r")
     root = np.linalg.inv(R)
     after = np.linalg.norm(np.asarray(slopes) @ root, axis=1)
