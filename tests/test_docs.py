@@ -32,8 +32,6 @@ def tool(name: str) -> ModuleType:
     """A module of docs/tools/, which is on no path."""
     if name not in sys.modules:
         spec = importlib.util.spec_from_file_location(name, DOCS / "tools" / f"{name}.py")
-        assert spec is not None
-        assert spec.loader is not None
         sys.modules[name] = importlib.util.module_from_spec(spec)
         sys.path.insert(0, str(DOCS / "tools"))  # for what it imports from its own folder
         try:
@@ -83,7 +81,6 @@ def _words_and_numbers(file: Path) -> tuple[list[str], dict[str, list[float]]]:
     curves = {}
     for name in ("measured", "fitted", "line", "estimate"):
         drawn = re.search(rf'<g id="{name}">(.*?)^   </g>', text, re.DOTALL | re.MULTILINE)
-        assert drawn is not None
         path = re.sub(r"<defs>.*?</defs>|#\w+", "", drawn[1], flags=re.DOTALL)
         curves[name] = [float(x) for x in re.findall(r"(?<![\w.])-?\d+\.\d+", path)]
         assert len(curves[name]) >= 40

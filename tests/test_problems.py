@@ -32,7 +32,6 @@ def test_every_exported_model_is_in_the_table():
 @pytest.mark.parametrize("problem", [p for p in PROBLEMS if p.known], ids=lambda p: p.name)
 def test_known_values(problem: Problem):
     model = problem.model(seed=3)
-    assert problem.known is not None
     t, u, y = problem.known(model)
     # A hundred additions of numbers of the output's size, each rounded: 1e-14 of it.
     np.testing.assert_allclose(model.simulate(t, u), y, rtol=0, atol=1e-13 * np.abs(y).max())

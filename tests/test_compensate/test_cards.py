@@ -106,7 +106,6 @@ def calculix(text: str) -> Curve:
 
 def febio(text: str) -> Curve:
     root = ElementTree.fromstring(f"<x>{text}</x>").find("material")
-    assert root is not None
     found = {one.tag: float(one.text) for one in root.iter() if one.text and one.text.strip()}
     count = sum(re.fullmatch(r"t\d+", name) is not None for name in found)
     g, tau = ([found[f"{name}{k + 1}"] for k in range(count)] for name in ("g", "t"))

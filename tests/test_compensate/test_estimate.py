@@ -56,7 +56,6 @@ def test_it_is_simulate_of_each_sequence(name: str, seed: int, lengths: list[int
     # NumPy's rows: JAX would compile a program for each slice.
     found = jax.tree.map(np.asarray, estimate(compensator, data))
     for _, rows in data.sequences():
-        assert data.time is not None
         alone = compensator.simulate(data.time[rows], data.output[rows])
         # The parallel recurrence of Burgers adds up in another order where there are more samples.
         jax.tree.map(

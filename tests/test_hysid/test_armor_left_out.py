@@ -56,7 +56,5 @@ def test_slip_without_a_press_is_found_from_the_others():
     presses, full = pressed(), np.repeat([50.0, 12.0], 3)
     found = without_each(ARMOR, presses, full)[2].sensor
     wanted = with_slip(ARMOR, without(presses, 2), full).sensor
-    assert found.slip is not None
-    assert wanted.slip is not None
     np.testing.assert_allclose(found.matrix, wanted.matrix, rtol=1e-8, atol=1e-10)
     np.testing.assert_allclose(found.slip.weights, wanted.slip.weights, atol=1e-10)

@@ -38,7 +38,6 @@ def folder(tmp_path: Path) -> Path:
 def held(page: str) -> dict:
     """The record inside the page."""
     found = re.search(r'<script id="record" type="application/json">(.*?)</script>', page, re.S)
-    assert found is not None
     return json.loads(found[1])
 
 

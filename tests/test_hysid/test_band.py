@@ -63,7 +63,6 @@ def test_a_model_that_a_line_beats_backwards_is_exported_with_a_verdict_that_say
     written = run("export", tmp_path / "fit", "--runtime", tmp_path / "it.json", "--json").json()
     assert any("straight line" in note and "better" in note for note in written["notes"])
     origin = load_runtime(tmp_path / "it.json").origin
-    assert origin is not None
     assert (origin["verdict"], "worse-than-line" in origin["codes"]) == ("FAIL", True)
 
 

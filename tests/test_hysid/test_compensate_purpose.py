@@ -42,19 +42,16 @@ def rms(error: np.ndarray) -> float:
 
 def line_error(found: FitResult) -> np.ndarray:
     """Of the regression of the input on the output over the fitted rows, on the held-out ones."""
-    assert found.test is not None
     slope, level = np.polyfit(found.train.output[found.used], found.train.input[found.used], 1)
     return (slope * found.test.output + level - found.test.input)[found.test.mask]
 
 
 def test_the_error_of_the_compensator_comes_first(fitted: FitResult):
     assert fitted.purpose == "compensate"
-    assert fitted.test is not None
     value = np.asarray(estimate(invert(fitted.model, trained=fitted.trained), fitted.test).value)
     error = (value - fitted.test.input)[fitted.test.mask]
     # The loop is not in the line, and is in the cubics, which know the way the output goes.
     assert fitted.verdict.codes[:2] == ("compensator-error", "worse-than-cubic")
-    assert fitted.compensator is not None
     line, cubic = fitted.compensator["baselines"]
     assert line["rmse"] == pytest.approx(rms(line_error(fitted)))
     assert cubic["rmse"] < fitted.compensator["rmse"] == pytest.approx(rms(error))
@@ -79,7 +76,6 @@ def test_a_candidate_without_an_inverse_is_passed_over():
     found = hysid.fit(bent, [parabola, LinearSponge(K=1.0, b=0.0)], purpose="compensate", **QUICK)
     assert [one.name for one in found.candidates] == ["LinearSponge", "PolynomialCurve"]
     assert found.candidates[1].score < found.score
-    assert found.compensator is not None
     assert found.compensator["refused"] is None
     assert "passed-over" in found.verdict.codes
 

@@ -78,7 +78,6 @@ def test_a_channel_that_lags_and_creeps_has_a_memory(runs: int, tmp_path: Path):
         columns["falls"][rows] = -(load**2)
     record = replace(record, columns=columns)
     found = line(record)
-    assert found.channels is not None
     assert found.channels.memory is not None
     assert found.channels.times
     back = load_fit(save(found, tmp_path / "fit"))
@@ -141,8 +140,6 @@ def test_a_fit_is_saved_with_its_map(tmp_path: Path):
     train, test = record.split_cycles(1)
     found = line(train, test=test)
     back = load(save(found, tmp_path / "fit"))
-    assert back.channels is not None
-    assert found.channels is not None
     assert back.channels.names == found.channels.names
     np.testing.assert_array_equal(back.predict(record), found.predict(record))
     # What was fitted is in the folder as the model saw it, and needs no channels.

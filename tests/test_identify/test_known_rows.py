@@ -72,7 +72,6 @@ def cut_from_loops(seed: int = 0, sequences: int = 40) -> Record:
 def test_terms_of_each_sequence_are_taken_where_states_tell_less(tmp_path: Path):
     record = cut_from_loops()
     fit = identify.fit(record, "PrandtlIshlinskii", known=KNOWN, starts=2, noise="gaussian")
-    assert fit.sequences is not None
     identify.save(fit, tmp_path / "fit")
     other = cut_from_loops(1, 5)
     found = identify.load(tmp_path / "fit").predict(other, known=KNOWN)

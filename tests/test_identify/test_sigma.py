@@ -52,7 +52,6 @@ def test_a_polynomial_is_that_of_curve_fit():
 )
 def test_rows_of_a_huge_sigma_have_no_influence(rows, wrong):
     record = made()
-    assert record.sigma is not None
     y, sigma = record.output.copy(), record.sigma.copy()
     y[rows], sigma[rows] = wrong, 1e9
     mask = np.ones(U.size, bool)
@@ -99,7 +98,6 @@ def test_a_sigma_survives_whatever_is_done_to_a_record(tmp_path: Path):
     identify.save(fit, tmp_path / "kept")
     kept = identify.load(tmp_path / "kept")
     assert kept.train.weights == pytest.approx(train.weights)
-    assert kept.test is not None
     assert kept.test.sigma == pytest.approx(sigma)
 
 
@@ -107,7 +105,6 @@ def test_the_verdict_tells_the_reduced_chi_square():
     found = cubic(made())
     (note,) = [one for one in map(Note.of, found.verdict.reasons) if one.code == "sigma"]
     record = found.train
-    assert record.sigma is not None
     chi2 = np.sum((found.residuals / record.sigma) ** 2) / (len(record) - 4)
     assert note.values["chi2"] == pytest.approx(chi2, rel=1e-9)
     assert note.values["chi2"] == pytest.approx(0.01, rel=0.2)
@@ -127,7 +124,6 @@ def test_the_posterior_of_weights_has_the_noise_of_weighted_rows(model):
 def test_predicted_bands_are_as_wide_as_each_rows_sigma():
     found = cubic(made())
     bands = identify.predictive(found)
-    assert found.train.sigma is not None
     wide = (bands.high - bands.low)[1]
     assert np.corrcoef(wide, found.train.sigma[bands.rows])[0, 1] > 0.99
     assert 0.8 < bands.coverage[1] < 0.97

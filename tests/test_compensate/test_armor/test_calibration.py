@@ -74,7 +74,6 @@ def pressed(count: int, seed: int, turns=(0, 18, 4, 12, 2)) -> tuple[Presses, np
     time = np.arange(1.0, force.shape[1] + 1)
     normal = INWARD[surface - 1]
     clean = planned_presses(truth(), time, force, normal, at, surface)
-    assert clean.displacement is not None
     off = SCATTER * random.normal(size=(count, 1))
     noise = NOISE * random.normal(size=clean.readings.shape)
     depth = np.asarray(clean.displacement) + off

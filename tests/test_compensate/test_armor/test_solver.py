@@ -283,8 +283,6 @@ UNITS = rest_thorough(
 def test_a_cover_is_converted_from_the_units_that_it_carries(force: str, length: str):
     """The same sponge in any units: d = K F + b above 1.5 N, known to 25 N."""
     newtons, metres = conversion(force, "N"), conversion(length, "m")
-    assert newtons is not None
-    assert metres is not None
     same = LinearSponge(
         1.298e-3 * newtons / metres, 6.186e-3 / metres, 1.5 / newtons,
         units=(force, length), trained=(0.0, 25.0 / newtons),

@@ -26,7 +26,6 @@ def selection(config: str) -> dict:
 def workbook(name: str) -> None:
     book = openpyxl.Workbook()
     sheet = book.active
-    assert sheet is not None
     sheet.append([T, F, X])
     for row in ROWS:
         sheet.append([float(cell) for cell in row[:3]])
@@ -115,7 +114,6 @@ def test_another_file_under_a_configuration_is_told():
     said = run("fit", "run.csv", *FAST).err.splitlines()[-1]
     assert "[other-settings]" in said
     fix = re.search(r"hysid init [^,]*", said)
-    assert fix is not None
     # One configuration for many specimens is meant: it is named.
     many = run("fit", "run.csv", "--config", "run.toml", *FAST)
     assert (many.code, "Note: run.toml was written for" in many.err) == (0, True)

@@ -55,7 +55,6 @@ def document(folder: Path) -> dict[str, Any]:
 
 
 def test_the_model_alone_would_draw_another_prediction(fit: FitResult):
-    assert fit.test is not None
     counted = fit.test.mask
     alone = (predict(fit.model, fit.test) - fit.test.output)[counted]
     ours = (fit.predict(fit.test) - fit.test.output)[counted]
@@ -67,7 +66,6 @@ def test_figures_of_a_fit_are_of_its_prediction(fit: FitResult, document: dict[s
         ("train", fit.train, fit.used),
         ("test", fit.test, fit.test.mask if fit.test is not None else None),
     ):
-        assert record is not None
         assert rows is not None
         error = (fit.predict(record) - record.output)[rows]
         found = document["metrics"][part]
@@ -116,7 +114,6 @@ def test_predict_says_the_same_of_the_same_rows(folder: Path, fit: FitResult):
 
 
 def test_other_views_have_the_same_prediction(fit: FitResult):
-    assert fit.test is not None
     error = fit.predict(fit.test) - fit.test.output
     parts = identify.breakdown(fit, fit.test).of("branch")
     squares = sum(part.rows * part.rmse**2 for part in parts)

@@ -148,7 +148,6 @@ def test_without_a_test_part_and_with_a_posterior(line: Path):
     assert re.search(r"\d of 5 starts reach the least error, within 1 %", page.text)
     assert "R-hat" in page.text
     row = re.search(r"<tr>\s*<th scope=\"row\">threshold</th>.*?</tr>", page.html, re.DOTALL)
-    assert row is not None
     assert re.findall(r"<td.*?>(.*?)</td>", row.group()) == [
         "1.50",
         "N",
@@ -234,7 +233,6 @@ def test_of_a_long_record_some_rows_are_sent_through_the_compensator(
     monkeypatch.setattr("hysid.reporting._case.TRIP", 40)
     loaded = load(preisach)
     test = loaded.test
-    assert test is not None
     first = int(np.argmax(test.mask))
     text = Page(write_report(preisach)).text
     assert f"uses rows {first - 20:,} to {first + 19:,} of {len(test):,}." in text

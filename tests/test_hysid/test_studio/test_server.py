@@ -121,7 +121,6 @@ def test_the_token_is_in_no_arguments_and_only_the_user_reads_it(folder, tmp_pat
     named = ENVIRONMENT | {"HOME": str(home), "BROWSER": f"{script} %s"}
     process = subprocess.Popen(words, env=named, stdout=subprocess.PIPE, text=True)
     try:
-        assert process.stdout is not None
         address = process.stdout.readline().split('"')[3]
         token = urlsplit(address).query.removeprefix("token=")
         _wait_for(seen.exists)

@@ -21,7 +21,6 @@ def cycled(per_cycle: float, cycles: int = 8, noise: float = 0.01) -> Record:
 @pytest.mark.parametrize("per_cycle", [0.05, -0.2])
 def test_the_rate_is_the_drift_and_its_error_covers_it(per_cycle: float):
     found = change(cycled(per_cycle))
-    assert found is not None
     assert found.is_sure
     assert abs(found.rate - per_cycle) < 4 * found.error
     assert found.moved == pytest.approx(7 * per_cycle, rel=0.05)
@@ -38,7 +37,6 @@ def test_of_four_cycles_chance_seldom_makes_a_rate():
 def test_of_very_many_cycles_some_tell_the_rate():
     u = np.append(np.tile([0.0, 1.0, 2.0, 1.0], 20_000), 0.0)
     found = change(Record.from_arrays(u, u + 1e-4 * np.arange(len(u))))
-    assert found is not None
     assert found.rate == pytest.approx(4e-4)
     assert (found.first, found.last) == (1, 20_000)
 

@@ -192,7 +192,6 @@ def test_conditions(tmp_path):
     def held_out(condition: str) -> list[bool]:
         columns = {"input": "x", "output": "y", "dt": 1.0}
         ((_, test),) = hysid.records(path, **columns, test_where=[condition]).values()
-        assert test is not None
         return test.mask[:3].tolist()
 
     for text, expected in {

@@ -136,7 +136,6 @@ def test_split_groups_and_take_sequences():
     assert train.labels == ("a", "c")
     assert test.labels == ("b",)
     assert train.starts.tolist() == [0, 3]
-    assert test.time is not None
     assert test.time.tolist() == [3, 4, 5]
     assert record.split_groups(lambda x: x == "b")[1].digest() == test.digest()
     refused("bad-condition", lambda: record.take_sequences(["d"]), "'d'")
@@ -177,7 +176,6 @@ def test_resample_is_linear_within_each_sequence():
     record = Record.from_arrays(u, y, t, groups=np.repeat(["a", "b"], [4, 3]), nan="omit")
     even = record.resample(0.25)
     assert even.starts.tolist() == [0, 5]
-    assert even.time is not None
     assert np.allclose(even.time, np.tile(np.arange(5) * 0.25, 2))
     assert np.allclose(even.input, 2 * even.time + np.repeat([0, 5], 5))
     assert np.allclose(even.output, -even.input)
@@ -217,7 +215,6 @@ def test_no_excitation_and_constant_input():
 
 def test_warnings():
     record = rig(20)
-    assert record.time is not None
     t = record.time + np.random.default_rng(0).uniform(0, 0.009, len(record))
     # Models take an uneven clock as it is, and an oscillator refuses it by itself.
     assert check_identifiable(Record.from_arrays(record.input, record.output, t)) == []

@@ -217,7 +217,6 @@ def test_two_minima_that_fit_equally_well_are_a_reason() -> None:
     y = 2.25 * u + 0.01 * np.random.default_rng(0).normal(size=ROWS)
     record = Record.from_arrays(u, y, 0.1 * np.arange(ROWS), time_unit="s")
     found = fit(record, Squared(1.0), starts=2, noise="gaussian", conditioning="keep")
-    assert found.starts is not None
     ends = found.starts._replace(free=found.starts.free * np.array([[1.0], [-1.0]]))
     verdict = judge(replace(found, starts=ends, purpose="constants"))
     assert verdict.level == "CAUTION"

@@ -30,7 +30,6 @@ def assert_recovered(result: FitResult, truth: AbstractModel) -> None:
     wanted = {name: float(value) for name, _, value in parameters(truth)}
     for p in result.parameters:
         # Four standard errors, once in 16,000 draws of a parameter.
-        assert p.stderr is not None
         assert abs(p.value - wanted[p.name]) <= 4 * p.stderr
 
 
@@ -87,5 +86,4 @@ def test_loading_branch_of_a_measured_sponge(measured_data: Path) -> None:
     record = Record.from_arrays(u[up], y[up], input_unit="mm", output_unit="N")
     result = fit(record, "FoamCurve", conditioning="keep", noise="gaussian", starts=16)
     train = result.metrics["train"]
-    assert train is not None
     assert train.nrmse_percent < 0.5

@@ -93,7 +93,6 @@ def test_auto_finds_the_hysteresis(sponge: Record, sponge_fit: FitResult) -> Non
     assert sponge_fit.trusted
     test = sponge_fit.metrics["test"]
     # Reading noise of 0.05 mm on a range of 27 mm is 0.19 %.
-    assert test is not None
     assert test.nrmse_percent < 0.5
 
 

@@ -207,7 +207,6 @@ def test_a_model_of_another_distribution_is_imported_when_it_is_named(plugged: P
     assert {"Acme", "Broken"} <= set(model_names())
     assert "acme_loops" not in sys.modules
     known = find_model("acme")
-    assert known is not None
     assert known.name == "Acme"
     assert registered(known.kind) == known
     with pytest.raises(InputError, match="broken-plug-in"):

@@ -69,11 +69,9 @@ def test_the_density_of_a_record_is_found(fitted: FitResult):
     density = fitted.model.density
     for name in PLACE_AND_WIDTH:
         (found,) = (p for p in fitted.parameters if p.name == f"density.{name}")
-        assert found.stderr is not None
         assert abs(found.value - getattr(TRUTH.density, name)) < 4 * found.stderr
         assert float(getattr(density, name)) == found.value
     test = fitted.metrics["test"]
-    assert test is not None
     assert test.nrmse_percent < 0.2
 
 

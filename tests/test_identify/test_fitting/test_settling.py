@@ -61,7 +61,5 @@ def test_the_model_is_of_the_last_state(fits: dict[str, FitResult]):
     found = fits["auto"]
     test, train = found.metrics["test"], found.metrics["train"]
     assert type(found.detail).__name__ == "Composition"
-    assert test is not None
-    assert train is not None
     assert test.rmse < 0.05
     assert train.rmse > 2 * test.rmse

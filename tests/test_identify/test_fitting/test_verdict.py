@@ -53,14 +53,12 @@ def rms(error: np.ndarray) -> float:
 
 def errors(found: FitResult) -> tuple[np.ndarray, np.ndarray]:
     """On the fitted rows, and on the held-out ones."""
-    assert found.test is not None
     train, test = ((found.predict(r) - r.output) for r in (found.train, found.test))
     return train[found.used], test[found.test.mask]
 
 
 def test_the_error_is_that_of_the_held_out_rows(loops: FitResult, line: FitResult):
     for found in (loops, line):
-        assert found.test is not None
         _, error = errors(found)
         y = found.test.output[found.test.mask]
         percent, rmse, largest = numbers(found.verdict, "error")[:3]
@@ -79,13 +77,11 @@ def test_the_best_baseline_is_named_with_the_difference():
     assert f" {best.name}, " in verdict.reasons[verdict.codes.index("baseline-better")]
     _, error = errors(loops)
     ours = np.array([np.mean(block**2) for block in np.array_split(error, 10)])
-    assert best.test_blocks is not None
     difference = np.sqrt(ours.mean()) - np.sqrt(best.test_blocks.mean())
     each = ours / np.sqrt(4 * ours.mean()) - best.test_blocks / np.sqrt(4 * best.test_blocks.mean())
     deviation = each.std(ddof=1) / np.sqrt(10)
     theirs, own, apart, uncertain = numbers(verdict, "baseline-better")
     test = best.metrics["test"]
-    assert test is not None
     assert (theirs, own) == pytest.approx((test.rmse, rms(error)), rel=0.006)
     assert (apart, uncertain) == pytest.approx((difference, deviation), rel=0.06)
     assert apart > uncertain
@@ -96,7 +92,6 @@ def test_without_held_out_rows_folds_decide(line: FitResult):
     verdict = found.verdict
     assert {"baseline-better", "nothing-held-out", "loops-left"} <= set(verdict.codes)
     best = min(found.baselines, key=lambda one: one.blocks.mean())
-    assert found.blocks is not None
     theirs, own, *apart = numbers(verdict, "baseline-better")
     assert (theirs, own) == pytest.approx(
         (np.sqrt(best.blocks.mean()), np.sqrt(found.blocks.mean())), rel=0.006
@@ -124,8 +119,6 @@ def test_a_line_through_a_line_passes(line: FitResult):
 
 def test_rows_beyond_what_was_trained_are_counted_and_scored(loops: FitResult):
     found, test = loops.extrapolation, loops.test
-    assert found is not None
-    assert test is not None
     highest = loops.train.input[loops.used].max()
     beyond = test.mask & (test.input > highest + 0.1)
     error = loops.predict(test) - test.output
@@ -140,10 +133,8 @@ def test_rows_beyond_what_was_trained_are_counted_and_scored(loops: FitResult):
 
 def test_questions_are_asked_by_folds_and_by_rows_beyond(loops: FitResult):
     asked = {one.what: one for one in members_and_questions(loops)}
-    assert loops.blocks is not None
     assert asked["a later time"].error == pytest.approx(np.sqrt(loops.blocks.mean()))
     assert (asked["another amplitude"].share, asked["another amplitude"].error) == ("no row", None)
-    assert loops.extrapolation is not None
     assert asked["an input beyond the trained ones"].error == loops.extrapolation.input.rmse
     other = fit(record((10.0, 10.0, 5.0, 10.0), 0.5), test_tail=0.25, **QUICK)
     (found,) = (x for x in members_and_questions(other) if x.what == "another amplitude")
@@ -154,7 +145,6 @@ def test_held_out_loops_of_another_size_are_told():
     """Trained on strokes of 1, judged on one of half that: the error there, of their own range."""
     found = fit(record((1.0, 1.0, 1.0, 0.5), 0.3), "LinearSponge", test_cycles=1, noise="gaussian")
     (note,) = (n for n in found.verdict.reasons if n.code == "other-loops")
-    assert found.test is not None
     error, output = errors(found)[1], found.test.output[found.test.mask]
     assert note.values["loops"] == 1
     # The cycle's rows, to the row that it shares with the one before.
@@ -183,7 +173,6 @@ def test_a_hold_is_judged_by_its_reading():
     noise = np.random.default_rng(1).normal(0, 0.002, 120)
     y = (10 - 4 * np.exp(-t / 5)) * (1 + noise)
     found = fit_step(Record.from_arrays(np.full(120, 2.0), y, t), test_tail=0.3)
-    assert found.test is not None
     counted = found.test.mask
     error = (found.predict(found.test) - found.test.output)[counted]
     relative = 100 * rms(error / found.test.output[counted])
@@ -192,15 +181,12 @@ def test_a_hold_is_judged_by_its_reading():
     assert rmse == pytest.approx(rms(error), rel=0.006)
     assert relative < 1
     figures = found.metrics["test"]
-    assert figures is not None
     assert figures.nrmse_percent > 10
     assert found.verdict.level != "FAIL"
     assert [one.name for one in found.baselines][-1] == "power law of time"
-    assert found.extrapolation is not None
     assert found.extrapolation.time.rows == counted.sum()
     detail, test = found.detail, found.test
     assert type(detail).__name__ == "DiscreteSpectrum"
-    assert test.time is not None
     value, low, high = detail.spectrum.predict(test.time[counted])
     shared, noise = test.output[counted] / 2.0, NORMAL_95 * detail.spectrum.noise.sigma * value
     inside = 100 * np.mean((low - noise <= shared) & (shared <= high + noise))
@@ -213,7 +199,6 @@ def test_a_hold_is_judged_by_its_reading():
     )
     ratio, held, fitted = numbers(judge(worse), "worse-than-trained")
     train = found.metrics["train"]
-    assert train is not None
     assert (held, fitted) == pytest.approx((3.0, train.relative_percent), rel=0.06)
     assert ratio == pytest.approx(3.0 / train.relative_percent, rel=0.06)
 
@@ -240,7 +225,6 @@ def test_faster_rows_and_longer_holds_are_counted_and_scored_beside_the_rows_ins
             found[k] = t[k] - t[first]
         return found
 
-    assert train.time is not None
     fastest = np.abs(np.diff(train.input) / np.diff(train.time))[line.used[1:]].max()
     fast = np.append(False, np.abs(np.diff(u) / np.diff(time)) > 1.01 * fastest)
     held = held_for(test, 0.02 * np.ptp(train.input[line.used]))

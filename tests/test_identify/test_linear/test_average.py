@@ -80,7 +80,6 @@ def test_an_average_with_a_simpler_composition_rises(
 def test_its_posterior_is_about_it(average: FitResult):
     draws = sample(average, seed=1, steps=200)
     bands = predictive(average, posterior=draws)
-    assert average.test is not None
     predicted = average.predict(average.test)[average.test.mask]
     # Draws are about the average: their median is within a few of its standard errors.
     assert np.abs(bands.middle - predicted).max() < 3 * NOISE

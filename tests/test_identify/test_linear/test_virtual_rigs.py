@@ -90,7 +90,6 @@ def test_a_rig_is_learnt_beyond_the_best_baseline(
     assert part in " + ".join(found.detail.linear.meaning.parts)
     test = found.metrics["test"]
     others = [baseline.judged[0] for baseline in found.baselines]
-    assert test is not None
     assert test.rmse < bar * min(others)
     assert found.verdict.level == ("CAUTION" if rig is block else "PASS")
     assert ("growth" in found.verdict.codes) == (rig is block)
@@ -103,7 +102,6 @@ def test_friction_is_sharp_where_the_input_moves_evenly():
     found = fit(record_of(rig), "Composition", test_cycles=rig.tested)
     assert "friction" in found.name
     test = found.metrics["test"]
-    assert test is not None
     assert test.rmse < 0.5 * min(baseline.judged[0] for baseline in found.baselines)
     assert found.verdict.level == "PASS"
 
@@ -118,6 +116,4 @@ def test_a_zero_that_warms_up_is_told_from_memory():
     assert "drift" not in found.name
     assert "baseline-better" in found.verdict.codes
     test, train = found.metrics["test"], found.metrics["train"]
-    assert test is not None
-    assert train is not None
     assert test.rmse < 0.5 * train.rmse

@@ -111,7 +111,6 @@ def test_killed_chains_go_on_bit_for_bit(whole, tmp_path) -> None:
     for lines in (3, 9):
         command = [sys.executable, "-c", CHILD, str(file)]
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=ROOT) as child:
-            assert child.stdout is not None
             said = [child.stdout.readline() for _ in range(lines)]
             child.kill()
         assert child.returncode == -signal.SIGKILL

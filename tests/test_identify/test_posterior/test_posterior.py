@@ -163,7 +163,6 @@ def test_nothing_free_is_nothing_to_sample(line_fit) -> None:
 def test_draws_of_every_row_are_those_of_the_target(line_fit, line_posterior) -> None:
     posterior = line_posterior
     rows, aim = posterior.per_row, target(line_fit)
-    assert rows is not None
     np.testing.assert_array_equal(rows.observed, line_fit.train.output[rows.rows])
     ensembles, _, count = rows.log_likelihood.shape
     assert count == len(line_fit.train)
@@ -187,7 +186,6 @@ def test_arviz_reads_the_groups(line_fit, line_posterior, tmp_path) -> None:
     save(line_fit, tmp_path)
     save_posterior(posterior, tmp_path)
     again = load_posterior(tmp_path)
-    assert again is not None
     assert again.summaries == posterior.summaries
     assert (again.notes, again.converged) == (posterior.notes, True)
     data = arviz.from_netcdf(tmp_path / "posterior.nc")
@@ -225,7 +223,6 @@ def test_projected_draws_have_no_negative_weight_and_an_inverse(grid_fit, grid_p
     ensemble = invert(model)
     assert isinstance(ensemble, EnsembleCompensator)
     estimates = ensemble.simulate(None, y).draws
-    assert estimates is not None
     assert estimates.shape == (80, len(u))
     # Every draw is an exact inverse of itself, so the spread is the posterior's, not the solver's.
     again = jax.vmap(lambda m, v: m.simulate(None, v))(model, estimates)

@@ -54,7 +54,6 @@ def test_coverage_is_said_with_what_it_is_worth() -> None:
     assert "would be no surprise" in found.said
     assert "These rows were fitted" in predictive(replace(fit, test=None)).said
     # A held-out cycle that lies elsewhere.
-    assert fit.test is not None
     moved = replace(fit.test, output=fit.test.output + 2.0)
     off = predictive(replace(fit, test=moved))
     assert "too narrow" in off.said
