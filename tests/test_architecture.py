@@ -9,7 +9,7 @@ import pkgutil
 import re
 import subprocess
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from graphlib import CycleError, TopologicalSorter
 from importlib.metadata import packages_distributions
 from pathlib import Path
@@ -18,8 +18,8 @@ from types import ModuleType
 import equinox as eqx
 import pytest
 
-ROOT = Path(__file__).resolve().parent.parent
-PACKAGES = ("hysteresis", "identify", "compensate", "hysid")
+from tests.sources import PACKAGES, ROOT, trees
+
 LONGEST_FILE = 450
 
 PRIVATE_WORDS = {
@@ -81,18 +81,16 @@ def imports(tree: ast.AST) -> Iterator[ast.Import | ast.ImportFrom]:
             yield from imports(node)
 
 
-def import_graph(root: Path, packages: Iterable[str]) -> dict[str, set[str]]:
+def import_graph(trees: dict[str, ast.Module]) -> dict[str, set[str]]:
     """The modules that each module imports, in functions too; a package means its `__init__`."""
     files = {
-        ".".join(path.relative_to(root).with_suffix("").parts).removesuffix(".__init__"): path
-        for package in packages
-        for path in (root / package).rglob("*.py")
+        path.removesuffix(".py").replace("/", ".").removesuffix(".__init__"): path for path in trees
     }
     graph: dict[str, set[str]] = {}
     for module, path in files.items():
-        inside = module.split(".") if path.stem == "__init__" else module.split(".")[:-1]
+        inside = module.split(".")[: None if path.endswith("__init__.py") else -1]
         wanted: set[str] = set()
-        for node in imports(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in imports(trees[path]):
             if isinstance(node, ast.Import):
                 wanted |= {alias.name for alias in node.names}
                 continue
@@ -128,21 +126,10 @@ def tracked_files() -> list[Path]:
     return [ROOT / name for name in names if name and (ROOT / name).is_file()]
 
 
-def test_packages_come_from_one_folder():
-    """`identify` is also a package of pre-commit's, `hysteresis` and `datasets` are taken too."""
-    homes = {Path(inspect.getfile(importlib.import_module(name))).parents[1] for name in PACKAGES}
-    assert homes == {ROOT}
-
-
-@packages
-def test_import_names_have_one_owner(package: str):
+def test_import_names_have_one_owner():
     """Two wheels with one import name overwrite each other silently; an editable one loses."""
-    assert set(packages_distributions().get(package, ())) <= {"hysid"}
-
-
-def test_datasets_hold_no_python():
-    """A `datasets` package here would shadow or be taken for the one of that name."""
-    assert not list((ROOT / "datasets").rglob("*.py"))
+    owners = packages_distributions()
+    assert {owner for package in PACKAGES for owner in owners.get(package, ())} <= {"hysid"}
 
 
 def test_modules_are_abstract_or_final():
@@ -189,22 +176,13 @@ def test_import_of_hysteresis_is_light():
     assert json.loads(done.stdout) == []
 
 
-def test_imports_run_one_way():
-    """The contracts of import-linter, in `pyproject.toml`."""
-    done = run(
-        "import sys\n"
-        "from importlinter.cli import lint_imports\n"
-        "sys.exit(lint_imports(no_cache=True))"
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
-
-
 def test_laws_import_math_alone():
     """Beside types and each other: they run without the rest, and become C."""
     foreign = {
-        (path.name, name)
-        for path in (ROOT / "hysteresis" / "laws").glob("[!_]*.py")
-        for node in imports(ast.parse(path.read_text(encoding="utf-8")))
+        (path, name)
+        for path, tree in trees().items()
+        if re.match("hysteresis/laws/[^_]", path)
+        for node in imports(tree)
         for name in (
             ["." * node.level + (node.module or "")]
             if isinstance(node, ast.ImportFrom)
@@ -215,45 +193,34 @@ def test_laws_import_math_alone():
     assert foreign == set()
 
 
-@packages
-def test_files_are_short(package: str):
-    lengths = {
-        path.relative_to(ROOT).as_posix(): len(path.read_text(encoding="utf-8").splitlines())
-        for path in (ROOT / package).rglob("*.py")
-    }
+def test_files_are_short():
+    lengths = {path: len((ROOT / path).read_text("utf-8").splitlines()) for path in trees()}
     assert {path: n for path, n in lengths.items() if n > LONGEST_FILE} == {}
 
 
 def test_imports_run_in_no_circle():
     """Imports inside functions count: they would only hide the circle."""
-    assert circle(import_graph(ROOT, PACKAGES)) == []
+    assert circle(import_graph(trees())) == []
 
 
-def test_a_circle_is_found_wherever_it_is_imported(tmp_path: Path):
-    (tmp_path / "p").mkdir()
-    write = {
-        "__init__": "",
-        "a": "from .b import x",
-        "b": "def f():\n    if True:\n        from . import c",
-        "c": "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from .a import y",
+def test_a_circle_is_found_wherever_it_is_imported():
+    files = {
+        "p/__init__.py": "",
+        "p/a.py": "from .b import x",
+        "p/b.py": "def f():\n    if True:\n        from . import c",
+        "p/c.py": "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from .a import y",
     }
-    for name, text in write.items():
-        (tmp_path / "p" / f"{name}.py").write_text(text)
-    graph = import_graph(tmp_path, ["p"])
+    graph = import_graph({path: ast.parse(text) for path, text in files.items()})
     assert graph == {"p": set(), "p.a": {"p.b"}, "p.b": {"p.c"}, "p.c": set()}
     assert circle(graph) == []
-    (tmp_path / "p" / "c.py").write_text("def g():\n    import p.a")
-    found = circle(import_graph(tmp_path, ["p"]))
+    files["p/c.py"] = "def g():\n    import p.a"
+    found = circle(import_graph({path: ast.parse(text) for path, text in files.items()}))
     assert found[0] == found[-1]
     assert set(found) == {"p.a", "p.b", "p.c"}
 
 
-@packages
-def test_files_have_names_of_the_field(package: str):
-    names = {
-        path.relative_to(ROOT).as_posix(): path.stem for path in (ROOT / package).rglob("*.py")
-    }
-    assert [path for path, name in names.items() if name.lstrip("_") in PRIVATE_WORDS] == []
+def test_files_have_names_of_the_field():
+    assert [path for path in trees() if Path(path).stem.lstrip("_") in PRIVATE_WORDS] == []
 
 
 def test_no_path_of_a_machine_is_tracked():
@@ -300,13 +267,13 @@ def test_no_module_decides_by_a_sentence():
     """
     others = ("hysteresis/records/importers/", "compensate/export/_python_to_c99.py")
     codes = {"at bound", "hysid soft sensor"}  # a parameter's status, and the kind of a file
-    faults = []
-    for package in PACKAGES:
-        for path in sorted((ROOT / package).rglob("*.py")):
-            name = path.relative_to(ROOT).as_posix()
-            if not name.startswith(others):
-                found = decisions_by_sentence(ast.parse(path.read_text(encoding="utf-8")))
-                faults += [f"{name}:{line}: {text!r}" for line, text in found if text not in codes]
+    faults = [
+        f"{path}:{line}: {text!r}"
+        for path, tree in trees().items()
+        if not path.startswith(others)
+        for line, text in decisions_by_sentence(tree)
+        if text not in codes
+    ]
     assert faults == []
 
 
@@ -368,8 +335,8 @@ def test_signatures_of_compensate_and_laws_have_types():
     """`Any` in at most 3 % of them: what JSON holds, and the laws that take functions."""
     found = [
         {name.id for name in ast.walk(each) if isinstance(name, ast.Name)}
-        for folder in ("compensate", "hysteresis/laws")
-        for path in (ROOT / folder).rglob("*.py")
-        for each in annotations(ast.parse(path.read_text(encoding="utf-8")))
+        for path, tree in trees().items()
+        if path.startswith(("compensate/", "hysteresis/laws/"))
+        for each in annotations(tree)
     ]
     assert sum("Any" in names for names in found) <= 0.03 * len(found)

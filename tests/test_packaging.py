@@ -9,7 +9,6 @@ import tomllib
 from collections.abc import Iterator
 from functools import cache
 from importlib.metadata import packages_distributions
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -19,10 +18,9 @@ from hysid.cli._app import app
 from hysteresis import InputError, Record
 from hysteresis._registry import OURS, find_model
 from identify import fit
+from tests.sources import PACKAGES, ROOT, trees
 from tests.test_hysid.command import ENVIRONMENT
 
-ROOT = Path(__file__).resolve().parents[1]
-PACKAGES = ("hysteresis", "identify", "compensate", "hysid")
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 EXTRAS = PROJECT["optional-dependencies"]
 WANTED = [*PROJECT["dependencies"], *(one for extra in EXTRAS.values() for one in extra)]
@@ -71,32 +69,25 @@ def owners_of_names() -> dict[str, list[str]]:
 
 
 @cache
-def imported(package: str) -> list[tuple[str, str]]:
-    return [*_imported(package)]
-
-
-def _imported(package: str) -> Iterator[tuple[str, str]]:
-    """(import name, place) of every absolute import below a package."""
-    for file in (ROOT / package).rglob("*.py"):
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+def imported() -> dict[str, str]:
+    """The names of absolute imports, and a place of each."""
+    found = {}
+    for file, tree in trees().items():
+        for node in ast.walk(tree):
             names: list[str] = []
             if isinstance(node, ast.Import):
                 names = [alias.name for alias in node.names]
             elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
                 names = [node.module]
-            for name in names:
-                yield (
-                    name.partition(".")[0],
-                    f"{file.relative_to(ROOT)}:{getattr(node, 'lineno', 0)}",
-                )
+            found |= {name.partition(".")[0]: f"{file}:{node.lineno}" for name in names}
+    return found
 
 
-@pytest.mark.parametrize("package", PACKAGES)
-def test_what_is_imported_is_declared(package: str):
+def test_what_is_imported_is_declared():
     """Else it works where another package happens to bring it."""
     owners = owners_of_names()
     undeclared = {}
-    for name, place in imported(package):
+    for name, place in imported().items():
         if name in sys.stdlib_module_names or name in PACKAGES:
             continue
         name = BROUGHT.get(name, name)
@@ -107,9 +98,8 @@ def test_what_is_imported_is_declared(package: str):
 
 def test_every_dependency_is_imported():
     """What nobody imports, everybody would install."""
-    used = {name for package in PACKAGES for name, _ in imported(package)}
     owners = owners_of_names()
-    owned = {name_of(one) for name in used for one in (name, *owners.get(name, ()))}
+    owned = {name_of(one) for name in imported() for one in (name, *owners.get(name, ()))}
     assert sorted({name_of(wanted) for wanted in PROJECT["dependencies"]} - owned) == []
 
 

@@ -3,10 +3,9 @@
 import ast
 import re
 from collections.abc import Iterator
-from pathlib import Path
 
-ROOT = Path(__file__).resolve().parent.parent
-PACKAGES = ("hysteresis", "identify", "compensate", "hysid")
+from tests.sources import ROOT, trees
+
 RUNS = {
     "exec", "eval", "compile", "__import__", "import_module", "Popen", "CDLL", "cdll", "PyDLL",
     "ProcessPoolExecutor", "entry_points",
@@ -53,11 +52,7 @@ def executes(tree: ast.AST) -> Iterator[str]:
 
 
 def test_places_that_execute_are_listed():
-    found: dict[str, set[str]] = {}
-    for package in PACKAGES:
-        for file in (ROOT / package).rglob("*.py"):
-            if run := set(executes(ast.parse(file.read_text("utf-8")))):
-                found[str(file.relative_to(ROOT))] = run
+    found = {name: run for name, tree in trees().items() if (run := set(executes(tree)))}
     assert not {"shell", "allow_pickle"} & set().union(*found.values())
     section = (ROOT / "SECURITY.md").read_text("utf-8").partition("## Every place that executes")[2]
     table = section.partition("## Every place that writes")[0]

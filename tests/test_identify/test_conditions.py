@@ -80,14 +80,6 @@ def test_a_saved_fit_predicts_the_same(found, tmp_path):
     assert again.train.digest() == found.train.digest()
 
 
-@pytest.mark.thorough
-def test_draws_of_the_posterior_surround_the_fit(found):
-    posterior = identify.sample(found, steps=30)
-    assert "temperature" in found.name
-    names = [name for name in posterior.names if name.startswith("output.rise at")]
-    assert len(names) == len(found.condition.knots)
-
-
 def test_both_inputs_of_one_run_are_told_apart_by_the_fit(found):
     columns = rig((300.0,))
     as_channels = record_of(columns, input=[U, C], condition=())

@@ -189,23 +189,3 @@ def test_measured_creep_of_polystyrene(measured_data: Path):
     np.testing.assert_allclose(
         rms(np.asarray(found.model.creep_compliance(t[at])), y[at]), found.row.rms
     )
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize(
-    ("name", "skip", "begin", "kind"),
-    [
-        ("creep_ps130_data.csv", 1, 0.0, "creep"),
-        ("CM3_Creep.creep", 3, 0.01, "creep"),
-        ("stressrelaxation_liquidfoam_data.csv", 1, 0.0, "relaxation"),
-    ],
-)
-def test_measured_extrapolation(measured_data: Path, name: str, skip: int, begin: float, kind: str):
-    """The last two thirds of measured records, from the first."""
-    t, y = measured(measured_data, name, skip)
-    t, y = t[t >= begin], y[t >= begin]
-    stride = max(1, len(t) // 3000)
-    t, y = t[::stride], y[::stride]
-    head = t <= t[-1] / 3
-    _, low, high = spectrum(Response(t[head], y[head], kind)).predict(t[~head])
-    assert np.mean((low <= y[~head]) & (y[~head] <= high)) > 0.9

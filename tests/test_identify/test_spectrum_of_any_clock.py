@@ -213,16 +213,6 @@ def test_a_public_master_curve(measured_data: Path):
 
 
 @pytest.mark.thorough
-def test_public_moduli_contradict_each_other(measured_data: Path):
-    """The freest non-negative spectrum leaves 1.39 % of the storage moduli alone."""
-    f, storage, loss = measured(measured_data, "freq_user_master.csv").T
-    alone = spectrum(Response(2 * np.pi * f, storage, "modulus"))
-    assert alone.row.rms < 1.12 * 0.0139
-    both = spectrum(Response(2 * np.pi * f, storage + 1j * loss, "modulus"))
-    assert any("contradict" in note for note in both.notes)
-
-
-@pytest.mark.thorough
 @pytest.mark.parametrize(("kind", "most"), [("relaxation", 0.01), ("modulus", 0.0113)])
 def test_public_shift_factors(measured_data: Path, kind: Any, most: float):
     """Rows at 21 temperatures: published factors are met. The freest spectrum leaves 1.03 % of moduli."""

@@ -1,6 +1,5 @@
 """The bracketed inverse: the exact ones' answer where there is one, and honest statuses elsewhere."""
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -69,21 +68,6 @@ def test_out_of_reach_and_invalid_samples():
     invalid, ok, out = Status.INVALID, Status.OK, Status.SATURATED
     np.testing.assert_array_equal(found.status, [invalid, ok, out, invalid, out, invalid, ok])
     np.testing.assert_allclose(found.value, [LOW, 0.4, HIGH, HIGH, LOW, LOW, 0.4], atol=1e-12)
-
-
-@pytest.mark.thorough
-def test_the_state_may_be_carried():
-    model = Preisach(WIDE)
-    compensator, u = invert(model), drawn()[0]
-    y = model.simulate(None, u)
-    step, state = eqx.filter_jit(compensator.step), compensator.init()
-    for value in y[:7]:
-        state, _ = step(state, 0.0, value)
-    rest = compensator.simulate(None, y[7:], state)
-    # The same steps, compiled for other shapes: a rounding of y where the slope is that of a reversal.
-    np.testing.assert_allclose(
-        rest.value, compensator.simulate(None, y).value[7:], rtol=0, atol=1e-7
-    )
 
 
 def test_leading_models_need_a_grid():

@@ -12,10 +12,10 @@ import pytest
 import typer
 
 from hysid.cli._app import app
+from tests.sources import trees
 from tests.test_hysid.command import F, T, X, put, run, sponge, text
 from tests.thorough import rest_thorough
 
-ROOT = Path(__file__).resolve().parents[3]
 COMMANDS = typer.main.get_command(app).commands  # type: ignore[attr-defined]
 OPTION = re.compile(r"(?<![\w-])--[a-z][a-z0-9-]*[a-z0-9](?!\w)")
 ELSEWHERE = re.compile(r"hysid ([a-z]+)( [^;,.)]*)?|pip \S+[^;,.)]*|rostopic [^;,.)]*")
@@ -45,13 +45,12 @@ def options_of_command(command: Any) -> set[str]:
 def sources() -> list[tuple[str, list[ast.AST], set[int]]]:
     """The texts of each file of the packages, and which of them are docstrings, by `id`."""
     found, kinds = [], ast.Module | ast.ClassDef | ast.FunctionDef
-    for package in ("hysteresis", "identify", "compensate", "hysid"):
-        for path in (ROOT / package).rglob("*.py"):
-            nodes = list(ast.walk(ast.parse(path.read_text("utf-8"))))
-            texts = [node for node in nodes if isinstance(node, ast.Constant | ast.JoinedStr)]
-            first = [node.body[0] for node in nodes if isinstance(node, kinds) and node.body]
-            docstrings = {id(one.value) for one in first if isinstance(one, ast.Expr)}
-            found.append((path.name, texts, docstrings))
+    for path, tree in trees().items():
+        nodes = list(ast.walk(tree))
+        texts = [node for node in nodes if isinstance(node, ast.Constant | ast.JoinedStr)]
+        first = [node.body[0] for node in nodes if isinstance(node, kinds) and node.body]
+        docstrings = {id(one.value) for one in first if isinstance(one, ast.Expr)}
+        found.append((path, texts, docstrings))
     return found
 
 
@@ -215,21 +214,6 @@ def test_what_init_prints_runs():
     )
     # Three readings that nothing drives: no pair of them is proposed.
     assert printed(run("init", "wrench.csv").out) == []
-
-
-@pytest.mark.thorough
-def test_a_file_alone_takes_its_own_configuration():
-    put(text(ROWS))
-    assert run("init", "run.csv").code == 0
-    checked = run("check", "run.csv")
-    assert checked.code == 0
-    assert "run.toml" in checked.err
-    assert run("fit", "run.csv", *FAST, "--json").json()["selection"]["test_cycles"] == 1
-    assert Path("run/fit.json").exists()
-    assert run("report", "run.csv").code == 0
-    # Columns that are given go before the file, and a file without a configuration needs them.
-    assert "run.toml" not in run("check", "run.csv", *COLUMNS).err
-    assert run("check", put(text(ROWS), "other.csv")).code == 2
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,5 @@
 """How objects print and draw themselves: short, with numbers and units, in one way only."""
 
-import subprocess
-import sys
 from dataclasses import replace
 from functools import cache
 from typing import Any
@@ -123,19 +121,3 @@ def test_plots_are_figures():
 def test_masked_rows_are_drawn_apart():
     figure = record().select(cycle=1).plot()
     assert [line.get_label() for line in figure.axes[0].lines] == ["excluded", "used"]
-
-
-@pytest.mark.thorough
-def test_hysid_changes_nothing():
-    """A record shows itself in the same way before and after names of hysid are used."""
-    code = (
-        "import hysteresis\n"
-        "record = hysteresis.Record.from_arrays(range(5), range(5))\n"
-        "before = record._repr_html_(), repr(record), str(record)\n"
-        "import hysid\n"
-        "hysid.fit\n"
-        "assert (record._repr_html_(), repr(record), str(record)) == before\n"
-        "assert before[0].startswith('<div')\n"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr

@@ -16,9 +16,9 @@ import identify
 from hysid.studio._requests import on_page, worded
 from hysteresis import Burgers, InputError, Record
 from hysteresis.rigs import SpongeRig
+from tests.sources import trees
 from tests.test_hysid.test_studio.served import studio_of
 
-ROOT = Path(__file__).parents[3]
 NAMES = ("E1", "eta1", "E2", "eta2", "offset")
 STIFFNESS, WIDTH = "stiffness", "loop width"
 OPTION = re.compile(r"(?<![\w-])--[a-z]")
@@ -34,9 +34,9 @@ def said() -> list[str]:
     """Every text of the package that names an option."""
     return [
         node.value
-        for package in ("hysteresis", "identify", "compensate", "hysid/intake", "hysid/commands")
-        for file in sorted((ROOT / package).rglob("*.py"))
-        for node in ast.walk(ast.parse(file.read_text("utf-8")))
+        for path, tree in trees().items()
+        if not re.match("hysid/(?!intake/|commands/)", path)
+        for node in ast.walk(tree)
         if isinstance(node, ast.Constant) and isinstance(node.value, str)
         and "\n" not in node.value and OPTION.search(node.value)
     ]  # fmt: skip

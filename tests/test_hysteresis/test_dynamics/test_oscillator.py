@@ -16,11 +16,9 @@ from hysteresis import (
     GeneralizedPlays,
     InputError,
     Oscillator,
-    Sum,
 )
 
 MIXED = BoucWenForce(alpha=4e4, beta_gamma=700.0, beta_delta=-900.0)
-PLAYS = GeneralizedPlays([0.0, 2e-4, 6e-4], [2e-3] * 3, np.linspace(1, -1, 12).reshape(3, 4) * 20)
 T = np.arange(300) / 750
 FORCE = 40 * np.sin(2 * np.pi * (18 * T + 40 * T**2)) * np.minimum(1, 20 * T)
 
@@ -58,37 +56,6 @@ def test_order_of_convergence_against_an_independent_solver():
         got = eqx.filter_jit(lambda m: m.stream(clock, u[:2])[1])(model)
         errors.append(abs(float(got[-1]) - found.y[0, -1]))
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2, abs=0.35)
-
-
-def test_the_linear_limit_has_the_analytic_frequency_response():
-    """Without hysteresis, in steady state; the trapezoidal rule shifts frequencies by (w h)^2 / 12."""
-    n, f0 = 1024, 8
-    model = Oscillator(2.0, 60.0, 5e4, BoucWenForce(alpha=1e-9))
-    u = np.cos(2 * np.pi * f0 * np.arange(n) / n) * 10
-    fine = np.tile(hysteresis.interpolated(u, 40, periodic=True), 4)
-    model = replace(model, substeps=1)
-    y = model.displacement(np.arange(len(fine)) / (750 * 40), fine)[-40 * n :]
-    w = 2 * np.pi * f0 * 750 / n
-    wanted = 10 / (5e4 - 2.0 * w**2 + 60j * w)
-    got = 2 * np.fft.rfft(y[::40])[f0] / n
-    assert abs(got - wanted) <= 1e-5 * abs(wanted)
-
-
-def test_energy_balance():
-    """The work of the force is what mass and spring hold and damper and hysteresis took."""
-    model = plant(Sum(MIXED, PLAYS), substeps=1)
-    h, fine = 1 / 30000, hysteresis.interpolated(FORCE, 40)
-    y = model.displacement(h * np.arange(len(fine)), fine)
-    v = np.gradient(y, h)
-    z = fine - 1.7 * np.gradient(v, h) - 12 * v - 4.5e4 * y
-    thin = slice(0, None, 40)
-    own = np.sum([part.simulate(None, y[:4000]) for part in model.parts], 0)
-    np.testing.assert_allclose(own[20:-20], z[20:3980], rtol=0, atol=2e-3 * np.abs(z).max())
-    work = np.cumsum(fine * v) * h
-    held = 0.85 * v**2 + 2.25e4 * y**2
-    taken = np.cumsum(12 * v**2 + z * v) * h
-    left = (work - held - taken)[thin][2:-2]
-    assert np.abs(left).max() <= 2e-3 * np.abs(work).max()
 
 
 def test_a_model_of_a_version_with_integrators_loads(tmp_path):

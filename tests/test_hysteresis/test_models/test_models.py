@@ -1,6 +1,5 @@
 """The contract of `AbstractModel`, kept by every model of the table."""
 
-from dataclasses import FrozenInstanceError
 from typing import Any
 
 import equinox as eqx
@@ -93,16 +92,6 @@ def test_starts_are_independent_sequences(problem: Problem, data: st.DataObject)
     close(every[last], model.stream(after, u[rest])[1][:-1], model)
 
 
-@pytest.mark.thorough
-@every
-def test_a_state_and_short_sequences_prepared_on_the_host_give_the_same(problem: Problem):
-    model, rng = problem.model(), np.random.default_rng(0)
-    u, t = rng.uniform(problem.low, problem.high, SAMPLES), clock(0)
-    state, starts = model.stream(t[:CUT], u[:CUT])[0], (0, 5, 6, 13)
-    got = model.simulate(t, u, state, starts=starts)
-    close(got, batch(model, t, u, state, starts), model)
-
-
 @kinds
 def test_vmap_over_parameters_and_inputs(problem: Problem):
     rng, t = np.random.default_rng(1), clock(1)
@@ -155,14 +144,6 @@ def test_gradients_in_every_parameter_and_in_the_input(problem: Problem):
             continue
         along = float(np.sum(np.asarray(slope) * direction))
         assert abs(along - difference) <= 1e-7 * (abs(along) + size), k
-
-
-@every
-def test_models_are_frozen(problem: Problem):
-    model = problem.model()
-    name = next(iter(parameters(model)))[0].split(".")[0]
-    with pytest.raises(FrozenInstanceError):
-        setattr(model, name, 1.0)
 
 
 @every

@@ -10,9 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hysteresis import AbstractModel, InputError, PrandtlIshlinskii, Preisach
-from hysteresis.preisach import GridDensity
-from tests.problems import SAMPLES, clock, histories
+from hysteresis import AbstractModel, InputError, PrandtlIshlinskii
+from tests.problems import clock, histories
 
 EPS = np.finfo(float).eps
 LOW, HIGH = -3.0, 3.0
@@ -79,39 +78,6 @@ def test_equal_to_a_loop_over_plays(
     # Speeds of thousands move thresholds by tens: those are rounded too.
     tolerance = rounding(model) * (100 if rates else 1)
     np.testing.assert_allclose(output(model, u, t), play_loop(model, t, u), rtol=0, atol=tolerance)
-
-
-@given(data=st.data())
-def test_equal_to_a_preisach_model_at_the_nodes_of_its_grid(data: st.DataObject):
-    """Play of half width d/2 switches, from node to node, as the cells (j + d, j) do, w/2 in each."""
-    cells, widths = 8, np.array([1, 2, 5, 7])
-    node = st.integers(0, cells)
-    u = np.array(data.draw(st.lists(node, min_size=SAMPLES, max_size=SAMPLES)), float)
-    u = np.append([cells, 0], u)  # both start from saturation
-    w = np.random.default_rng(0).uniform(0.1, 1.0, len(widths))
-    masses = sum(np.diag(np.full(cells - d, m / 2), -d) for d, m in zip(widths, w, strict=True))
-    relays = Preisach(GridDensity(0.0, cells, masses), np.full(cells, 0.7))
-    wanted = output(relays, u)[1:]
-    got = output(PrandtlIshlinskii(widths / 2, w, 0.7), u)[1:]
-    np.testing.assert_allclose(got - got[0], wanted - wanted[0], rtol=0, atol=1e-13)
-
-
-@given(seed=seeds, leading=flags, size=st.floats(0.0, 3.0))
-def test_area_of_a_loop(seed: int, leading: bool, size: float):
-    """Between -A and A play i encloses 4 w_i r_i (A - r_i) where A > r_i, counter-clockwise."""
-    model = draw(seed, leading)
-    r, w = np.asarray(model.thresholds), np.asarray(model.weights)
-    # Straight from corner to corner, where the next play begins to move.
-    down = np.concatenate([[size], size - 2 * np.minimum(r, size), [-size]])
-    u = np.concatenate([[size], -down, down])
-    y = output(model, u)[len(down) :]
-    u = u[len(down) :]
-    falling = -np.sum((y[1:] + y[:-1]) / 2 * np.diff(u))
-    y = output(model, np.concatenate([[size], down, -down]))[len(down) :]
-    rising = np.sum((y[1:] + y[:-1]) / 2 * -np.diff(u))
-    area = (falling - rising) * (-1 if leading else 1)
-    wanted = 4 * np.sum(w * r * np.maximum(size - r, 0))
-    assert abs(area - wanted) <= 8 * rounding(model) * HIGH
 
 
 @pytest.mark.parametrize(

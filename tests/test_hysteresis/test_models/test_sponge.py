@@ -22,16 +22,3 @@ def test_line_above_the_threshold(u: np.ndarray, K: float, b: float, threshold: 
 def test_contact_begins_at_the_threshold_itself():
     u = [np.nextafter(1.5, 0.0), 1.5]
     np.testing.assert_array_equal(LinearSponge(2.0, 1.0, 1.5).simulate(None, u), [0.0, 4.0])
-
-
-@given(histories(0.0, 20.0), st.floats(0.0, 10.0), st.floats(0.0, 10.0))
-def test_superposition_without_threshold(u: np.ndarray, p: float, q: float):
-    sponge, v = LinearSponge(1.3), u[::-1]
-    together = np.asarray(sponge.simulate(None, p * u + q * v))
-    parts = p * np.asarray(sponge.simulate(None, u)) + q * np.asarray(sponge.simulate(None, v))
-    np.testing.assert_allclose(together, parts, rtol=0, atol=1e-12)  # sums of up to 520, eps each
-
-
-def test_it_has_no_memory():
-    u = np.array([3.0, 12.0, 3.0, 19.0, 3.0])
-    assert len(set(np.asarray(LinearSponge(1.0, 0.3).simulate(None, u))[::2].tolist())) == 1

@@ -2,8 +2,6 @@
 
 import csv
 import io
-import os
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,7 +12,6 @@ from hypothesis import strategies as st
 import hysid
 from hysteresis import InputError, Record, read_csv, read_table
 
-DATA = Path(os.environ.get("HYSID_DATA", Path(__file__).parents[4] / "shared" / "data"))
 X, F, T = "Disp (mm)", "Force (N)", "Time (s)"
 ROWS = [(0.1 * k, k % 7, 2.5 * (k % 7)) for k in range(20)]
 
@@ -250,12 +247,3 @@ def test_any_bytes_give_a_table_or_an_input_error(tmp_path, data):
     except InputError:
         return
     assert all(len(x) == len(found.line) for x in found.columns.values())
-
-
-def test_measured_data_read(request):
-    path = DATA / "foam-midsole-compression" / "tidy.csv"
-    if not path.exists():
-        pytest.skip(f"no measured data at {DATA}")
-    record = read_csv(path, "compression_mm", "force_N", time="time_s", group="sample")
-    assert record.cycle_counts.tolist() == [6] * 4
-    assert (record.input_unit, record.output_unit, record.time_unit) == ("mm", "N", "s")

@@ -91,18 +91,6 @@ def test_records_obey_statics(force, surface, u, v, slope, soft):
         assert np.all(made.displacement == 0)
 
 
-def test_draws_are_the_seeds_and_the_sessions():
-    points = ArmorRig().points_of_the_body()
-    for field in ("wrench", "displacement"):
-        one, again, other, later = (
-            getattr(ArmorRig(seed=seed).press(*points, session=session), field)
-            for seed, session in ((1, 0), (1, 0), (2, 0), (1, 1))
-        )
-        np.testing.assert_array_equal(one, again)
-        assert not np.array_equal(one, other)
-        assert not np.array_equal(one, later)
-
-
 RIG = ArmorRig()
 TOP = RIG.points_of_surface_1()._replace(points=np.array([[0.0, 0.0, 0.55]]), surface=np.array([1]))
 

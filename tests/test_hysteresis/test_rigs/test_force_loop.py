@@ -31,18 +31,6 @@ def test_a_stream_reads_what_the_whole_record_does(force, dt, location, placemen
     np.testing.assert_allclose(found, whole, rtol=1e-12, atol=1e-12)
 
 
-def test_noise_is_the_readout_s_and_the_session_s_own():
-    def noise(session: int) -> np.ndarray:
-        noisy, clean = ChannelStream(RIG, session=session), ChannelStream(RIG)
-        return np.array([np.subtract(noisy.step(3.0), clean.step(3.0)) for _ in range(2500)])
-
-    first = noise(0)
-    np.testing.assert_array_equal(first, noise(0))
-    assert np.abs(np.corrcoef(first.ravel(), noise(1).ravel())[0, 1]) < 0.06  # 4 / sqrt(5000)
-    assert first.std() == pytest.approx(RIG.readout.noise, rel=0.04)  # 4 / sqrt(2 * 5000)
-    assert np.abs(np.corrcoef(first.T)[0, 1]) < 0.08
-
-
 def follow(rig: ForceLoopRig, commands: np.ndarray, session: int = 0) -> np.ndarray:
     loop = rig.start(session)
     return np.array([loop.step(c).force for c in commands.tolist()])

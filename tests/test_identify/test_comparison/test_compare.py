@@ -7,8 +7,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import scipy.stats
-from hypothesis import given
-from hypothesis import strategies as st
 
 from hysteresis import InputError, LinearSponge
 from identify import FitResult, compare, fit, save
@@ -21,23 +19,6 @@ def model(name: str, blocks: np.ndarray) -> Compared:
 
 
 # The difference of two models
-
-
-@given(st.integers(0, 1000), st.floats(0.5, 2))
-def test_a_comparison_is_antisymmetric(seed: int, ratio: float) -> None:
-    random = np.random.default_rng(seed)
-    a, b = random.chisquare(5, 10), ratio * random.chisquare(5, 10)
-    comparison = Comparison((model("a", a), model("b", b)), "held-out", ())
-    forth, back = comparison.pair("a", "b").held_out, comparison.pair("b", "a").held_out
-    assert forth.value == pytest.approx(-back.value)
-    assert forth.error == pytest.approx(back.error)
-    assert forth.clear == back.clear
-    assert forth.value == pytest.approx(np.sqrt(b.mean()) - np.sqrt(a.mean()))
-    # Leaving out one block of ten after the other; the error is its first order in those.
-    left = np.array(
-        [np.sqrt(np.delete(b, k).mean()) - np.sqrt(np.delete(a, k).mean()) for k in range(10)]
-    )
-    assert forth.error == pytest.approx(np.sqrt(0.9 * np.sum((left - left.mean()) ** 2)), rel=0.1)
 
 
 def test_equal_models_are_told_apart_one_time_in_twenty() -> None:
@@ -69,29 +50,6 @@ def steep() -> tuple[FitResult, FitResult]:
     """A line, and one whose slope is a tenth too small."""
     train, test = pressed(1.3, 6.0, seed=0)
     return line(train, test), line(train, test, slope=1.17)
-
-
-@pytest.mark.thorough
-def test_the_better_line_comes_first_whatever_the_order(steep, tmp_path) -> None:
-    free, given = steep
-    save(given, tmp_path / "given")
-    one = compare({"free": free, "given": tmp_path / "given"})
-    other = compare({"given": given, "free": free})
-    assert one.best == other.best == "free"
-    assert one.ranked_on == "held-out"
-    for key in ("held_out", "test", "aic", "bic", "log_evidence"):
-        figures = [getattr(c.models[0], key) for c in (one, other)]
-        assert figures[0] == pytest.approx(figures[1])
-    (pair,) = one.pairs
-    assert pair == other.pairs[0]
-    assert pair.test.clear
-    first, second = one.models
-    assert first.aic < second.aic
-    assert first.log_evidence > second.log_evidence
-    assert any("weighs the priors" in note for note in one.notes)
-    assert [m.name for m in compare([free, given]).models] == [
-        "LinearSponge (1)", "LinearSponge (2)",
-    ]  # fmt: skip
 
 
 def test_fits_of_other_data_or_other_rows_are_refused(steep) -> None:

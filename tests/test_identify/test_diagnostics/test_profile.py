@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from benchmarks._identification.cross_check import SAME, SAME_END, agreement, burgers
 from hysteresis import InputError
 from identify import profile
 from identify.internal import profiles
@@ -40,12 +39,3 @@ def test_a_parameter_that_is_not_free_has_no_profile() -> None:
     fitted = line(*pressed(1.5, 2.0, 0))
     with pytest.raises(InputError, match="unknown-parameter"):
         profile(fitted, "threshold")
-
-
-@pytest.mark.thorough
-def test_optimum_and_interval_are_those_of_other_programs() -> None:
-    """Of a Burgers element; `benchmarks.identification` asks for more."""
-    found = agreement(burgers(), most=1)
-    assert found.lmfit <= SAME
-    assert found.iminuit <= SAME
-    assert found.minos <= SAME_END

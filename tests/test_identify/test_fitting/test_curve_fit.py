@@ -76,14 +76,3 @@ def test_loading_branch_of_the_virtual_sponge() -> None:
     assert result.metrics["train"].nrmse_percent < 0.5
     found = invert(result.model).simulate(None, force)
     assert np.all(found.status == Status.OK)
-
-
-def test_loading_branch_of_a_measured_sponge(measured_data: Path) -> None:
-    """A wet cryogel to 80 % strain: air, toe, stiffening, densification, in 128 samples."""
-    file = measured_data / "cryogel-sponge-compression" / "tidy_50Hz.csv"
-    u, y = columns(file, "displacement_mm", "force_N")
-    up = np.linspace(0, np.argmax(u), 128).astype(int)
-    record = Record.from_arrays(u[up], y[up], input_unit="mm", output_unit="N")
-    result = fit(record, "FoamCurve", conditioning="keep", noise="gaussian", starts=16)
-    train = result.metrics["train"]
-    assert train.nrmse_percent < 0.5

@@ -52,16 +52,6 @@ def test_a_long_record_is_fitted_on_fewer_rows_along_the_same_path() -> None:
 
 
 @pytest.mark.thorough
-def test_many_turns_keep_the_path_less_closely() -> None:
-    record = pressed(turns=ROWS // 40)
-    found = fit(record, "Burgers", noise="gaussian")
-    assert len(found.train) <= MOST
-    assert float(found.model.E1) == pytest.approx(
-        float(TRUTH.E1), rel=0.03
-    )  # three times the path's hundredth
-
-
-@pytest.mark.thorough
 def test_noise_of_the_input_is_no_path() -> None:
     found = fit(pressed(noise=0.05), "Burgers", noise="gaussian")
     assert len(found.train) < 0.6 * MOST

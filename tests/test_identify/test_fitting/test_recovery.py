@@ -2,34 +2,9 @@
 
 import numpy as np
 import pytest
-from scipy.stats import binom
 
-from benchmarks.recovery import Run, cases, one_run
 from hysteresis import InputError, MonotoneCurve, Record
 from identify import fit
-
-RUNS = 4
-
-
-@pytest.fixture(scope="module")
-def runs() -> list[Run]:
-    """Two branches, whose stiffnesses and times are arrays."""
-    case = next(case for case in cases() if "Maxwell" in case.name)
-    return [one_run(case, number) for number in range(RUNS)]
-
-
-@pytest.mark.thorough
-def test_the_truth_lies_in_its_interval(runs: list[Run]) -> None:
-    assert set(runs[0].found) == {"E_inf", "E.0", "E.1", "tau.0", "tau.1", "offset"}
-    for name in runs[0].found:
-        found = sum(run.found[name] for run in runs)
-        # Of four sound 95 % intervals fewer than these hold the truth once in ten thousand times.
-        assert found >= binom.ppf(1e-4, RUNS, 0.95), name
-
-
-@pytest.mark.thorough
-def test_no_run_stays_where_it_started(runs: list[Run]) -> None:
-    assert all(run.best for run in runs)
 
 
 def test_starts_without_a_finite_output_are_refused() -> None:

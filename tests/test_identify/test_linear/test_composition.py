@@ -49,47 +49,6 @@ def record(noise: float = 0.0, lag: float = 0.0, seed: int = 0) -> Record:
     return Record.from_arrays(u, y, t)
 
 
-@pytest.mark.thorough
-def test_a_backlash_is_found_as_plays():
-    """Of a width between two thresholds."""
-
-    def gear(seed: int) -> Record:
-        t, u = walk(seed)
-        place, y = 0.0, []
-        for angle in u:
-            place = min(max(place, angle - 0.08), angle + 0.08)
-            y.append(place)
-        return Record.from_arrays(u, np.array(y), t)
-
-    data, other = gear(0), gear(7)
-    noise = 0.003 * np.random.default_rng(1).normal(size=len(data))
-    found = fit(replace(data, output=data.output + noise), "Composition", test_tail=0.3)
-    assert found.name == "curve + plays"
-    # The noise; 0.1 to 0.5 per cent by seed.
-    assert np.sqrt(np.mean((found.predict(other) - other.output) ** 2)) < 0.006
-
-
-@pytest.mark.thorough
-def test_stops_that_are_the_same_everywhere_are_found_as_such():
-    def slide(heights: tuple[float, ...]) -> Record:
-        """Sliders beside a spring, over cycles of some heights."""
-        wave = np.sin(2 * np.pi * np.arange(120) / 120)
-        u = np.concatenate([height * wave for height in heights])
-        sizes = 2 * np.array([0.0162, 0.0439, 0.0854])
-        sliders = ModulatedStops(
-            -1.0, 1.0, sizes, np.zeros(1), np.cumsum(1 / sizes[::-1])[::-1, None], np.full(1, 0.3)
-        )
-        return Record.from_arrays(u, np.asarray(sliders.simulate(None, u)), dt=0.02)
-
-    data, other = slide((1, 0.6, 0.3, 0.8, 1, 0.5, 0.9, 0.4)), slide((0.7, 0.35, 0.85))
-    noise = 0.01 * np.random.default_rng(0).normal(size=len(data))
-    found = fit(replace(data, output=data.output + noise), "Composition", test_cycles=1)
-    assert found.name == "curve + stops"
-    # A fifth of the noise, 0.15 per cent of the range; 0.03 to 0.07 by seed.
-    error = found.predict(other) - other.output
-    assert np.sqrt(np.mean(error**2)) < 0.001 * np.ptp(other.output)
-
-
 @pytest.mark.parametrize(
     ("heights", "told"),
     rest_thorough([((1, 0.6, 0.3, 0.8, 1, 0.5, 0.9, 0.4), True), ((1,) * 6, False)], 1),

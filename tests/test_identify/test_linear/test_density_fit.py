@@ -10,7 +10,6 @@ from hysteresis import InputError, Preisach, Record
 from hysteresis.internal import SumDensity
 from hysteresis.preisach import GaussianDensity, GridDensity
 from identify import fit, fit_density, load, save
-from identify.internal import target
 from tests.thorough import rest_thorough
 
 
@@ -91,34 +90,6 @@ def test_a_first_state_is_fitted() -> None:
 def test_what_cannot_be_fitted_is_said(code: str, keywords: dict) -> None:
     with pytest.raises(InputError, match=code):
         fit_density(record_of(TRUTH, walk(0)), **keywords)
-
-
-@pytest.mark.thorough
-def test_a_parametric_density_is_fitted_and_has_a_posterior() -> None:
-    """Few parameters: least squares from a start well away from the truth, and what samplers draw from."""
-    truth = Preisach(GaussianDensity(0.0, 1.0, 2.0, 0.15, 0.05, 0.5, 0.1, order=8))
-    u = walk(3, turns=20, samples=120)
-    found = fit(
-        record_of(truth, u),
-        Preisach(GaussianDensity(0.0, 1.0, 1.0, 0.3, 0.1, 0.4, 0.2, order=8)),
-        starts=2,
-        noise="gaussian",
-    )
-    values = {p.name: (p.value, p.stderr) for p in found.parameters}
-    wanted = {
-        "density.total": 2.0,
-        "density.coercivity": 0.15,
-        "density.coercivity_width": 0.05,
-        "density.bias": 0.5,
-        "density.bias_width": 0.1,
-    }
-    for name, true in wanted.items():
-        value, error = values[name]
-        assert abs(value - true) < 5 * error  # five parameters: 1 in 350,000
-    aim = target(found)
-    assert {*wanted} < {*aim.names}
-    best = float(aim.log_probability(aim.start))
-    assert best > float(aim.log_probability(aim.start.at[1].add(0.1)))
 
 
 @pytest.mark.thorough
