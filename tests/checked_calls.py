@@ -63,24 +63,21 @@ def checked(thing: Any) -> Any:
     return call
 
 
-class _Decorated(ast.NodeTransformer):
-    """Functions and classes of a module, and methods, with `checked` around them."""
-
-    def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.FunctionDef:
-        if not any(map(_unchecked, node.decorator_list)):
-            # The innermost: decorators such as JAX's take annotations away.
-            node.decorator_list.append(_decorator(node))
-        return node
-
-    def visit_ClassDef(self, node: ast.ClassDef) -> ast.ClassDef:
-        if not any(map(_unchecked, node.decorator_list)):
-            node.decorator_list.insert(0, _decorator(node))
-            self.generic_visit(node)
-        return node
-
-
-def _decorator(node: ast.AST) -> ast.Name:
-    return ast.copy_location(ast.Name(NAME, ast.Load()), node)
+def _decorate(body: list[ast.stmt]) -> None:
+    """Functions and classes of a module, and methods, get `checked` around them."""
+    for node in body:
+        if isinstance(node, ast.If | ast.Try):
+            for part in (node.body, node.orelse, getattr(node, "finalbody", [])):
+                _decorate(part)
+        elif isinstance(node, ast.FunctionDef | ast.ClassDef):
+            if any(map(_unchecked, node.decorator_list)):
+                continue
+            decorator = ast.copy_location(ast.Name(NAME, ast.Load()), node)
+            if isinstance(node, ast.ClassDef):
+                node.decorator_list.insert(0, decorator)
+                _decorate(node.body)
+            else:  # the innermost: decorators such as JAX's take annotations away
+                node.decorator_list.append(decorator)
 
 
 def _unchecked(decorator: ast.expr) -> bool:
@@ -89,7 +86,8 @@ def _unchecked(decorator: ast.expr) -> bool:
 
 class _Loader(SourceFileLoader):
     def source_to_code(self, data: Any, path: Any, **options: Any) -> Any:  # type: ignore[override]
-        tree = ast.fix_missing_locations(_Decorated().visit(ast.parse(data, path)))
+        tree = ast.parse(data, path)
+        _decorate(tree.body)
         return compile(tree, path, "exec", dont_inherit=True)
 
     def get_code(self, fullname: str) -> Any:

@@ -214,41 +214,6 @@ def test_help(arguments):
     assert said.out.startswith("Usage: hysid")
 
 
-def stop(error: BaseException) -> Any:
-    def job(*_: object, **__: object) -> None:
-        raise error
-
-    return job
-
-
-def test_an_interruption_exits_with_130(folder, monkeypatch):
-    monkeypatch.setattr("hysid.commands._check.run", stop(KeyboardInterrupt()))
-    said = run("check", folder / "run.csv", *COLUMNS)
-    assert said == (130, "", "hysid: Interrupted. What was written so far is complete.\n")
-
-
-@pytest.mark.parametrize("error", [RuntimeError("the sponge bit\nback"), AssertionError()])
-def test_a_bug_of_ours_says_so_and_where_the_details_are(folder, monkeypatch, tmp_path, error):
-    monkeypatch.setattr("hysid.commands._check.run", stop(error))
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    said = run("check", folder / "run.csv", *COLUMNS)
-    assert (said.code, said.out) == (1, "")
-    assert said.err.startswith("hysid: This is a bug in hysid, not your doing (")
-    assert type(error).__name__ in said.err
-    assert said.err.count("\n") == 1
-    (details,) = tmp_path.iterdir()
-    assert said.err.endswith(f"Details: {details}\n")
-    assert "Traceback" in details.read_text()
-
-
-def test_a_full_disk_is_no_bug_of_ours(folder, monkeypatch):
-    monkeypatch.setattr(
-        "hysid.commands._check.run", stop(OSError(28, "No space left on device", "fit.npz"))
-    )
-    said = run("check", folder / "run.csv", *COLUMNS)
-    assert said == (2, "", "hysid: fit.npz: No space left on device.\n")
-
-
 def test_demo_speaks_before_it_loads_jax(tmp_path):
     # -X importtime names each module on stderr as soon as it is imported.
     command = [sys.executable, "-X", "importtime", "-m", "hysid", "demo", "--out", "demo"]

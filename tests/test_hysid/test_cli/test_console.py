@@ -5,7 +5,6 @@ import subprocess
 import sys
 import time
 from importlib.metadata import version
-from typing import Any
 
 import pytest
 
@@ -26,16 +25,9 @@ def error_of(*arguments: object, code: int = 2) -> dict[str, str]:
     return document["error"]
 
 
-def stop(error: BaseException) -> Any:
-    def job(*_: object, **__: object) -> None:
-        raise error
-
-    return job
-
-
 @pytest.fixture
-def file(tmp_path):
-    made = tmp_path / "run.csv"
+def file(tmp_path_factory):
+    made = tmp_path_factory.mktemp("data") / "run.csv"
     made.write_text(text(sponge()))
     return made
 
@@ -67,16 +59,31 @@ def test_a_usage_error_is_an_object_too(arguments, where):
 
 
 @pytest.mark.parametrize(
-    ("error", "code", "status"),
+    ("error", "code", "status", "words"),
     [
-        (RuntimeError("the sponge bit back"), "bug", 1),
-        (OSError(28, "No space left on device", "fit.npz"), "os-error", 2),
-        (KeyboardInterrupt(), "interrupted", 130),
+        (RuntimeError("the sponge bit\nback"), "bug", 1, "This is a bug in hysid, not your doing (Runtime"),
+        (AssertionError(), "bug", 1, "This is a bug in hysid, not your doing (Assertion"),
+        (OSError(28, "No space left on device", "fit.npz"), "os-error", 2,
+         "fit.npz: No space left on device.\n"),
+        (KeyboardInterrupt(), "interrupted", 130,
+         "Interrupted. What was written so far is complete.\n"),
     ],
-)
-def test_every_other_end_is_an_object_too(file, monkeypatch, tmp_path, error, code, status):
-    monkeypatch.setattr("hysid.commands._check.run", stop(error))
+)  # fmt: skip
+def test_every_other_end_is_told_in_a_line_or_an_object(
+    file, monkeypatch, tmp_path, error, code, status, words
+):
+    def job(*_: object, **__: object) -> None:
+        raise error
+
+    monkeypatch.setattr("hysid.commands._check.run", job)
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    said = run("check", file, *COLUMNS)
+    assert (said.code, said.out, said.err.count("\n")) == (status, "", 1)
+    assert said.err.startswith(f"hysid: {words}")
+    if code == "bug":
+        (details,) = tmp_path.iterdir()
+        assert said.err.endswith(f"Details: {details}\n")
+        assert "Traceback" in details.read_text()
     assert error_of("check", file, *COLUMNS, code=status)["code"] == code
 
 

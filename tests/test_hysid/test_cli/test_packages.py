@@ -21,8 +21,7 @@ def python(place: Path, *words: str, path: Path = ROOT) -> subprocess.CompletedP
     return subprocess.run(command, cwd=place, env=environment, capture_output=True, text=True)
 
 
-@pytest.mark.parametrize("name", ["identify", "hysteresis"])
-@pytest.mark.parametrize("kind", ["file", "folder"])
+@pytest.mark.parametrize(("name", "kind"), [("identify", "file"), ("hysteresis", "folder")])
 def test_a_file_in_the_current_folder(name: str, kind: str, tmp_path: Path):
     """It comes first on Python's path, and was never meant."""
     foreign = tmp_path / (f"{name}.py" if kind == "file" else f"{name}/__init__.py")
