@@ -12,18 +12,9 @@ RUNS = {
 }  # fmt: skip
 """Names of functions that run what they are given, whether they are called or handed on."""
 MODULES = {
-    "subprocess",
-    "pickle",
-    "marshal",
-    "shelve",
-    "runpy",
-    "multiprocessing",
-    "dill",
-    "cloudpickle",
-    "webbrowser",
-    "pty",
-    "distributed",
-}
+    "subprocess", "pickle", "marshal", "shelve", "runpy", "multiprocessing", "dill",
+    "cloudpickle", "webbrowser", "pty", "distributed",
+}  # fmt: skip
 """Modules whose functions do so, or read what does: who imports one is listed."""
 
 

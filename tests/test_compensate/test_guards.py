@@ -75,12 +75,8 @@ def test_jax_python_and_c_are_the_same(name: str, beyond: Any, tmp_path: Path):
     value, status = np.asarray(wanted.value), np.asarray(wanted.status)
     assert (status == Status.EXTRAPOLATED).sum() > 5
     options = {
-        "times": t,
-        "trained": (low, high),
-        "beyond": beyond,
-        "start": "unknown",
-        "seen": seen,
-    }
+        "times": t, "trained": (low, high), "beyond": beyond, "start": "unknown", "seen": seen,
+    }  # fmt: skip
     path = tmp_path / "it.json"
     export_runtime(model, path, y, limits=readings, depth=128, **options)
     runtime, dt = load(path), np.diff(t, prepend=t[0])

@@ -100,15 +100,9 @@ def test_a_compiler_reads_them_back(compiler: str, tmp_path: Path):
     source, library = tmp_path / "names.c", tmp_path / "names.so"
     source.write_text("\n".join(lines) + "\n", "utf-8")
     command = [
-        compiler,
-        *language,
-        "-Wall",
-        "-Wextra",
-        "-Wcomment",
-        "-Wtrigraphs",
-        "-Werror",
+        compiler, *language, "-Wall", "-Wextra", "-Wcomment", "-Wtrigraphs", "-Werror",
         "-shared",
-    ]
+    ]  # fmt: skip
     done = subprocess.run(
         [*command, "-fPIC", str(source), "-o", str(library)], capture_output=True, text=True
     )

@@ -95,27 +95,20 @@ def test_confusion_prints_as_table_ii():
     table = type(localizer.confusion([[0.0, 1.0]], [0]))(tuple("ABCDE"), counts)
     assert table.accuracy == 0.93
     assert [line.split() for line in str(table).splitlines()] == [
-        ["Ref\\Est.", "A", "B", "C", "D", "E", "none"],
-        ["A", "20"],
-        ["B", "18", "2"],
-        ["C", "20"],
-        ["D", "15", "5"],
-        ["E", "20"],
-    ]
+        ["Ref\\Est.", "A", "B", "C", "D", "E", "none"], ["A", "20"], ["B", "18", "2"],
+        ["C", "20"], ["D", "15", "5"], ["E", "20"],
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize(
     ("code", "settings"),
     [
-        ("too-few-presses", {"names": "ABCDEF"}),
-        ("unknown-place", {"names": "ABCD"}),
-        ("bad-option", {"method": "forest"}),
-        ("bad-option", {"priors": "even"}),
-        ("bad-option", {"priors": [1, 1]}),
-        ("bad-option", {"reject": 1.5}),
+        ("too-few-presses", {"names": "ABCDEF"}), ("unknown-place", {"names": "ABCD"}),
+        ("bad-option", {"method": "forest"}), ("bad-option", {"priors": "even"}),
+        ("bad-option", {"priors": [1, 1]}), ("bad-option", {"reject": 1.5}),
         ("bad-option", {"neighbours": 0, "method": "neighbours"}),
     ],
-)
+)  # fmt: skip
 def test_bad_settings_are_refused(code, settings):
     with pytest.raises(InputError, match=rf"\[{code}\]"):
         trained(**settings)

@@ -22,15 +22,11 @@ ANY_FORCE = (0.1, 1.0)
 
 def test_table_i_is_the_paper_s():
     assert str(LogicTable(PAPER, "ACE")).splitlines() == [
-        "Contact Locations  V1     V2",
-        "A                  3      1",
-        "C                  2      2",
-        "E                  1      3",
-        "A, C               3+2    1+2",
-        "A, E               3+1    1+3",
-        "C, E               2+1    2+3",
-        "A, C, E            3+2+1  1+2+3",
-    ]
+        "Contact Locations  V1     V2", "A                  3      1",
+        "C                  2      2", "E                  1      3",
+        "A, C               3+2    1+2", "A, E               3+1    1+3",
+        "C, E               2+1    2+3", "A, C, E            3+2+1  1+2+3",
+    ]  # fmt: skip
 
 
 def unit_of(force: float) -> float:

@@ -25,12 +25,9 @@ CANDIDATE = {
     "verdict": {"level": str, "reasons": [{"code": str, "text": str, "values": dict}]},
 }
 FIT = CANDIDATE | {
-    "schema": int,
-    "candidates": [CANDIDATE],
-    "data": {"sha256": str, "rows": int},
-    "seed": int,
+    "schema": int, "candidates": [CANDIDATE], "data": {"sha256": str, "rows": int}, "seed": int,
     "versions": {"python": str, "jax": str},
-}
+}  # fmt: skip
 DRAWN = {"name": str} | dict.fromkeys(("mean", "sd", "q05", "q95", "rhat", "ess"), float)
 POSTERIOR = {"parameters": [DRAWN], "draws": int, "seconds": float}
 PREDICTED = METRICS | {"flagged": int, "file": str}

@@ -73,18 +73,14 @@ def test_a_configuration_that_is_there_is_kept():
 @pytest.mark.parametrize(
     ("time", "force", "x"),
     [
-        ("time_s", "force_N", "displacement_mm"),
-        ("Zeit", "Kraft", "Weg"),
+        ("time_s", "force_N", "displacement_mm"), ("Zeit", "Kraft", "Weg"),
         ("Prüfzeit (s)", "Standardkraft (N)", "Standardweg (mm)"),
-        ("Temps", "Charge [kN]", "Déplacement [mm]"),
-        ("t", "F", "x (um)"),
-        ("elapsed (s)", "Load", "Extension"),
-        ("Time (s)", "Stress (kPa)", "Strain (%)"),
-        ("time", "loadCell_N", "sensorVoltage_V"),
-        ("clock", "field (Oe)", "moment (emu)"),
+        ("Temps", "Charge [kN]", "Déplacement [mm]"), ("t", "F", "x (um)"),
+        ("elapsed (s)", "Load", "Extension"), ("Time (s)", "Stress (kPa)", "Strain (%)"),
+        ("time", "loadCell_N", "sensorVoltage_V"), ("clock", "field (Oe)", "moment (emu)"),
         ("%time", "field.wrench.force.z", "field.pose.position.z"),
     ],
-)
+)  # fmt: skip
 def test_columns_are_known_by_their_names(time, force, x):
     assert columns(guessed(renamed(time, force, x))) == (time, force, x)
 

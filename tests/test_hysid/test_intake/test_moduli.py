@@ -94,15 +94,9 @@ def test_options_of_a_series():
     y = moduli()
     write(Path("sweep.csv"), {"f (Hz)": F, "E' (MPa)": y.real, "E'' (MPa)": y.imag})
     chosen = (
-        "fit",
-        "sweep.csv",
-        "--frequency",
-        "f (Hz)",
-        "--output",
-        "E' (MPa)",
-        "--loss",
+        "fit", "sweep.csv", "--frequency", "f (Hz)", "--output", "E' (MPa)", "--loss",
         "E'' (MPa)",
-    )
+    )  # fmt: skip
     fixed = ("--tau", "0.05,4", "--parameter", "E_inf fixed=2", "--out", "a", "--json")
     said = {p["name"]: p for p in run(*chosen, *fixed).json()["parameters"]}
     assert (said["E_inf"]["value"], said["E_inf"]["status"]) == (2.0, "fixed")

@@ -13,15 +13,11 @@ from tests.test_hysid.test_reporting.test_report import write_report
 from tests.thorough import rest_thorough
 
 QUESTIONS = (
-    "What is the noise?",
-    "Are the residuals white?",
-    "Where is the model wrong?",
-    "Is there a better minimum?",
-    "How precisely is each parameter known?",
+    "What is the noise?", "Are the residuals white?", "Where is the model wrong?",
+    "Is there a better minimum?", "How precisely is each parameter known?",
     "Which combinations of parameters are known?",
-    "Do new readings lie inside the predictive bands?",
-    "Which rows does the fit depend on?",
-)
+    "Do new readings lie inside the predictive bands?", "Which rows does the fit depend on?",
+)  # fmt: skip
 
 
 @pytest.mark.parametrize(

@@ -149,12 +149,8 @@ def test_without_a_test_part_and_with_a_posterior(line: Path):
     assert "R-hat" in page.text
     row = re.search(r"<tr>\s*<th scope=\"row\">threshold</th>.*?</tr>", page.html, re.DOTALL)
     assert re.findall(r"<td.*?>(.*?)</td>", row.group()) == [
-        "1.50",
-        "N",
-        "",
-        "fixed",
-        "fixed",
-    ]
+        "1.50", "N", "", "fixed", "fixed",
+    ]  # fmt: skip
     assert "From cycle to cycle" in page.text
 
 

@@ -44,13 +44,8 @@ def found(batch: Path) -> dict:
 
 def test_the_folder_of_a_batch_is_its_fits_in_natural_order(found: dict):
     assert [one["name"] for one in found["specimens"]] == [
-        "odd <one>",
-        "pad-1",
-        "pad-2",
-        "pad-3",
-        "pad-9",
-        "pad-10",
-    ]
+        "odd <one>", "pad-1", "pad-2", "pad-3", "pad-9", "pad-10",
+    ]  # fmt: skip
 
 
 def test_the_page_stands_alone_and_leads_to_each_report(batch: Path, found: dict):

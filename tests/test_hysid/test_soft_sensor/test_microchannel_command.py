@@ -13,13 +13,8 @@ from hysid.soft_sensor._sensor import load_sensor
 from tests.test_hysid.command import Result, example, refused, run
 
 TIME, ONE, TWO, FORCE, PLACE, X = (
-    "time (s)",
-    "layer 1 (V)",
-    "layer 2 (V)",
-    "force (N)",
-    "place",
-    "x (mm)",
-)
+    "time (s)", "layer 1 (V)", "layer 2 (V)", "force (N)", "place", "x (mm)",
+)  # fmt: skip
 HEADER = (TIME, ONE, TWO, FORCE, PLACE, X, "press")
 GAINS = {"A": (0.6, 0.2, 0.0), "C": (0.4, 0.4, 20.0), "E": (0.2, 0.6, 40.0)}
 """V/N of each layer, and mm."""

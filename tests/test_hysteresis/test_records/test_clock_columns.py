@@ -107,14 +107,9 @@ def test_units_behind_names(header, unit, tmp_path):
 
 def test_spellings_of_rigs_are_no_other_unit_of_pint(tmp_path):
     spellings = {
-        "Pas": "Pa*s",
-        "N-m": "N*m",
-        "cm2": "cm^2",
-        "in.": "in",
-        "sec.": "s",
-        "кН": "kN",
+        "Pas": "Pa*s", "N-m": "N*m", "cm2": "cm^2", "in.": "in", "sec.": "s", "кН": "kN",
         "s-1": "1/s",
-    }
+    }  # fmt: skip
     for text, unit in spellings.items():
         (tmp_path / "run.csv").write_text(f"x,y ({text})\n0,1\n1,2\n")
         assert read_csv(tmp_path / "run.csv", "x", f"y ({text})").output_unit == unit

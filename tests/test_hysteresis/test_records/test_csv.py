@@ -115,19 +115,11 @@ def test_06_nan_in_output(read):
 @pytest.mark.parametrize(
     ("header", "unit"),
     [
-        ("Force (N)", "N"),
-        ("Force [kN]", "kN"),
-        ("force_N", "N"),
-        ("force_pos", "1"),
-        ("x_location", "1"),
-        ("Force", "1"),
-        ("Stiffness (N/mm)", "N/mm"),
-        ("Angle (°)", "deg"),
-        ("Load (%)", "percent"),
-        ("Signal [-]", "1"),
-        ("Moment_emu", "emu"),
+        ("Force (N)", "N"), ("Force [kN]", "kN"), ("force_N", "N"), ("force_pos", "1"),
+        ("x_location", "1"), ("Force", "1"), ("Stiffness (N/mm)", "N/mm"), ("Angle (°)", "deg"),
+        ("Load (%)", "percent"), ("Signal [-]", "1"), ("Moment_emu", "emu"),
     ],
-)
+)  # fmt: skip
 def test_units_from_headers(read, header, unit):
     record = read(table(header=f"{T},{X},{header}"), output=header)
     assert record.output_unit == unit

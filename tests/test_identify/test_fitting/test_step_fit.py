@@ -104,11 +104,8 @@ def test_a_folder_keeps_it(tmp_path: Path):
     assert "step-before-first-row" in [note.code for note in loaded.train.history]
     old, new = fit.detail.spectrum, loaded.detail.spectrum
     assert (new.table, new.order, new.kind, new.notes) == (
-        old.table,
-        old.order,
-        old.kind,
-        old.notes,
-    )
+        old.table, old.order, old.kind, old.notes,
+    )  # fmt: skip
     for mine, kept in zip(old.predict(T), new.predict(T), strict=True):
         np.testing.assert_array_equal(mine, kept)
     with pytest.raises(InputError, match=r"\[no-posterior\]"):

@@ -119,14 +119,11 @@ def test_chains_are_only_gone_on_from_where_all_is_the_same(
 @pytest.mark.parametrize(
     ("options", "code"),
     [
-        ({"steps": 3}, "bad-option"),
-        ({"most": 10}, "bad-option"),
-        ({"ensembles": 1}, "bad-option"),
-        ({"walkers": 4}, "bad-option"),
-        ({"walkers": 17}, "bad-option"),
-        ({"seed": -1}, "bad-option"),
+        ({"steps": 3}, "bad-option"), ({"most": 10}, "bad-option"),
+        ({"ensembles": 1}, "bad-option"), ({"walkers": 4}, "bad-option"),
+        ({"walkers": 17}, "bad-option"), ({"seed": -1}, "bad-option"),
     ],
-)
+)  # fmt: skip
 def test_bad_settings_are_refused(line_fit, options, code) -> None:
     with pytest.raises(InputError) as error:
         sample(line_fit, **options)
