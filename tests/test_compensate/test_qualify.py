@@ -91,15 +91,6 @@ def test_a_perfect_compensator_removes_all():
     assert 0 < found.latency.median <= found.latency.tail < 1
 
 
-def test_the_width_before_is_that_of_the_loop():
-    """Of a pure play of half width r the inputs of both branches are 2 r apart at every output."""
-    r, u = 1.5, np.tile(np.concatenate([np.linspace(-10, 10, 4001), np.linspace(10, -10, 4001)]), 3)
-    y = np.asarray(model(1e-6, r).simulate(None, u))
-    loop = loop_widths(Record.from_arrays(u, y), u)
-    assert loop.before == pytest.approx(2 * r, rel=1e-3)
-    assert loop.after == 0
-
-
 def test_only_counted_rows_of_whole_cycles_make_a_loop():
     whole = record()
     wrong = np.where(whole.cycle == 2, 5.0 * whole.branch, 0.0) + whole.input

@@ -72,22 +72,6 @@ def test_a_comment_in_c_stays_one(name: str):
     assert c_comment(found) == found
 
 
-@given(st.lists(names, min_size=1, max_size=8))
-def test_strings_in_c_are_read_back(found: list[str]):
-    """By a reader of C's rules; `test_a_compiler_reads_them_back` asks a compiler."""
-    for name in found:
-        literal = c_string(name)
-        assert literal.isascii()
-        assert literal.isprintable()
-        raw, k, inner = bytearray(), 0, literal[1:-1]
-        while k < len(inner):
-            assert inner[k] not in '"?'
-            octal = inner[k] == "\\"
-            raw.append(int(inner[k + 1 : k + 4], 8) if octal else ord(inner[k]))
-            k += 4 if octal else 1
-        assert bytes(raw) == name.encode("utf-8", "backslashreplace")
-
-
 @pytest.mark.parametrize("compiler", [c for c in ("gcc", "g++", "clang") if shutil.which(c)])
 def test_a_compiler_reads_them_back(compiler: str, tmp_path: Path):
     """Every hostile name, in a comment and as a string, by a strict compiler; as C++ too."""

@@ -67,11 +67,6 @@ def without_numba(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(over_time, "loop_of", _compiled.loop_of.__wrapped__)
 
 
-@pytest.fixture
-def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(over_time, "COMPILING", dict.fromkeys(over_time.COMPILING, np.inf))
-
-
 @some_compiled(FORWARDS)
 @pytest.mark.usefixtures("compiled")
 def test_compiled_outputs_are_those_of_the_text(problem: Problem):
@@ -129,35 +124,6 @@ def test_nodes_within_nodes_are_put_together_alike(shape: Any):
         np.testing.assert_array_equal(run(own, u, dt).value, wanted)
         if way == "find":
             assert over_time.find(own, u, dt).status[-1] == node.status()
-
-
-@some_compiled(FORWARDS)
-@pytest.mark.usefixtures("interpreted")
-def test_plain_python_goes_on_where_it_was(problem: Problem):
-    """From the numbers after any sample, as from the state itself."""
-    own = numbers(problem.model())
-    u, dt = history(problem)
-    whole = over_time.run(own, u, dt)
-    first = over_time.run(own, u[:17], dt[:17])
-    rest = over_time.run(own._replace(m=first.m), u[17:], dt[17:])
-    np.testing.assert_array_equal(np.append(first.value, rest.value), whole.value)
-    np.testing.assert_array_equal(rest.m, whole.m)
-
-
-@some_compiled(FORWARDS)
-@pytest.mark.parametrize("way", ["compiled", "interpreted"])
-def test_sequences_begin_in_the_first_state(
-    problem: Problem, way: str, request: pytest.FixtureRequest
-):
-    """At once where dt is NaN, after a time where it is negative."""
-    request.getfixturevalue(way)
-    own, (u, dt) = numbers(problem.model()), history(problem)
-    alone = over_time.run(own, u[20:], np.append(0.0, dt[21:])).value
-    again = over_time.run(own, u, np.r_[dt[:20], np.nan, dt[21:]]).value[20:]
-    np.testing.assert_array_equal(again, alone)
-    late = over_time.run(own, u[20:], dt[20:]).value
-    again = over_time.run(own, u, np.r_[dt[:20], -dt[20], dt[21:]]).value[20:]
-    np.testing.assert_array_equal(again, late)
 
 
 def _freed(tree: dict[str, Any]) -> dict[str, Any]:

@@ -1,27 +1,11 @@
 """Transform, noise, hold-outs and figures: the small parts of a fit."""
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from hysteresis import Burgers, Record
+from hysteresis import Record
 from identify.internal import estimate_noise
-from identify.parameters._transform import transform
 from identify.records._folds import parts
-
-positive = st.floats(1e-6, 1e6)
-
-
-@given(positive, positive, positive, positive, st.floats(-1e3, 1e3))
-def test_transform_undoes_itself(E1: float, eta1: float, E2: float, eta2: float, d: float) -> None:
-    model = Burgers(E1, eta1, E2, eta2, d)
-    bounds = transform(model, scale=7.0)
-    assert bounds.names == ("E1", "eta1", "E2", "eta2", "offset")
-    values = bounds.to_values(jnp.asarray(bounds.to_free(model)))
-    # log and exp lose a relative 1e-16 times the size of the logarithm.
-    np.testing.assert_allclose(values, bounds.values(model), rtol=1e-13, atol=1e-12)
 
 
 @pytest.mark.parametrize("phi", [0.5, 0.9])

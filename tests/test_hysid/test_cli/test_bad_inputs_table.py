@@ -337,18 +337,6 @@ PYTHON: dict[str, tuple[Callable[[], Any], str, tuple[str, ...]]] = {
         lambda: identify.results._fit_result.check_unit("force", "V", "N"), "wrong-unit",  # type: ignore[attr-defined]
         ("force is in V", "fitted to N", "say so in its header"),
     ),
-    "15: lengths": (
-        lambda: Record.from_arrays(np.zeros(200), np.zeros(200), np.zeros(199)),
-        "length-mismatch", ("time has 199 values", "input 200"),
-    ),
-    "15: no row": (
-        lambda: Record.from_arrays(np.zeros((3, 2)), np.zeros(3)), "length-mismatch", ("(3, 2)",)
-    ),
-    "5: words": (
-        lambda: Record.from_arrays(["1", "OVLD"], [1, 2]), "not-numbers", ("input", "'OVLD'")
-    ),
-    "5: complex": (lambda: Record.from_arrays([1, 2], [1j, 2]), "not-numbers", ("output",)),
-    "5: ragged": (lambda: Record.from_arrays([1, 2], [[1], [2, 3]]), "not-numbers", ("output",)),
     "12: a step of none": (
         lambda: Record.from_arrays([1, 2], [1, 2], dt=0.0), "bad-option", ("dt=0.0", "above 0")
     ),

@@ -18,15 +18,6 @@ def cycled(per_cycle: float, cycles: int = 8, noise: float = 0.01) -> Record:
     return Record.from_arrays(u, y, t, input_unit="mm", output_unit="N", output_name="force")
 
 
-@pytest.mark.parametrize("per_cycle", [0.05, -0.2])
-def test_the_rate_is_the_drift_and_its_error_covers_it(per_cycle: float):
-    found = change(cycled(per_cycle))
-    assert found.is_sure
-    assert abs(found.rate - per_cycle) < 4 * found.error
-    assert found.moved == pytest.approx(7 * per_cycle, rel=0.05)
-    assert (found.first, found.last) == (1, 8)
-
-
 def test_of_four_cycles_chance_seldom_makes_a_rate():
     random, t = np.random.default_rng(1), np.linspace(0, 4, 81)
     u = 5 - 5 * np.cos(2 * np.pi * t)

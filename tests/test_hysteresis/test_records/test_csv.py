@@ -96,19 +96,6 @@ def test_05_text_cell(read):
 # 6: series
 
 
-def test_06_nan_in_output(read):
-    text = with_cell(9, "0.7,0,").replace("0.8,1,2.5", "0.8,1,NaN")
-    words = ("2 NaN in output", "lines 9 to 10 (100 ms)", 'nan="omit"', "--nan omit", "history")
-    refused("nan-output", lambda: read(text, time=T), *words)
-    omitted = read(text, nan="omit")
-    assert omitted.mask.sum() == 18
-    assert len(omitted) == 20
-    filled = read(text, nan="interpolate")
-    assert np.isfinite(filled.output).all()
-    assert filled.mask.all()
-    assert any("Filled 2 NaN" in s for s in filled.history)
-
-
 # 9, 10: units
 
 

@@ -69,20 +69,6 @@ def test_coloured_residuals_are_not_white() -> None:
         assert "not white" in found.said[0]
 
 
-@pytest.mark.thorough
-def test_coloured_residuals_seldom_leave_the_band_of_an_input_they_do_not_follow() -> None:
-    """1 % of the lags, although residuals and input both go slowly: 2 sd of a share of 300 x 26 lags that
-    come in some hundred independent ones is 1 %."""
-    beyond, family = [], []
-    for seed in range(300):
-        r = coloured(np.random.default_rng(seed), 0.7)
-        found = whiteness(with_residuals(r, triangle()))
-        beyond.append(np.mean(np.abs(found.input.values) > found.input.band))
-        family.append(found.input.worst is not None)
-    assert np.mean(beyond) < 0.02
-    assert np.mean(family) < 0.03
-
-
 def test_residuals_that_follow_the_speed_are_said_to() -> None:
     u = triangle((1.0, 2.0, 4.0))
     v = np.diff(u, prepend=u[0])

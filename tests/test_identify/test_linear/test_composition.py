@@ -13,7 +13,6 @@ from hysteresis import (
     ModulatedStops,
     MonotoneCurve,
     NonlinearMaxwell,
-    PrandtlIshlinskii,
     Record,
     Sum,
 )
@@ -156,9 +155,6 @@ def test_an_input_that_a_curve_maps_first_is_seen(tmp_path: Path):
     )
 
 
-SLIDERS = PrandtlIshlinskii(np.array([0.05, 0.1, 0.2, 0.4, 0.8]), np.full(5, 0.05), slope=1.0)
-
-
 def test_slack_is_seen_and_the_model_has_a_floor():
     data = record()
     floor = float(np.quantile(data.output, 0.3))
@@ -177,16 +173,6 @@ def test_slack_is_seen_and_the_model_has_a_floor():
 
 def noisy(y: np.ndarray) -> np.ndarray:
     return y + 1e-3 * np.random.default_rng(0).normal(size=len(y))
-
-
-@pytest.mark.thorough
-def test_a_lag_is_told_from_sliders():
-    t, u = walk()
-    lag = 0.45  # of some 4.5 sampling steps
-    slid = noisy(np.interp(t - lag, t, np.asarray(SLIDERS.simulate(None, u))))
-    found = fit(Record.from_arrays(u, slid, t), "Composition", test_tail=0.3)
-    # A fifth of a step, between two of which the input is interpolated.
-    assert abs(found.clocks.lag - lag) < 0.02
 
 
 def test_weights_are_those_of_the_squared_errors(monkeypatch: pytest.MonkeyPatch):

@@ -5,7 +5,6 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from benchmarks._other_rigs import RIGS, record_of
 from hysteresis import Record
 from identify import fit
 from tests.thorough import rest_thorough
@@ -93,27 +92,3 @@ def test_a_rig_is_learnt_beyond_the_best_baseline(
     assert test.rmse < bar * min(others)
     assert found.verdict.level == ("CAUTION" if rig is block else "PASS")
     assert ("growth" in found.verdict.codes) == (rig is block)
-
-
-@pytest.mark.thorough
-def test_friction_is_sharp_where_the_input_moves_evenly():
-    """Bristles bend within a step. A velocity smoothed over two steps errs three times as much."""
-    rig = RIGS["slide with bristles"]
-    found = fit(record_of(rig), "Composition", test_cycles=rig.tested)
-    assert "friction" in found.name
-    test = found.metrics["test"]
-    assert test.rmse < 0.5 * min(baseline.judged[0] for baseline in found.baselines)
-    assert found.verdict.level == "PASS"
-
-
-@pytest.mark.thorough
-def test_a_zero_that_warms_up_is_told_from_memory():
-    """It explains the rows; the model is of the last state, and the verdict says what knows the trend."""
-    rig = RIGS["warming load cell"]
-    found = fit(record_of(rig), "Composition", test_cycles=rig.tested)
-    assert type(found.detail).__name__ == "Composition"
-    assert "drift in time" in found.detail.linear.meaning.parts
-    assert "drift" not in found.name
-    assert "baseline-better" in found.verdict.codes
-    test, train = found.metrics["test"], found.metrics["train"]
-    assert test.rmse < 0.5 * train.rmse

@@ -97,13 +97,6 @@ def test_interrupted_chains_go_on_bit_for_bit(whole, tmp_path) -> None:
     same(drawn(file, resume=True), whole)  # there is nothing left to do
 
 
-def test_the_rule_stops_at_the_same_step_however_often_it_was_interrupted(tmp_path) -> None:
-    whole, file = drawn(None, steps=None), tmp_path / "chains.npz"
-    for at in (30, 100, 190):
-        drawn(file, steps=None, resume=True, progress=interrupting(at))
-    same(drawn(file, steps=None, resume=True), whole)
-
-
 @pytest.mark.thorough
 def test_killed_chains_go_on_bit_for_bit(whole, tmp_path) -> None:
     """Twice, at some step, while every block is being written."""
@@ -116,22 +109,6 @@ def test_killed_chains_go_on_bit_for_bit(whole, tmp_path) -> None:
         assert child.returncode == -signal.SIGKILL
         assert all(said)
     same(drawn(file, resume=True), whole)
-
-
-@pytest.mark.parametrize("fault", ["cut off", "empty", "changed", "other"])
-def test_of_a_damaged_file_nothing_is_made_up(file, fault: str) -> None:
-    data = file.read_bytes()
-    damaged = {
-        "cut off": data[: len(data) // 2],
-        "empty": b"",
-        "changed": data[:3000] + bytes(b ^ 1 for b in data[3000:3100]) + data[3100:],
-        "other": b"no archive at all" * 100,
-    }
-    file.write_bytes(damaged[fault])
-    with pytest.raises(InputError) as error:
-        drawn(file, resume=True)
-    assert error.value.code == "damaged-file"
-    assert (error.value.place, bool(error.value.fix)) == (str(file), True)
 
 
 def test_a_full_disk_costs_nothing_that_was_kept(file, whole) -> None:
