@@ -316,9 +316,7 @@ def run_example(name: str, text: str, folder: Path) -> str:
 
 @pytest.mark.pages
 @pytest.mark.parametrize("name", WITH)
-def test_an_example_gives_what_it_shows(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_example_gives_what_it_shows(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     heading, marker, body = WITH[name].partition("**Example:**\n\n")
     assert marker, "its example stands below **Example:**"
     assert ">>>" not in heading

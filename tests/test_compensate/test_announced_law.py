@@ -80,9 +80,7 @@ def inputs() -> np.ndarray:
     return random_histories(np.random.default_rng(3), -2.0, 3.0, (1, 200))[0]
 
 
-def test_its_c_and_its_python_give_the_estimates_of_its_inverse(
-    duhem: Any, inputs: np.ndarray, tmp_path: Path
-):
+def test_its_c_and_its_python_give_the_estimates_of_its_inverse(duhem, inputs, tmp_path):
     y = np.asarray(duhem.simulate(None, inputs))
     np.testing.assert_allclose(invert(duhem).simulate(None, y).value, inputs, atol=1e-9)
     step = runtime.load(export_runtime(duhem, tmp_path / "duhem.json", y).path)
@@ -118,9 +116,7 @@ def test_numbers_of_its_file_and_names_like_those_of_math_mean_the_same_in_c(
         ("    k: float", "    k: complex"), ("p: Parameters, u: float", "p, u"),
     ],
 )  # fmt: skip
-def test_what_no_language_knows_is_refused_when_the_law_is_registered(
-    made: Callable[[str], Any], old: str, new: str
-):
+def test_what_no_language_knows_is_refused_when_the_law_is_registered(made, old, new):
     text = LAW.replace(old, new, 1)
     with pytest.raises(InputError) as caught:
         made(text)
@@ -155,9 +151,7 @@ def test_a_package_for_sklearn_brings_its_law(duhem: Any, inputs: np.ndarray, tm
     assert done.returncode == 0, done.stderr
 
 
-def test_a_file_with_a_law_that_nobody_announced_is_refused(
-    duhem: Any, inputs: np.ndarray, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_a_file_with_a_law_that_nobody_announced_is_refused(duhem, inputs, tmp_path, monkeypatch):
     y = np.asarray(duhem.simulate(None, inputs))
     file = export_runtime(duhem, tmp_path / "duhem.json", y).path
     monkeypatch.setattr(laws, "_ANNOUNCED", {})

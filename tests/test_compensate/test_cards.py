@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
@@ -134,9 +133,7 @@ def test_the_curve_of_a_card_is_the_fit_s(program: str, model: Any, shear: bool)
     assert any("Poisson" in note for note in card.notes)
 
 
-def test_these_readers_read_a_card_that_ansys_wrote(
-    measured_data: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_these_readers_read_a_card_that_ansys_wrote(measured_data, monkeypatch):
     """Of public data: its 31 terms leave 0.25 % of the reading."""
     folder = measured_data / "relaxation-master"
     text = (folder / "time_prony_terms.MPL").read_text()

@@ -61,9 +61,7 @@ def test_a_folder_is_replaced_only_where_an_export_wrote_it(tmp_path: Path):
         assert error.value.code == "bad-option"
 
 
-def test_a_kill_while_a_folder_is_replaced_loses_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_a_kill_while_a_folder_is_replaced_loses_nothing(tmp_path, monkeypatch):
     """Killed between the renamings it lies beside; the next export puts it back, even one that fails."""
     one, out = case("creep"), tmp_path / "sensor"
     one.write("arduino", out)
@@ -106,9 +104,7 @@ def fmu(name: str, target: str, folder: Path) -> Path:
 
 @pytest.mark.parametrize(("name", "dt"), [("creep", 0.02), ("plays", 0.0)])
 @JUDGES["QEMU"].needed
-def test_a_cortex_m4_gives_the_estimates_of_float_in_250_instructions(
-    name: str, dt: float, tmp_path: Path
-):
+def test_a_cortex_m4_gives_the_estimates_of_float_in_250_instructions(name, dt, tmp_path):
     """Bit for bit. The first step of an even clock, which tabulates its exponentials, takes more."""
     one = case(name)
     y = one.y[:60].astype(np.float32)
@@ -242,9 +238,7 @@ def stepped_fmu(made: Any, t: np.ndarray, y: np.ndarray, c: np.ndarray | None) -
     ("name", "target"), [("creep", "fmu"), ("relays", "fmu3"), ("conditioned", "fmu")]
 )
 @JUDGES["FMPy"].needed
-def test_an_fmu_is_valid_and_gives_the_estimates_of_the_header(
-    name: str, target: str, tmp_path: Path
-):
+def test_an_fmu_is_valid_and_gives_the_estimates_of_the_header(name: str, target: str, tmp_path):
     """Bit for bit, NaN among the readings; a state that was kept, serialised or reset gives them again."""
     from fmpy.validation import validate_fmu  # which only this test needs
 
@@ -419,9 +413,7 @@ SIMULATED = """
 
 @JUDGES["MuJoCo"].needed
 @pytest.mark.parametrize(("name", "integrator"), [("relays", "Euler"), ("creep", "RK4")])
-def test_a_mujoco_plugin_gives_the_estimates_of_the_header(
-    name: str, integrator: str, tmp_path: Path
-):
+def test_a_mujoco_plugin_gives_the_estimates_of_the_header(name: str, integrator: str, tmp_path):
     """As sensor and actuator; a second forward changes nothing, a saved state gives the same again."""
     import mujoco  # which only this test needs
 

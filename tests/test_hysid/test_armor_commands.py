@@ -67,9 +67,7 @@ def contacts(out: Path) -> list[dict[str, str]]:
 
 
 @pytest.mark.parametrize(("force", "length", "turned"), SAME)
-def test_one_table_in_any_units_gives_the_same_contacts(
-    folder: Path, force: str, length: str, turned: bool
-):
+def test_one_table_in_any_units_gives_the_same_contacts(folder, force, length, turned):
     """Of a fit of the displacement; and of one of the force, which is inverted."""
     model = identify.load(fit_of("N", "mm", folder, turned)).model
     wanted = ContactSolver(BOX, invert(model) if turned else model)

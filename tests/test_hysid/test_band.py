@@ -33,9 +33,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     return file, folder / "fit"
 
 
-def test_every_consumer_tells_the_same_coverage(
-    place: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_every_consumer_tells_the_same_coverage(place: tuple[Path, Path], tmp_path, monkeypatch):
     file, folder = place
     known = json.loads((folder / "fit.json").read_text())["compensator"]["band"]["coverage"]
     assert 0.8 < known <= 1
@@ -53,9 +51,7 @@ def test_every_consumer_tells_the_same_coverage(
     assert f"deviations hold {100 * known:#.3g} %" in write_report(folder).read_text("utf-8")
 
 
-def test_a_model_that_a_line_beats_backwards_is_exported_with_a_verdict_that_says_so(
-    tmp_path: Path,
-):
+def test_a_model_that_a_line_beats_backwards_is_exported_with_a_verdict_that_says_so(tmp_path):
     record = Record.from_arrays(FORCE, READING, TIME, input_unit="N", output_unit="mm")
     fit = hysid.fit(record, "LinearSponge", noise="gaussian", test_cycles=2)
     worse = replace(fit, model=LinearSponge(K=0.4, b=2.0))

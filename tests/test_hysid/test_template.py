@@ -50,9 +50,7 @@ for words in json.loads(sys.argv[1]):
 
 
 @pytest.mark.thorough
-def test_a_model_of_another_distribution_goes_through_every_command(
-    installed: Path, tmp_path: Path
-):
+def test_a_model_of_another_distribution_goes_through_every_command(installed: Path, tmp_path):
     def hysid(*lines: str) -> list[Result]:
         path = f"{installed}:{ENVIRONMENT['PYTHONPATH']}"
         done = subprocess.run(

@@ -53,9 +53,7 @@ def mortal_from(moment: int, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("moment", range(12))
-def test_a_process_killed_at_any_moment_leaves_a_whole_set(
-    moment: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_a_process_killed_at_any_moment_leaves_a_whole_set(moment: int, tmp_path, monkeypatch):
     """Before each of its changes of the folder in turn: nothing of ours runs after that."""
     written(tmp_path, "old")
     (tmp_path / "report.html").write_text("old")

@@ -116,23 +116,6 @@ def test_standard_errors_are_calibrated():
     assert 0.87 < np.std(np.concatenate(z)) < 1.18
 
 
-@pytest.mark.parametrize("smoothing", [2, 4])
-def test_diagram_recovers_a_gaussian_density(smoothing: int):
-    step = 0.05
-    grid = np.arange(-2.5, 2.5 + step / 2, step)
-    curves = tuple(gaussian_curve(float(grid[k]), grid[k:]) for k in range(71))
-    diagram = forc_diagram(curves, smoothing)
-    truth = norm.pdf(diagram.input, 1, 0.3) * norm.pdf(diagram.reversal, -1, 0.3)
-    # Cubic terms B U^3 / 6 and B^3 U / 6 leak by (fourth over second moment of the window) / 6 of
-    # rho_uu + rho_bb, at most 2 / 0.3^2 of the peak. The next order is smaller and opposed.
-    steps = np.arange(-smoothing, smoothing + 1)
-    leak = (steps**4).sum() / (steps**2).sum() * step**2 / 6
-    inside = (diagram.reversal > -2.2) & (diagram.reversal < 0.8) & (diagram.input < 2.2)
-    inside &= diagram.coercivity > 0.3  # full windows
-    error = np.abs(diagram.density - truth)[inside].max() / truth.max()
-    assert 0.5 * leak * 2 / 0.3**2 < error < leak * 2 / 0.3**2
-
-
 def curves_of(seed: int) -> tuple[Forc, ...]:
     """Any curves at all: nine, uneven, noisy, ending anywhere."""
     rng = np.random.default_rng(seed)

@@ -50,9 +50,7 @@ def dense(noise: NoiseModel, rows: Any, stretch: np.ndarray) -> np.ndarray:
 
 @settings(max_examples=30, deadline=None)
 @given(phi=inner, theta=inner, growth=st.floats(0.0, 3.0), seed=st.integers(0, 99))
-def test_the_likelihood_is_that_of_the_dense_covariance(
-    phi: float, theta: float, growth: float, seed: int
-) -> None:
+def test_the_likelihood_is_that_of_the_dense_covariance(phi, theta, growth, seed):
     random = np.random.default_rng(seed)
     rows, stretch = some_rows(random)
     noise = NoiseModel(1.7, growth=growth, input_sigma=0.3, phi=phi, theta=theta)

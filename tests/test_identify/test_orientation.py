@@ -41,9 +41,7 @@ def test_the_steps_tell_the_sign_of_friction_on_a_random_path(seed: int, sign: f
 
 @pytest.mark.parametrize("units", [("1", "1"), ("mm/mm", "MPa"), ("N", "mm"), ("deg", "1")])
 @pytest.mark.parametrize("relaxes", rest_thorough([True, False], 1))
-def test_an_input_that_goes_one_way_tells_deformation_from_load(
-    units: tuple[str, str], relaxes: bool
-) -> None:
+def test_an_input_that_goes_one_way_tells_deformation_from_load(units, relaxes):
     """By the units where both are known, else by what the output does in the hold."""
     t = np.linspace(0.0, 30.0, 200)
     u = np.minimum(t / 3.0, 1.0)

@@ -8,6 +8,7 @@ import pytest
 
 from hysteresis import GeneralizedKelvinVoigt, GeneralizedMaxwell, InputError
 from identify import Response, spectrum
+from tests.thorough import rest_thorough
 
 CREEP = GeneralizedKelvinVoigt(2.0, [1.0, 4.0, 2.0], [0.1, 8.0, 60.0], 500.0)
 RELAXING = GeneralizedMaxwell(0.5, [1.0, 4.0, 2.0], [0.1, 2.0, 30.0])
@@ -33,7 +34,7 @@ def test_a_creep_curve_without_noise():
     assert [row.dense for row in found.table] == [False, True]
 
 
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", rest_thorough([0, 1], 1))
 @pytest.mark.parametrize("kind", ["creep", "relaxation"])
 def test_the_evidence_finds_the_order_in_noise(kind: Any, seed: int):
     truth = CREEP.creep_compliance(T) if kind == "creep" else RELAXING.relaxation_modulus(T)

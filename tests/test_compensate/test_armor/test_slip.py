@@ -32,24 +32,7 @@ def presses(rig: ArmorRig) -> Presses:
     return Presses(made.time, made.wrench, made.force, normal, points, surface, made.displacement)
 
 
-def test_step_by_step_is_all_at_once():
-    random = np.random.default_rng(1)
-    slip = Slip(FULL, 1e-3 * random.normal(size=(6, 36, 3)))
-    readings = np.cumsum(random.normal(size=(50, 6)), axis=0)
-    sensor = WristSensor(slip=slip)
-    wrench = sensor.simulate(np.arange(50.0), readings)
-    whole = np.einsum(
-        "ij,sj->si", np.asarray(slip.weights).reshape(6, -1), np.asarray(slip.stops(readings))
-    )
-    found = np.concatenate([wrench.force, wrench.moment], axis=1)
-    np.testing.assert_allclose(found, readings + FULL * whole, atol=1e-12)
-    plain = sensor.read(readings)  # without history there is nothing to correct
-    np.testing.assert_allclose(plain.force, readings[:, :3], atol=1e-12)
-
-
-def test_slip_is_found_where_no_axis_has_a_play_of_its_own(
-    rig: ArmorRig, armor: Armor, presses: Presses
-):
+def test_slip_is_found_where_no_axis_has_a_play_of_its_own(rig, armor, presses):
     """Wrenches at other points, beside the best matrix without slip."""
     found = with_slip(armor, presses, FULL)
     at = rig.press(*rig.points_of_the_body(), session=3)

@@ -107,9 +107,7 @@ def test_the_folder_is_for_one_user(tmp_path: Path):
 @pytest.mark.skipif(not hasattr(os, "getuid"), reason="no modes of files")
 @pytest.mark.parametrize("which", ["cache", "hysid", "compiled"])
 @pytest.mark.parametrize("how", ["writable", "link", "foreign"])
-def test_a_folder_of_others_is_not_used(
-    which: str, how: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_a_folder_of_others_is_not_used(which: str, how: str, tmp_path, monkeypatch):
     """And the command goes on without."""
     place = {"XDG_CACHE_HOME": str(tmp_path / "cache")}
     folder = Path(kept(**place)[FOLDER])

@@ -42,7 +42,7 @@ def remembered(u: np.ndarray, low: float) -> list[float]:
 
 
 @given(histories(LOW, HIGH))
-@settings(max_examples=20)
+@settings(max_examples=8)
 def test_relays_up_are_the_area_below_the_staircase(history: np.ndarray):
     """Every rise from b to a switches the triangle {b <= beta <= alpha <= a} up, a fall down."""
     reversals = remembered(history, LOW)
@@ -54,7 +54,7 @@ def test_relays_up_are_the_area_below_the_staircase(history: np.ndarray):
 
 
 @given(st.permutations(range(30)))
-@settings(max_examples=20)
+@settings(max_examples=8)
 def test_lines_last_as_long_as_the_memory(turns: list[int]):
     u = np.array(turns, float)
     figure = plots.memory(u, -1.0)

@@ -10,8 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hysid.intake._own_config import read_config
-from tests.test_hysid.command import F, Result, T, X, put, refused, run, sponge, text
-from tests.thorough import rest_thorough
+from tests.test_hysid.command import F, T, X, put, refused, run, sponge, text
 
 ROWS = sponge()
 CLEAN = text(ROWS)
@@ -316,26 +315,6 @@ def test_any_table_gives_a_configuration_or_a_fault(header, rows, separator):
         if done.code:
             return
         assert read_config(Path(done.json()["file"]))["selection"]
-
-
-@pytest.mark.parametrize(
-    ("file", "pair"),
-    rest_thorough(
-        [
-            ("structural-cyclic/RESSPyLab_example_1.csv", {"e_true", "Sigma_true"}),
-            ("slac-quadrupole-minor-loops/tidy.csv", {"current_A", "integrated_gradient_T"}),
-            ("foam-midsole-compression/tidy.csv", {"compression_mm", "force_N"}),
-            ("forc-magnetic/tidy_feco_nanowires.csv", {"field_Oe", "moment_emu"}),
-            ("eflesh-magnetic-tactile/tidy_normal.csv", {"z_mm", "load_reading"}),
-            ("velostat-press-hold/tidy.csv", {"force_N_interp", "velostat_raw"}),
-        ],
-        2,
-    ),
-)
-def test_the_columns_of_measured_files(measured_data, file, pair):
-    found: Result = run("init", measured_data / file, "--out", "guess.toml", "--json")
-    selection = found.json()["selection"]
-    assert {selection["input"], selection["output"]} == pair
 
 
 def pressed(x: np.ndarray, seed: int = 0, noise: float = 0.02) -> np.ndarray:

@@ -7,7 +7,6 @@ import re
 import shutil
 from collections import Counter
 from html.parser import HTMLParser
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -184,19 +183,6 @@ def luminance(colour: str) -> float:
     return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
 
 
-def test_headings_and_regions_lead_a_screen_reader(page: Page):
-    levels = [int(tag[1]) for tag, _ in page.tags if re.fullmatch(r"h[1-6]", tag)]
-    assert levels[0] == 1
-    assert levels.count(1) == 1
-    assert all(b - a <= 1 for a, b in pairwise(levels))
-    assert [a["lang"] for a in page.all("html")] == ["en"]
-    assert len(page.all("main")) == len(page.all("header")) == 1
-    assert [a["aria-label"] for a in page.all("nav")] == ["Contents"]
-    assert {a.get("scope") for a in page.all("th")} == {"col", "row"}
-    regions = [a["aria-label"] for _, a in page.tags if a.get("role") == "region"]
-    assert len(set(regions)) == len(regions)
-
-
 def test_a_folder_at_fault_is_named(tmp_path: Path, preisach: Path):
     assert "[file-not-found]" in run("report", tmp_path).err
     broken = shutil.copytree(preisach, tmp_path / "broken")
@@ -222,9 +208,7 @@ def test_an_overview_links_to_every_report(preisach: Path, line: Path, tmp_path:
     assert "[file-not-found]" in run("report", tmp_path / "gone").err
 
 
-def test_of_a_long_record_some_rows_are_sent_through_the_compensator(
-    preisach: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_of_a_long_record_some_rows_are_sent_through_the_compensator(preisach: Path, monkeypatch):
     """Those that count, after half as many that come before."""
     monkeypatch.setattr("hysid.reporting._case.TRIP", 40)
     loaded = load(preisach)

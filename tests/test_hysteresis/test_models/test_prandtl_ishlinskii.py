@@ -71,9 +71,7 @@ def play_loop(model: PrandtlIshlinskii, t: np.ndarray, u: np.ndarray) -> np.ndar
 
 @settings(max_examples=100)
 @given(seed=seeds, u=paths, leading=flags, bent=flags, rates=flags)
-def test_equal_to_a_loop_over_plays(
-    seed: int, u: np.ndarray, leading: bool, bent: bool, rates: bool
-):
+def test_equal_to_a_loop_over_plays(seed, u, leading, bent, rates):
     model, t = draw(seed, leading, bent, rates), clock(seed)
     # Speeds of thousands move thresholds by tens: those are rounded too.
     tolerance = rounding(model) * (100 if rates else 1)

@@ -1,7 +1,5 @@
 """Every density against its definition, and the laws that Everett's function of any density keeps."""
 
-import math
-from itertools import pairwise
 from typing import Any
 
 import equinox as eqx
@@ -11,12 +9,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy import integrate
 
 from hysteresis import InputError
 from hysteresis.internal import LogNormalDensity, SumDensity
 from hysteresis.preisach import GaussianDensity, GridDensity, LorentzianDensity
-from tests.densities import DENSITIES, KINDS, Coercive, plain_everett
+from tests.densities import DENSITIES, plain_everett
 from tests.problems import HIGH, LOW, histories
 from tests.thorough import rest_thorough
 
@@ -115,43 +112,6 @@ UNIFORM: dict[str, Any] = {
     )
 }
 UNIFORM["sum"] = SumDensity(2 * [UNIFORM["warped"]])
-
-
-def product(density: Coercive, h: float, m: float) -> float:
-    """The density at a coercivity and a bias, but for a factor."""
-    c, width = float(density.coercivity), float(density.coercivity_width)
-    m = (m - float(density.bias)) / float(density.bias_width)
-    if isinstance(density, LorentzianDensity):
-        return 1 / (1 + ((h - c) / width) ** 2) / (1 + m * m)
-    if isinstance(density, GaussianDensity):
-        return math.exp(-(((h - c) / width) ** 2 + m * m) / 2)
-    return math.exp(-((math.log(h / c) / width) ** 2 + m * m) / 2) / h if h > 0 else 0.0
-
-
-@pytest.mark.parametrize("kind", rest_thorough(KINDS, 1))
-@pytest.mark.parametrize("ratio", rest_thorough([0.25, 4.0], 1))
-def test_integrated_over_the_triangle(kind: type[Coercive], ratio: float):
-    """To 1e-10 of the mass, whether coercivity or bias is the wider one, up to a ratio of four."""
-    bias_width = 0.12 / math.sqrt(ratio)
-    width = ratio * bias_width / (0.3 if kind is LogNormalDensity else 1.0)
-    density = kind(-1.0, 1.0, 2.0, 0.3, width, 0.1, bias_width)
-
-    def over(a: float, b: float) -> float:
-        inner = lambda m, h: product(density, h, m)  # noqa: E731
-        # By parts, so that no peak falls between the points of the first try.
-        cuts = np.clip([0, 0.1, 0.3, 0.5, 1], 0, (a - b) / 2)
-        return sum(
-            integrate.dblquad(
-                inner, *piece, lambda h: b + h, lambda h: a - h, epsabs=1e-13, epsrel=1e-11
-            )[0]
-            for piece in pairwise(np.unique(cuts).tolist())
-        )
-
-    u = np.linspace(-1.0, 1.0, INPUTS)
-    pairs = [(6, 0), (5, 1), (4, 0)]
-    wanted = np.array([over(u[i], u[j]) for i, j in pairs])
-    got = all_pairs(density, u)[tuple(zip(*pairs, strict=True))]
-    np.testing.assert_allclose(got, 2.0 * wanted / wanted[0], rtol=0, atol=2e-10)
 
 
 @every

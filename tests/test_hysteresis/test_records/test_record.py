@@ -324,9 +324,7 @@ def test_cycles_are_whole(cycles):
     ("value", "code"), [(1e160, "too-large"), (-1e151, "too-large"), (5e-324, "zero-range")]
 )
 @pytest.mark.parametrize("role", ["input", "output"])
-def test_numbers_whose_squares_are_no_numbers_are_refused(
-    tmp_path, value: float, code: str, role: str
-):
+def test_numbers_whose_squares_are_no_numbers_are_refused(tmp_path, value, code, role):
     """The same in arrays and in files."""
     good, odd = np.linspace(0.0, 1.0, 9), np.zeros(9)
     odd[4] = value

@@ -1,6 +1,5 @@
 """Jumps, drift and loss of the zero are found and placed; what a specimen does is none of them."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -48,9 +47,7 @@ def said(u: np.ndarray, y: np.ndarray) -> dict[str, Any]:
     SEEDS, st.floats(0.1, 0.5), st.sampled_from([-1, 1]), st.floats(0.2, 0.8),
     st.sampled_from([(1.0, 1.0), (1e-6, 1e9), (25.4, -0.001)]), st.floats(-3, 3),
 )  # fmt: skip
-def test_a_jump_is_placed_and_sized_in_any_unit(
-    seed: int, share: float, sign: int, place: float, units: tuple[float, float], offset: float
-):
+def test_a_jump_is_placed_and_sized_in_any_unit(seed, share, sign, place, units, offset):
     u = motion(seed)
     y = loop(u, seed)
     row, size = int(place * len(u)), sign * share * np.ptp(y)
@@ -158,9 +155,7 @@ SPECIMENS = [
 
 @pytest.mark.parametrize("specimen", rest_thorough(SPECIMENS, 3))
 @given(SEEDS)
-def test_what_a_specimen_does_by_itself_is_no_change_of_the_zero(
-    specimen: Callable[[np.ndarray, np.random.Generator], np.ndarray], seed: int
-):
+def test_what_a_specimen_does_by_itself_is_no_change_of_the_zero(specimen, seed):
     rng = np.random.default_rng(seed)
     u = motion(seed)
     y = specimen(u, rng)

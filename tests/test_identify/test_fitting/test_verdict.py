@@ -203,9 +203,7 @@ def test_a_hold_is_judged_by_its_reading():
     assert ratio == pytest.approx(3.0 / train.relative_percent, rel=0.06)
 
 
-def test_faster_rows_and_longer_holds_are_counted_and_scored_beside_the_rows_inside(
-    line: FitResult,
-):
+def test_faster_rows_and_longer_holds_are_counted_and_scored_beside_the_rows_inside(line):
     """A held-out cycle of the trained amplitude: half of it as fast, half faster, then a hold."""
     time = np.concatenate([TIME[:120], 1.5 + (TIME[120:240] - 1.5) / 8, 1.7 + TIME[1:81]])
     u = np.append(np.tile(10 * (1 - np.abs(2 * (TIME[:80] % 1.0) - 1)), 3), np.zeros(80))

@@ -52,9 +52,7 @@ def record(noise: float = 0.0, lag: float = 0.0, seed: int = 0) -> Record:
     ("heights", "told"),
     rest_thorough([((1, 0.6, 0.3, 0.8, 1, 0.5, 0.9, 0.4), True), ((1,) * 6, False)], 1),
 )
-def test_only_several_amplitudes_tell_what_the_place_changes(
-    heights: tuple[float, ...], told: bool
-):
+def test_only_several_amplitudes_tell_what_the_place_changes(heights, told):
     wave = np.sin(2 * np.pi * np.arange(120) / 120)
     u = np.concatenate([height * wave for height in heights])
     slopes = np.array([[9.0, 1.0, 9.0], [3.0, 1.0, 3.0]])

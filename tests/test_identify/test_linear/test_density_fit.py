@@ -35,9 +35,7 @@ TRUTH = Preisach(GridDensity(0.0, 1.0, bump(16)), np.full(16, 0.02), 0.3)
 
 
 @pytest.mark.parametrize("strength", rest_thorough([1e-4, 1e-1], 1))
-def test_products_find_what_the_matrix_finds(
-    strength: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_products_find_what_the_matrix_finds(strength: float, monkeypatch: pytest.MonkeyPatch):
     record = record_of(TRUTH, walk(1))
     dense = fit_density(record, 24, strength=strength)
     monkeypatch.setattr("identify.linear._density_fit.DENSE", 12)

@@ -1,7 +1,5 @@
 """Rigs of other kinds, each by a plain loop over time; no model of ours is one of them."""
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 
@@ -71,13 +69,7 @@ HEIGHTS = [1.0, 0.5, 0.8, 0.3, 0.65, 0.9]
         2,
     ),
 )
-def test_a_rig_is_learnt_beyond_the_best_baseline(
-    rig: Callable[[np.ndarray], np.ndarray],
-    trained: list[float],
-    tested: list[float],
-    part: str,
-    bar: float,
-):
+def test_a_rig_is_learnt_beyond_the_best_baseline(rig, trained, tested, part, bar):
     """The damper is what ridge regression on stops is made for: there it is enough to be as good. The block
     goes on softening: what explains its rows is in no prediction, and the verdict says that errors grow."""
     u = cycles([*trained, *tested])

@@ -108,9 +108,7 @@ def kept(line_fit, tmp_path_factory) -> Path:
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
-def test_chains_are_only_gone_on_from_where_all_is_the_same(
-    line_fit, kept, what, changed, options
-) -> None:
+def test_chains_are_only_gone_on_from_where_all_is_the_same(line_fit, kept, what, changed, options):
     with pytest.raises(InputError, match=f"another {what}") as error:
         sample(changed(line_fit), steps=30, checkpoint=kept, resume=True, **options)
     assert error.value.code == "other-checkpoint"
