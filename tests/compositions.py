@@ -62,16 +62,9 @@ def plays(rng: np.random.Generator) -> ModulatedStops:
     thresholds, springs = np.array([0.05, 0.3, 1.0]), rng.uniform(0.5, 1.0, 1)
     none, weights = np.zeros((3, 1)), rng.uniform(0.2, 0.6, (3, 1))
     return ModulatedStops(
-        LOW,
-        HIGH,
-        thresholds,
-        np.array([LOW]),
-        none,
-        springs,
-        plays=weights,
-        rest=0.2,
+        LOW, HIGH, thresholds, np.array([LOW]), none, springs, plays=weights, rest=0.2,
         by="position",
-    )
+    )  # fmt: skip
 
 
 def _stops(

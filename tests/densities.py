@@ -38,15 +38,9 @@ def mixture(rng: np.random.Generator, low: float, high: float) -> SumDensity:
     size = high - low
     total, coercivity, width, bias_width = rng.uniform(0.2, 0.3, 4)
     normal = GaussianDensity(
-        low,
-        high,
-        total,
-        size * coercivity,
-        size * width,
-        (low + high) / 2,
-        size * bias_width,
+        low, high, total, size * coercivity, size * width, (low + high) / 2, size * bias_width,
         order=16,
-    )
+    )  # fmt: skip
     return SumDensity((normal, warped(rng, low, low + 0.4 * size)))
 
 

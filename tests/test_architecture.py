@@ -34,12 +34,9 @@ def run(code: str) -> subprocess.CompletedProcess[str]:
     """`code` in a fresh interpreter, without what this process and its environment have set."""
     environment = {k: v for k, v in os.environ.items() if not k.startswith(("JAX_", "XLA_"))}
     return subprocess.run(
-        [sys.executable, "-W", "error", "-c", code],
-        cwd=ROOT,
-        env=environment,
-        capture_output=True,
-        text=True,
-    )
+        [sys.executable, "-W", "error", "-c", code], cwd=ROOT, env=environment,
+        capture_output=True, text=True,
+    )  # fmt: skip
 
 
 def modules(package: str) -> Iterator[ModuleType]:

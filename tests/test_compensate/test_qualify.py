@@ -157,11 +157,9 @@ def test_a_slow_step_of_the_target_is_a_caution_and_one_of_this_computer_is_none
     found = qualify(invert(model()), record(), rate=1000.0, step=Step("c", 1e-2, 1e-2))
     assert found.level == "FAIL"
     found = qualify(
-        invert(model()),
-        record(),
-        rate=1000.0,
+        invert(model()), record(), rate=1000.0,
         step=Step("c", operations=500.0, most_operations=2000),
-    )
+    )  # fmt: skip
     assert found.level == "PASS"
     assert numbers(found, "needs-processor")[-1] == 2.0  # 1000 steps of 2000 operations a second
 

@@ -65,15 +65,11 @@ def test_a_model_of_another_distribution_goes_through_every_command(installed: P
     columns = "--input u(mm) --output y(N) --test-cycles 1 --noise gaussian --starts 4 --json"
     fitted, line, reported, exported, forwards, backwards, qualified, sampled, compared = hysid(
         f"fit run.csv {columns} --model duhem --out fit",
-        f"fit run.csv {columns} --model linearsponge --out line",
-        "report fit --json",
-        "export fit --runtime duhem.json",
-        "predict fit other.csv --json",
-        "predict fit other.csv --inverse --json",
-        "qualify fit other.csv --json",
-        "sample fit --steps 40 --ensembles 2 --json",
-        "compare fit line --json",
-    )
+        f"fit run.csv {columns} --model linearsponge --out line", "report fit --json",
+        "export fit --runtime duhem.json", "predict fit other.csv --json",
+        "predict fit other.csv --inverse --json", "qualify fit other.csv --json",
+        "sample fit --steps 40 --ensembles 2 --json", "compare fit line --json",
+    )  # fmt: skip
     document = fitted.json()
     assert document["model"] == "Duhem"
     found = {p["name"]: p["value"] for p in document["parameters"]}

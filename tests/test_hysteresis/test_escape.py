@@ -39,11 +39,9 @@ HOSTILE = (
 
 ALPHABET = "".join(sorted({c for name in HOSTILE for c in name}))
 names = st.one_of(
-    st.sampled_from(HOSTILE),
-    st.text(st.sampled_from(ALPHABET), max_size=30),
-    st.text(max_size=30),
-    st.text("*/\\?\n\"'", max_size=12),
-)
+    st.sampled_from(HOSTILE), st.text(st.sampled_from(ALPHABET), max_size=30),
+    st.text(max_size=30), st.text("*/\\?\n\"'", max_size=12),
+)  # fmt: skip
 
 
 def stripped(source: str) -> str:

@@ -42,14 +42,10 @@ def rig(
         for name, x in columns.items()
     }
     return Record.from_arrays(
-        None,
-        np.tile(load, runs) + noise * rng.normal(size=runs * n),
-        np.tile(t, runs),
-        np.repeat(np.arange(runs), n),
-        columns=columns | (more or {}),
-        channels={name: CHANNELS.get(name, "1") for name in names},
-        output_unit="N",
-    )
+        None, np.tile(load, runs) + noise * rng.normal(size=runs * n), np.tile(t, runs),
+        np.repeat(np.arange(runs), n), columns=columns | (more or {}),
+        channels={name: CHANNELS.get(name, "1") for name in names}, output_unit="N",
+    )  # fmt: skip
 
 
 def test_channels_whose_loops_cancel_give_the_output():

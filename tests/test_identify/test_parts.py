@@ -1,4 +1,4 @@
-"""Transform, noise, hold-outs and figures: the small parts of a fit."""
+"""Noise and hold-outs: the small parts of a fit."""
 
 import numpy as np
 import pytest

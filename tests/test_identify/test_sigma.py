@@ -146,12 +146,9 @@ def test_moduli_are_weighted_by_their_sigma(tmp_path: Path):
     )
     path = tmp_path / "sweep.csv"
     np.savetxt(
-        path,
-        np.column_stack(columns),
-        delimiter=",",
-        header="f (Hz),G1 (Pa),G2 (Pa),s",
+        path, np.column_stack(columns), delimiter=",", header="f (Hz),G1 (Pa),G2 (Pa),s",
         comments="",
-    )
+    )  # fmt: skip
     off = {}
     for name in ("", "s"):
         read = hysid.records(

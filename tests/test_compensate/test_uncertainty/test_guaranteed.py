@@ -103,11 +103,9 @@ def in_c(folder: Path, given: np.ndarray, ends: np.ndarray) -> float:
     y, u = np.ascontiguousarray(given)
     count = ends.astype(np.int64)
     return code(
-        ctypes.c_long(len(ends)),
-        y.ctypes.data_as(reals),
-        u.ctypes.data_as(reals),
+        ctypes.c_long(len(ends)), y.ctypes.data_as(reals), u.ctypes.data_as(reals),
         count.ctypes.data_as(longs),
-    )
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize("shaped", [False, True])

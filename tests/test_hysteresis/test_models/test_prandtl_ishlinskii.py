@@ -24,15 +24,11 @@ paths = histories(LOW, HIGH)
 def draw(seed: int, leading: bool = False, bent: bool = False, rates: bool = False):
     rng = np.random.default_rng(seed)
     return PrandtlIshlinskii(
-        np.cumsum(rng.uniform(0.1, 0.4, PLAYS)),
-        rng.uniform(0.0, 1.0, PLAYS),
-        rng.uniform(0.5, 2.0),
-        rng.normal(),
-        rates=rng.uniform(0, 0.02, PLAYS) if rates else None,
+        np.cumsum(rng.uniform(0.1, 0.4, PLAYS)), rng.uniform(0.0, 1.0, PLAYS),
+        rng.uniform(0.5, 2.0), rng.normal(), rates=rng.uniform(0, 0.02, PLAYS) if rates else None,
         bends=np.array([-1.5, 0.4, 2.0]) if bent else None,
-        bend_slopes=rng.uniform(-0.3, 0.6, 3) if bent else None,
-        leading=leading,
-    )
+        bend_slopes=rng.uniform(-0.3, 0.6, 3) if bent else None, leading=leading,
+    )  # fmt: skip
 
 
 @eqx.filter_jit

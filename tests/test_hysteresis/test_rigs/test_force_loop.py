@@ -15,11 +15,9 @@ STILL = ForceLoopRig(sensor=RIG, sway_mm=0.0, stiffness_error=0.0)
 
 
 @given(
-    arrays(float, 25, elements=st.floats(0, 30)),
-    st.floats(1e-4, 1.0),
-    st.integers(0, 4),
+    arrays(float, 25, elements=st.floats(0, 30)), st.floats(1e-4, 1.0), st.integers(0, 4),
     st.tuples(st.floats(0.5, 2), st.floats(0.5, 2)),
-)
+)  # fmt: skip
 def test_a_stream_reads_what_the_whole_record_does(force, dt, location, placement):
     everywhere = np.zeros((25, 5))
     everywhere[:, location] = force

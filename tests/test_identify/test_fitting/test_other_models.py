@@ -119,13 +119,9 @@ def test_an_unregistered_model_is_refused_before_anything_is_written(tmp_path: P
 
 def test_every_part_of_a_model_comes_back(tmp_path: Path):
     model = Weighted(
-        (Gain(2.0), Line(1.0)),
-        np.arange(3),
-        -np.inf,
-        ("a", 1, None),
-        {"k": [1.5, True]},
+        (Gain(2.0), Line(1.0)), np.arange(3), -np.inf, ("a", 1, None), {"k": [1.5, True]},
         Pair(1, 2.0),
-    )
+    )  # fmt: skip
     again = load_model(save_model(model, tmp_path / "model.json"))
     assert eqx.tree_equal(again, model)
     assert again.options == model.options
