@@ -1,4 +1,4 @@
-"""Pictures of little density, wherever a test of the command line or of a report draws some."""
+"""Pictures of little density, wherever a test of the command line or of a report draws some; empty folders."""
 
 import pytest
 
@@ -9,3 +9,9 @@ from tests.test_hysid.command import coarse_pictures
 def _nobody_looks_at_the_pictures():
     with coarse_pictures():
         yield
+
+
+@pytest.fixture
+def empty_folder(tmp_path, monkeypatch):
+    """The current one, for commands that name files in it."""
+    monkeypatch.chdir(tmp_path)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import identify
+from tests.thorough import rest_thorough
 
 W = np.geomspace(1e-3, 1e3, 60)
 
@@ -16,7 +17,7 @@ def noisy(modulus: np.ndarray, size: float) -> Any:
     return identify.spectrum(identify.Response(W, modulus * (1 + size * noise), "modulus"))
 
 
-@pytest.mark.parametrize(("alpha", "tau"), [(0.4, 0.5), (0.7, 3.0)])
+@pytest.mark.parametrize(("alpha", "tau"), rest_thorough([(0.4, 0.5), (0.7, 3.0)], 1))
 def test_a_fractional_zener_element_is_found_within_its_range(alpha, tau):
     x = (1j * W * tau) ** alpha
     pot, zener = noisy(2 + 8 * x / (1 + x), 0.01).fractional()

@@ -102,24 +102,6 @@ def test_extrapolation_is_covered(kind: str):
     assert np.median(widths) < 0.3
 
 
-@pytest.mark.thorough
-def test_errors_of_the_parameters():
-    """Fits of the same curve with other noise differ as much as the errors say."""
-    y, logs, errors = np.asarray(RELAXING.relaxation_modulus(T)), [], []
-    for seed in range(10):
-        answer = spectrum(Response(T, noisy(y, seed, 0.003), "relaxation"), terms=3).answers[0]
-        model = answer.model
-        assert answer.names == ("E_inf", "E1", "tau1", "E2", "tau2", "E3", "tau3")
-        assert isinstance(model, GeneralizedMaxwell)
-        pairs = zip(np.asarray(model.E), np.asarray(model.tau), strict=True)
-        logs.append(np.log([float(model.E_inf), *(x for pair in pairs for x in pair)]))
-        errors.append(np.sqrt(np.diagonal(answer.covariance)))
-    ratio = np.std(logs, axis=0) / np.mean(errors, axis=0)
-    # The deviation of 10 draws is right to a factor of 1.6.
-    assert (ratio > 0.4).all()
-    assert (ratio < 1.6).all()
-
-
 def test_what_is_outside_the_record_s_times_is_said():
     slow = GeneralizedMaxwell(0.5, [1.0, 2.0], [2.0, 2000.0])
     found = spectrum(Response(T, np.asarray(slow.relaxation_modulus(T)), "relaxation"), terms=2)

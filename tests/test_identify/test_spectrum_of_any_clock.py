@@ -212,24 +212,6 @@ def test_a_public_master_curve(measured_data: Path):
     assert found.order < 4 * np.log10(t[-1] / t[0])
 
 
-@pytest.mark.thorough
-@pytest.mark.parametrize(("kind", "most"), [("relaxation", 0.01), ("modulus", 0.0113)])
-def test_public_shift_factors(measured_data: Path, kind: Any, most: float):
-    """Rows at 21 temperatures: published factors are met. The freest spectrum leaves 1.03 % of moduli."""
-    rows = measured(measured_data, "freq_user_raw.csv")
-    published = measured(measured_data, "time_user_raw__shift_factors.csv")[::-1]
-    sets = [rows[rows[:, 4] == k][::-1] for k in np.unique(rows[:, 4])]
-    parts = [
-        Response(2 * np.pi * f, storage + 1j * loss, kind)
-        if kind == "modulus"
-        else Response(1 / f, storage, kind)  # as the authors shifted them
-        for f, storage, loss, *_ in (one.T for one in sets)
-    ]
-    found, shifts = master_curve(parts, [float(one[:, 3].mean()) for one in sets], 3.0)
-    assert found.row.rms < most
-    assert (np.abs(shifts.log_a - published[:, 1]) <= 2 * shifts.error + 1e-9).all()
-
-
 def test_creep_that_flows_is_shifted_too():
     flowing = GeneralizedKelvinVoigt(2.0, [1.0, 4.0], [0.5, 80.0], 300.0)
     t, parts = np.geomspace(0.1, 100.0, 20), []

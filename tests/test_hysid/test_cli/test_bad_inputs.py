@@ -184,9 +184,7 @@ USAGE = [  # what typer says of a number depends on its version
 ]
 
 
-@pytest.fixture(autouse=True)
-def _empty_folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+pytestmark = pytest.mark.usefixtures("empty_folder")
 
 
 @pytest.mark.parametrize("bad", BAD.values(), ids=BAD.keys())

@@ -73,9 +73,7 @@ TABLE = {
 """By item and what is bad."""
 
 
-@pytest.fixture(autouse=True)
-def _empty_folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+pytestmark = pytest.mark.usefixtures("empty_folder")
 
 
 @pytest.mark.parametrize("bad", TABLE.values(), ids=TABLE.keys())

@@ -22,9 +22,7 @@ NAMES = ("time", "force", "displacement", "cycle")
 PLAIN = ("--input", "force", "--output", "displacement", "--time", "time", "--units-row", 2)
 
 
-@pytest.fixture(autouse=True)
-def _empty_folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+pytestmark = pytest.mark.usefixtures("empty_folder")
 
 
 @pytest.fixture(scope="module")

@@ -17,6 +17,7 @@ from compensate.runtime import load
 from hysteresis import LinearSponge
 from tests.c_harness import COMPILERS, Compiled
 from tests.test_hysid.command import COLUMNS, refused, run, sponge, text
+from tests.thorough import rest_thorough
 
 
 @pytest.fixture(scope="module")
@@ -86,7 +87,10 @@ def test_a_target_is_written(folder: Path):
 
 
 @pytest.mark.skipif(not COMPILERS, reason="no C compiler")
-@pytest.mark.parametrize("name", ["force */ int planted; /* (N)", "/*raw*/", "a??/", "b\u202e\\"])
+@pytest.mark.parametrize(
+    "name",
+    rest_thorough(["force */ int planted; /* (N)", "a??/", "/*raw*/", "b\u202e\\"], 2),
+)
 def test_names_of_columns_run_nothing(name: str, tmp_path: Path):
     """A header says the names in a comment, and compiles as strictly as ever, as C++ too."""
     model, u = LinearSponge(0.4, 0.0), np.linspace(0.0, 10.0, 50)

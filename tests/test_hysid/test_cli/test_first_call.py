@@ -14,9 +14,7 @@ ROWS = sponge()
 FAST = ("--model", "LinearSponge", "--noise", "gaussian", "--starts", 2)
 
 
-@pytest.fixture(autouse=True)
-def _empty_folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+pytestmark = pytest.mark.usefixtures("empty_folder")
 
 
 def selection(config: str) -> dict:

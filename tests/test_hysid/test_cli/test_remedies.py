@@ -24,9 +24,7 @@ FAST = ("--model", "LinearSponge", "--noise", "gaussian", "--starts", 1)
 ROWS = sponge()
 
 
-@pytest.fixture(autouse=True)
-def _empty_folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+pytestmark = pytest.mark.usefixtures("empty_folder")
 
 
 def commands(node=None) -> list:

@@ -27,9 +27,7 @@ def relaxing(factor: float = 1.0, released: bool = False) -> list[list[str]]:
     return [[f"{a:.1f}", f"{b:.3f}", f"{c:.5f}"] for a, b, c in zip(t, u, y, strict=True)]
 
 
-@pytest.fixture(autouse=True)
-def _empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.chdir(tmp_path)
+pytestmark = pytest.mark.usefixtures("empty_folder")
 
 
 def numbers(fit: dict[str, Any]) -> dict[str, float]:

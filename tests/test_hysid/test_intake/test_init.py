@@ -17,9 +17,7 @@ CLEAN = text(ROWS)
 LOOP = np.concatenate([np.linspace(0, 1, 12), np.linspace(1, 0, 12)[1:]])
 
 
-@pytest.fixture(autouse=True)
-def _empty_folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+pytestmark = pytest.mark.usefixtures("empty_folder")
 
 
 def guessed(content: str | bytes, *options: str, name: str = "run.csv") -> dict:

@@ -29,9 +29,7 @@ def moduli(a: float = 1.0, seed: int = 0) -> np.ndarray:
     return y * (1 + 1e-3 * (rng.normal(size=len(F)) + 1j * rng.normal(size=len(F))))
 
 
-@pytest.fixture(autouse=True)
-def _empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.chdir(tmp_path)
+pytestmark = pytest.mark.usefixtures("empty_folder")
 
 
 LOSSES = {
