@@ -51,7 +51,6 @@ import hysteresis.preisach
 import hysteresis.rigs
 import identify
 from compensate.armor import planned_presses
-from hysid.soft_sensor._sensor import Quantity, SoftSensor, save_sensor
 from identify.internal import Forc
 from tests.test_docs import tool
 
@@ -94,12 +93,6 @@ def loops() -> hysteresis.Record:
 def fit() -> identify.FitResult:
     """`LinearSponge`, two free parameters, fitted to four cycles and tested on the fifth."""
     return identify.fit(record(), "LinearSponge", test_cycles=1, noise="gaussian")
-
-
-@prepared
-def burgers() -> identify.FitResult:
-    """`Burgers`, three free parameters, fitted to the same cycles."""
-    return identify.fit(record(), "Burgers", test_cycles=1, noise="gaussian", starts=2)
 
 
 @prepared
@@ -257,15 +250,6 @@ def contacts_file() -> Path:
         learnt().estimator, Path(mkdtemp()) / "contacts.json", record.reading, record.time,
         channels=volts, contacts=newtons,
     )  # fmt: skip
-
-
-@prepared
-def sensor_folder() -> Path:
-    """A folder as `hysid microchannel train` writes it, with an estimator of the place of `presses`."""
-    localizer = compensate.microchannel.Localizer.train(presses().reading, presses().location)
-    layers = Quantity("layer 1", "V"), Quantity("layer 2", "V")
-    readout = compensate.internal.Readout(channels=2)
-    return save_sensor(SoftSensor(layers, readout, localizer=localizer), Path(mkdtemp()))
 
 
 ALWAYS = {

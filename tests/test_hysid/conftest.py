@@ -1,4 +1,4 @@
-"""Pictures of little density, wherever a test of the command line or of a report draws some; empty folders."""
+"""Empty folders, and pictures of little density wherever a command or a report draws some."""
 
 import pytest
 
