@@ -137,7 +137,6 @@ def held(model: AbstractModel) -> Known:
 
 def jumped(model: AbstractModel) -> Known:
     """From rest to an input that then stays: the modulator knows of it one sample later."""
-    assert isinstance(model, ModulatedStops)
     u = np.full(3, 1.7)
     by_position, gone = model.by == "position", 1.7 - model.rest
     before = [model.rest, 1.7, 1.7] if by_position else [0.0, gone, gone]
@@ -166,8 +165,6 @@ def _held(model: AbstractModel, t: np.ndarray, u: float) -> np.ndarray:
         return np.sum([_held(part, t, u) for part in model.parts], 0)
     if isinstance(model, Series):
         curve, burgers, line = model.parts
-        assert isinstance(curve, MonotoneCurve)
-        assert isinstance(line, LinearSponge)
         y = np.append(0.0, np.cumsum(np.asarray(curve.increments)))
         v = float(curve.offset) + np.interp(u, np.asarray(curve.nodes), y)
         return float(line.K) * _held(burgers, t, float(v))
@@ -186,7 +183,6 @@ def _held(model: AbstractModel, t: np.ndarray, u: float) -> np.ndarray:
     if isinstance(model, TimeDrift):
         since = (t - t[0])[:, None]
         return (1 - np.exp(-since / np.asarray(model.times))) @ np.asarray(model.rates)
-    assert isinstance(model, NonlinearMaxwell)
     nodes = np.linspace(model.low, model.high, CELLS + 1)
     springs = np.pad(np.cumsum(np.asarray(model.increments), 1), ((0, 0), (1, 0)))
     rest = model.low if model.rest is None else model.rest

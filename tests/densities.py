@@ -63,7 +63,6 @@ def plain_everett(density: Any, a: float, b: float) -> float:
     if isinstance(density, Coercive):
         whole = coercive_integral(density, density.high, density.low)
         return float(density.total) * coercive_integral(density, a, b) / whole
-    assert isinstance(density, GridDensity)
     left, width = density.edges[:-1], np.diff(density.edges)
     w = np.tril(np.asarray(density.weights))
     rows = np.clip((a - left) / width, 0, 1)

@@ -219,7 +219,6 @@ def _foam(rng: np.random.Generator) -> FoamCurve:
 
 def _foam_known(model: AbstractModel) -> Known:
     """The slope, integrated by quadrature."""
-    assert isinstance(model, FoamCurve)
     linear, toe, plateau, *lengths, w, growth, offset = (float(p) for _, _, p in parameters(model))
     u1, u2, u3 = np.cumsum(lengths)
 
@@ -255,11 +254,7 @@ def _rate_forms(rng: np.random.Generator) -> Sum:
 
 def _rate_forms_known(model: AbstractModel) -> Known:
     """Up so little that f is straight and one play alone moves: exponentials."""
-    assert isinstance(model, Sum)
     force, duhem, plays = model.parts
-    assert isinstance(force, BoucWenForce)
-    assert isinstance(duhem, DuhemForce)
-    assert isinstance(plays, GeneralizedPlays)
     u = np.linspace(0.0, 0.01, 21)
     loss = float(force.beta_gamma + force.beta_delta)
     f = np.asarray(duhem.rising)
@@ -281,11 +276,7 @@ def _oscillator(rng: np.random.Generator) -> Oscillator:
 
 def _oscillator_known(model: AbstractModel) -> Known:
     """One step of Newmark's method from rest, by bisection: the play rests."""
-    assert isinstance(model, Oscillator)
-    assert isinstance(model.hysteresis, Sum)
     force, plays = model.hysteresis.parts
-    assert isinstance(force, BoucWenForce)
-    assert isinstance(plays, GeneralizedPlays)
     m, c, k = (float(x) for x in (model.mass, model.damping, model.stiffness))
     alpha, gamma, delta = (float(x) for x in (force.alpha, force.beta_gamma, force.beta_delta))
     t, u, h = np.array([0.0, 0.2]), np.array([0.0, 1.0]), 0.1
@@ -320,7 +311,6 @@ def _stops_and_powers(rng: np.random.Generator) -> StopsAndPowers:
 
 def _stops_and_powers_known(model: AbstractModel) -> Known:
     """Both stops slide, and after the reversal the narrow one does."""
-    assert isinstance(model, StopsAndPowers)
     u, strains = np.array([0.0, 2.0, 1.5, -0.5]), ((0, 0.3, -0.2, -0.3), (0, 1.1, 0.6, -1.1))
     powers = np.stack([u**2, u**3, u * np.abs(u)])
     return u, u, np.asarray(model.weights) @ np.array(strains) + np.asarray(model.powers) @ powers
@@ -328,7 +318,6 @@ def _stops_and_powers_known(model: AbstractModel) -> Known:
 
 def _duhem_known(model: AbstractModel) -> Known:
     """Up, down below the first knot, and up beyond the last one: the way is an integral over the output."""
-    assert isinstance(model, DuhemOperator)
     knots = np.linspace(float(model.low), float(model.high), 4)
     legs = (
         np.linspace(float(model.offset), 0.9, 7),
