@@ -1,19 +1,27 @@
-"""The exported step of an oscillator: C99 and plain Python give what the model gives."""
+"""Exported oscillators and models with conditions: C99 and plain Python give what the model gives."""
+
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import compensate
-from compensate import Status
+from compensate import Status, export_c, export_runtime, invert
 from compensate.export._export import Program
+from compensate.runtime import load
 from hysteresis import (
     BoucWenForce,
+    Conditioned,
     DuhemForce,
     GeneralizedPlays,
+    InputError,
     Oscillator,
     Sum,
 )
 from tests.c_harness import COMPILERS, Compiled
+from tests.test_compensate.test_inverses.test_conditioned import model, walk
+from tests.thorough import rest_thorough
 
 MIXED = BoucWenForce(alpha=4e4, beta_gamma=700.0, beta_delta=-900.0)
 PLAYS = GeneralizedPlays([0.0, 2e-4, 6e-4], [2e-3] * 3, np.linspace(1, -1, 9) * 20, (2, 4, 3))
@@ -51,3 +59,63 @@ def test_targets_step_as_the_model(name: str, tmp_path):
     assert known.sum() == (len(straight) + 2) // 3
     # Newmark's error with steps three times as long, at 18 to 30 Hz.
     assert np.abs(value - whole)[known].max() < 0.02 * np.abs(whole).max()
+
+
+ROWS = 40
+
+
+def conditioned(sign: float = 1.0, axis: str = "linear") -> Conditioned:
+    return replace(model(sign), axis=axis)
+
+
+def readings(one: Conditioned) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Inputs, and pairs of reading and condition, two of which are beyond the knots."""
+    u, c = walk(ROWS)
+    c[[5, 30]] = 5.0, 60.0
+    y = np.asarray(one.simulate(None, np.column_stack([u, c])))
+    return u, y, c
+
+
+@pytest.mark.parametrize(
+    ("sign", "axis"), rest_thorough([(1.0, "logarithmic"), (-1.0, "reciprocal")], 1)
+)
+def test_python_and_c_are_the_same(sign: float, axis: str, tmp_path: Path):
+    one = conditioned(sign, axis)
+    u, y, c = readings(one)
+    wanted = invert(one).simulate(None, np.column_stack([y, c]))
+    pairs = np.column_stack([y, c])
+    compensator = load(export_runtime(one, tmp_path / "it.json", pairs).path)
+    rows = zip(y.tolist(), c.tolist(), strict=True)
+    found = [compensator.step(0.01, a, b) for a, b in rows]
+    np.testing.assert_allclose([each.value for each in found], wanted.value, atol=1e-9 * np.ptp(u))
+    np.testing.assert_array_equal([int(each.status) for each in found], wanted.status)
+    assert [int(s) for s in wanted.status[np.array([5, 30])]] == [Status.EXTRAPOLATED] * 2
+    if not COMPILERS:
+        pytest.skip("no C compiler")
+    for real, tolerance in (("double", 1e-9), ("float", 1e-4)):
+        path = export_c(one, tmp_path / f"{real}_it.h", pairs, real=real).path
+        it = Compiled(path, COMPILERS[0])
+        value, status = it.run(np.zeros(ROWS), y, c)
+        again = one.simulate(None, np.column_stack([value, c]))
+        np.testing.assert_allclose(again, y, atol=tolerance * float(np.ptp(y)))
+        np.testing.assert_allclose(it.predict(np.zeros(ROWS), u, c), y, atol=tolerance * np.ptp(y))
+        assert it.wrong == 0
+        assert f"State: {it.size} bytes" in it.text
+        assert "condition: temperature in degC" in it.text
+        if real == "double":
+            np.testing.assert_array_equal(status, wanted.status)
+
+
+def test_a_step_without_the_condition_is_refused_and_a_bad_one_leaves_no_trace(tmp_path: Path):
+    u, y, c = readings(conditioned())
+    compensator = load(export_runtime(model(), tmp_path / "it.json", np.column_stack([y, c])).path)
+    assert compensator.condition["name"] == "temperature"
+    with pytest.raises(TypeError, match="temperature"):
+        compensator.step(0.01, float(y[0]))
+    before = compensator.step(0.01, float(y[0]), float(c[0]))
+    bad = compensator.step(0.01, float(y[1]), float("nan"))
+    assert (bad.value, bad.status) == (before.value, Status.INVALID)
+    assert compensator.step(0.01, float(y[1]), float(c[1])).value == pytest.approx(u[1], abs=1e-7)
+    with pytest.raises(InputError) as error:
+        export_runtime(model(), tmp_path / "other.json", y)
+    assert error.value.code == "wrong-shape"

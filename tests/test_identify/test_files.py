@@ -1,11 +1,15 @@
-"""Fits on disk: what `load` gives back of the models that a fit tried."""
+"""Fits on disk: what `load` gives back of the models that a fit tried, and of a fit of version 0.1.0."""
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import compensate
+import hysid
+import identify
 from hysid import plots
 from hysteresis import InputError, LinearSponge, Record
 from identify import FitResult, fit, load, save
@@ -57,3 +61,18 @@ def test_an_entry_of_another_type_is_named(both: FitResult, tmp_path, change, wo
         load(file.parent)
     assert caught.value.code == "damaged-file"
     assert words in str(caught.value)
+
+
+FOLDER = Path(__file__).parent / "fit_of_0_1_0"
+
+
+def test_it_loads_and_is_the_same(tmp_path: Path):
+    fit = identify.load(FOLDER)
+    assert (fit.name, fit.verdict.level, len(fit.baselines)) == ("Burgers", "PASS", 6)
+    again = (fit.predict(fit.train) - fit.train.output)[fit.used]
+    np.testing.assert_allclose(again, fit.residuals[fit.used], rtol=0, atol=1e-12)
+    found = compensate.estimate(hysid.invert(fit), fit.train)
+    assert np.isfinite(found.value).all()
+    identify.save(fit, tmp_path / "again")
+    assert identify.load(tmp_path / "again").metrics == fit.metrics
+    assert hysid.report(fit, tmp_path / "fit.html").exists()

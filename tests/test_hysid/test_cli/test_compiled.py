@@ -1,16 +1,24 @@
-"""A command finds what an earlier one has compiled."""
+"""A command finds what an earlier one has compiled; `hysid warm` compiles beforehand."""
 
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from unittest.mock import patch
 
+import numpy as np
 import pytest
 
+import identify
+from compensate import invert
 from hysid import _compile_cache as _compiled
 from hysid._compile_cache import keep_compiled
-from tests.test_hysid.command import ENVIRONMENT
+from hysteresis import PrandtlIshlinskii
+from hysteresis.running import _over_time as over_time
+from hysteresis.running._compiled import is_kept
+from tests.test_hysid.command import ENVIRONMENT, run
+from tests.test_identify.lines import line, pressed
 from tests.thorough import rest_thorough
 
 FOLDER = "JAX_COMPILATION_CACHE_DIR"
@@ -128,3 +136,24 @@ def test_a_folder_of_others_is_not_used(which: str, how: str, tmp_path, monkeypa
     assert sorted(tmp_path.rglob("*")) == before
     with patch.dict(os.environ, OURS | place, clear=True):
         assert str(it if how != "foreign" else tmp_path) in keep_compiled()
+
+
+def test_what_a_fit_runs_is_compiled(tmp_path: Path):
+    pytest.importorskip("numba")
+    model = PrandtlIshlinskii(np.array([0.5, 1.0]), np.array([0.3, 0.2]), 1.0)
+    identify.save(replace(line(*pressed(1.2, 5.4, seed=0)), model=model), tmp_path / "fit")
+    said = run("warm", tmp_path / "fit")
+    assert (said.code, said.err) == (0, "")
+    structure = invert(model).known.structure.bare  # type: ignore[attr-defined]
+    assert is_kept(structure, "run")
+    assert is_kept(structure, "find")
+    assert run("warm", tmp_path / "fit").out == "0 loops are compiled.\n"
+
+
+def test_without_numba_it_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    for module in ("hysid.commands._warm", "hysteresis.running._compiled"):
+        monkeypatch.setattr(f"{module}.available", lambda: False)
+    said = run("warm")
+    assert said.code == 2
+    assert "Numba cannot be imported" in said.err
+    assert over_time.COMPILING["kept"] > 0.0
