@@ -1,5 +1,6 @@
-"""A compensator over a record is the compensator over each of its sequences."""
+"""A compensator over a record is that over each of its sequences; a known stretch ends its run-in."""
 
+from dataclasses import replace
 from typing import Any
 
 import equinox as eqx
@@ -13,8 +14,9 @@ from hypothesis import strategies as st
 from compensate import AbstractCompensator, DeadBandCompensator, Status, estimate, invert
 from compensate.internal import BracketedCompensator, Estimate
 from hysteresis import Burgers, InputError, LinearSponge, PrandtlIshlinskii, Preisach, Record
+from hysteresis.internal import with_units
 from hysteresis.preisach import GridDensity
-from tests.problems import HIGH, LOW, weights
+from tests.problems import HIGH, INVERTIBLE, KINDS, LOW, Problem, random_histories, weights
 from tests.thorough import rest_thorough
 
 BURGERS = Burgers(2.0, 40.0, 1.0, 5.0)
@@ -96,3 +98,52 @@ def test_without_a_clock_and_without_rows():
     assert found.value.shape == (5,)
     with pytest.raises(InputError, match="no rows"):
         estimate(invert(GRID), Record.from_arrays([], []))
+
+
+FIRST, LAST, ROWS = 50, 90, 120
+EACH = [p for p in INVERTIBLE if p.name != "burgers-lagging-constant"]
+
+
+def looped(problem: Problem, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """Times, and inputs that are one loop in the known rows."""
+    rng = np.random.default_rng(seed)
+    (u,) = random_histories(rng, problem.low, problem.high, (1, ROWS))
+    way = 0.5 - 0.4 * np.cos(np.linspace(0, 2 * np.pi, LAST - FIRST))
+    u[FIRST:LAST] = problem.low + (problem.high - problem.low) * way
+    return np.cumsum(rng.uniform(0.2, 2, ROWS)), u
+
+
+@pytest.mark.parametrize(  # relays take four fifths of the time
+    "problem",
+    rest_thorough(EACH, lambda p: p.name in KINDS - {"preisach-up"}),
+    ids=lambda p: p.name,
+)
+def test_a_known_loop_ends_the_run_in(problem: Problem):
+    t, u = looped(problem)
+    model = with_units(problem.model(1), None, (problem.low, problem.high))
+    y, span = np.asarray(model.simulate(t, u)), problem.high - problem.low
+    compensator = invert(
+        model, trained=(problem.low, problem.high), start="unknown", past=(t, u), deviation=span / 100
+    )  # fmt: skip
+    own = slice(FIRST, LAST)
+    state = compensator.state_from(t[own], u[own], y[own])
+    found = compensator.simulate(t[LAST:], y[LAST:], state)
+    assert found.status[0] == Status.OK
+    status, off = np.asarray(found.status), np.abs(np.asarray(found.value) - u[LAST:])
+    assert off[status == Status.OK].max() < 0.03 * span
+    # A loop may leave open what matters later: said where the estimate is off by it, and only there.
+    assert (off[status == Status.RUN_IN] > span / 200).all()
+
+
+def test_a_record_with_known_rows_is_estimated_from_them():
+    problem = next(p for p in INVERTIBLE if p.name == "bouc-wen")
+    t, u = looped(problem)
+    model = problem.model(1)
+    y = np.asarray(model.simulate(t, u))
+    own = slice(FIRST, ROWS)
+    record = Record.from_arrays(u[own], y[own], t[own])
+    record = replace(
+        record, columns=record.columns | {"known_rows": np.arange(ROWS - FIRST) < LAST - FIRST}
+    )
+    found = estimate(invert(model), record)
+    assert np.allclose(found.value[LAST - FIRST :], u[LAST:], atol=1e-6)

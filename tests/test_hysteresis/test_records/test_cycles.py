@@ -1,4 +1,4 @@
-"""Turning points, branches and cycles: the rig's count, not the noise's; fits of one branch; change by cycle."""
+"""Turning points, branches and cycles are the rig's, not the noise's; fits of one branch; change by cycle."""
 
 import os
 from pathlib import Path
