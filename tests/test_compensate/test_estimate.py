@@ -1,4 +1,4 @@
-"""A compensator over a record is that over each of its sequences; a known stretch ends its run-in."""
+"""A compensator over a record is that of each of its sequences; known stretches end its run-in."""
 
 from dataclasses import replace
 from typing import Any

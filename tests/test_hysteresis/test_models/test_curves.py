@@ -1,4 +1,4 @@
-"""Curves without memory, the linear sponge among them, and models on wider inputs than they know."""
+"""Curves without memory, the linear sponge among them, and models on wider inputs."""
 
 from typing import Any
 

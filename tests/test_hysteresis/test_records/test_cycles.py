@@ -1,4 +1,4 @@
-"""Turning points, branches and cycles are the rig's, not the noise's; fits of one branch; change by cycle."""
+"""Turning points, branches and cycles; fits of one branch; change from cycle to cycle."""
 
 import os
 from pathlib import Path
