@@ -13,15 +13,7 @@ from compensate import Quantity, Status, invert
 from compensate.internal import BackwardsModel, ForceEstimator
 from compensate.microchannel import export_force
 from compensate.runtime import FileError, load
-from hysteresis import (
-    AbstractModel,
-    GeneralizedMaxwell,
-    InputError,
-    Preisach,
-    Scaled,
-    Series,
-    Sum,
-)
+from hysteresis import AbstractModel, GeneralizedMaxwell, InputError, Preisach, Scaled, Series, Sum
 from hysteresis.curves import PolynomialCurve
 from hysteresis.internal import StaircaseNetwork
 from hysteresis.preisach import GridDensity

@@ -97,11 +97,9 @@ def test_evidence_finds_the_kind_of_noise(kind: str) -> None:
         name for name in ("phi", "theta", "tail", "growth") if getattr(found, name) is not None
     }
     wanted = {
-        "arma11": {"phi", "theta"},
-        "student-t": {"tail"},
-        "ar1": {"phi"},
+        "arma11": {"phi", "theta"}, "student-t": {"tail"}, "ar1": {"phi"},
         "growing": {"growth"},
-    }
+    }  # fmt: skip
     assert known == wanted.get(kind, set())
 
 

@@ -60,12 +60,10 @@ def test_no_prior(said: str) -> None:
     [
         {"K": {"prior": "log-normal(2, 1.5)"}},
         {"K": {"bounds": [0.5, 3], "prior": "uniform(0.5, 3)"}},
-        {"K": {"prior": "half-normal(2)"}},
-        {"K": {"bounds": [0.5, 3]}},
-        {"b": {"prior": "normal(0.2, 0.1)"}},
-        {},
+        {"K": {"prior": "half-normal(2)"}}, {"K": {"bounds": [0.5, 3]}},
+        {"b": {"prior": "normal(0.2, 0.1)"}}, {},
     ],
-)
+)  # fmt: skip
 def test_a_prior_is_a_density_of_the_free_number(said: dict[str, Any]) -> None:
     """Its integral over z is 1, whichever bounds the parameter has."""
     other = "b" if "K" in said or not said else "K"
@@ -121,20 +119,17 @@ def test_a_prior_pulls_as_its_weight_says(tmp_path: Any) -> None:
 @pytest.mark.parametrize(
     ("said", "code"),
     [
-        ({"E3": {"fixed": 1}}, "unknown-parameter"),
-        ({"E1": {"begin": 1}}, "unknown-key"),
-        ({"E1": {"bounds": [3, 1]}}, "bad-bounds"),
-        ({"E1": {"bounds": 3}}, "bad-bounds"),
+        ({"E3": {"fixed": 1}}, "unknown-parameter"), ({"E1": {"begin": 1}}, "unknown-key"),
+        ({"E1": {"bounds": [3, 1]}}, "bad-bounds"), ({"E1": {"bounds": 3}}, "bad-bounds"),
         ({"E1": {"bounds": [2.0, 5]}}, "start-out-of-bounds"),
         ({"E1": {"start": -1}}, "start-out-of-bounds"),
         ({"E1": {"prior": "uniform(3, 4)"}}, "start-out-of-bounds"),
-        ({"E1": {"tied": "E9"}}, "bad-tie"),
-        ({"E1": {"tied": "E1"}}, "bad-tie"),
+        ({"E1": {"tied": "E9"}}, "bad-tie"), ({"E1": {"tied": "E1"}}, "bad-tie"),
         ({"E1": {"tied": "E2 + 1"}}, "bad-tie"),
         ({"E1": {"tied": "E2", "start": 2}}, "bad-tie"),
         ({"E1": {"tied": "E2"}, "E2": {"tied": "eta1"}}, "bad-tie"),
     ],
-)
+)  # fmt: skip
 def test_what_cannot_be_meant(said: dict[str, Any], code: str) -> None:
     with pytest.raises(InputError) as caught:
         fit(record(), BURGERS, parameters=said)

@@ -5,8 +5,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from hysteresis import GeneralizedKelvinVoigt, GeneralizedMaxwell, InputError
 from identify import Response, master_curve, spectrum
@@ -46,22 +44,6 @@ def test_moduli_have_the_spectrum_of_relaxation():
 def test_storage_alone_is_enough():
     found = spectrum(Response(W, moduli(SOLID).real, "modulus"), terms=3)
     np.testing.assert_allclose(found.model.tau, SOLID.tau, rtol=1e-3)
-
-
-@pytest.mark.thorough
-@settings(max_examples=15, deadline=None)
-@given(
-    st.lists(st.tuples(st.floats(-2, 3), st.floats(0.1, 10)), min_size=1, max_size=6),
-    st.floats(0.05, 5),
-    st.sampled_from(["relaxation", "modulus"]),
-)
-def test_any_solid_is_described_to_its_noise(terms: Any, at_end: float, kind: Any):
-    truth = GeneralizedMaxwell(at_end, [E for _, E in terms], [10.0**x for x, _ in terms])
-    y = np.asarray(truth.relaxation_modulus(T)) if kind == "relaxation" else moduli(truth)
-    found = spectrum(Response(T if kind == "relaxation" else W, noisy(y, 0.01), kind))
-    # The noise is a hundredth, and more terms than the truth has are no better.
-    assert 0.005 < found.row.rms < 0.014
-    assert found.row.parameters <= 2 * len(terms) + 6
 
 
 @pytest.mark.thorough

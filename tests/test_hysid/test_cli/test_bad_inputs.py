@@ -226,12 +226,10 @@ def test_a_file_that_may_not_be_read(monkeypatch):
     [
         (COMMA, ("--decimal", ","), 101),
         (OVERLOAD, ("--na-values", "OVLD", "--nan", "interpolate"), 101),
-        (NO_OUTPUT, ("--nan", "omit"), 91),
-        (NO_OUTPUT, ("--nan", "interpolate"), 101),
-        (NO_INPUT, ("--nan", "interpolate"), 101),
-        (RESET, ("--segments", "auto"), 202),
+        (NO_OUTPUT, ("--nan", "omit"), 91), (NO_OUTPUT, ("--nan", "interpolate"), 101),
+        (NO_INPUT, ("--nan", "interpolate"), 101), (RESET, ("--segments", "auto"), 202),
     ],
-)
+)  # fmt: skip
 def test_the_fix_that_the_message_names_works(content, options, rows):
     put(content)
     found = run("fit", "run.csv", *COLUMNS, *FIT, *options, "--json").json()

@@ -19,11 +19,9 @@ from tests.test_hysid.command import COLUMNS, ENVIRONMENT, HEADER, F, T, X, run,
 METRICS = dict.fromkeys(("rmse", "nrmse_percent", "max_abs", "r2"), float)
 PARAMETER = {"name": str, "value": float, "unit": str, "stderr": float | NoneType, "status": str}
 CANDIDATE = {
-    "model": str,
-    "parameters": [PARAMETER],
-    "metrics": {"train": METRICS, "test": METRICS},
+    "model": str, "parameters": [PARAMETER], "metrics": {"train": METRICS, "test": METRICS},
     "verdict": {"level": str, "reasons": [{"code": str, "text": str, "values": dict}]},
-}
+}  # fmt: skip
 FIT = CANDIDATE | {
     "schema": int, "candidates": [CANDIDATE], "data": {"sha256": str, "rows": int}, "seed": int,
     "versions": {"python": str, "jax": str},

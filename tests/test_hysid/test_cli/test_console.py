@@ -48,15 +48,13 @@ def test_an_error_of_the_data_is_an_object_with_the_fields_of_the_exception(file
 @pytest.mark.parametrize(
     ("arguments", "where"),
     [
-        (("fit", "run.csv", "--frobnicate"), "hysid fit"),
-        (("fit",), "hysid fit"),
+        (("fit", "run.csv", "--frobnicate"), "hysid fit"), (("fit",), "hysid fit"),
         (("frobnicate",), "hysid"),
         (("check", "run.csv", *COLUMNS, "--nan", "maybe"), "hysid check"),
-        (("export", "fit"), "hysid export"),
-        (("reproduce", "nobody1900"), "hysid reproduce"),
+        (("export", "fit"), "hysid export"), (("reproduce", "nobody1900"), "hysid reproduce"),
         (("microchannel", "train"), "hysid microchannel train"),
     ],
-)
+)  # fmt: skip
 def test_a_usage_error_is_an_object_too(arguments, where):
     found = error_of(*arguments)
     assert (found["code"], found["where"]) == ("usage", where)
@@ -115,12 +113,10 @@ def test_a_command_that_is_not_asked_for_it_does_not_load_the_papers(file):
 @pytest.mark.parametrize(
     ("spent", "words"),
     [
-        (1.0, ""),
-        (10.0, "; about 30 s left"),
-        (60.0, "; about 3 min left"),
+        (1.0, ""), (10.0, "; about 30 s left"), (60.0, "; about 3 min left"),
         (7200.0, "; about 6 h left"),
     ],
-)
+)  # fmt: skip
 def test_what_is_left_takes_as_long_as_what_was_done(spent, words):
     left = Left()
     left.begin = time.monotonic() - spent

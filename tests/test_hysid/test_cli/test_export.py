@@ -88,8 +88,7 @@ def test_a_target_is_written(folder: Path):
 
 @pytest.mark.skipif(not COMPILERS, reason="no C compiler")
 @pytest.mark.parametrize(
-    "name",
-    rest_thorough(["force */ int planted; /* (N)", "a??/", "/*raw*/", "b\u202e\\"], 2),
+    "name", rest_thorough(["force */ int planted; /* (N)", "a??/", "/*raw*/", "b\u202e\\"], 2)
 )
 def test_names_of_columns_run_nothing(name: str, tmp_path: Path):
     """A header says the names in a comment, and compiles as strictly as ever, as C++ too."""

@@ -72,12 +72,10 @@ def test_what_nothing_drives_is_not_fitted():
 @pytest.mark.parametrize(
     "words",
     [
-        ("fit", "nix.csv"),
-        ("fit", "nix.csv", "--input", F, "--output", F),
-        ("check", "nix.csv"),
-        ("init", "nix.csv"),
+        ("fit", "nix.csv"), ("fit", "nix.csv", "--input", F, "--output", F),
+        ("check", "nix.csv"), ("init", "nix.csv"),
     ],
-)
+)  # fmt: skip
 def test_a_file_that_is_not_there_is_said_first(words):
     put("[selection]\n", "nix.toml")
     refused(run(*words), "nix.csv: not found", "[file-not-found]")

@@ -231,11 +231,9 @@ def test_links_that_lead_out_of_the_folder_are_not_read(fitted, linked):
         secret = entered(ready.address)
         state = ask(ready.address, "/api/state", X_Hysid=secret).document
         posts = {
-            "look": {},
-            "change": {"fit": {"seed": 1}},
-            "again": {},
+            "look": {}, "change": {"fit": {"seed": 1}}, "again": {},
             "start": {"kind": "report"},
-        }
+        }  # fmt: skip
         asks = [(name, {"name": "run.csv"} | body) for name, body in posts.items()]
         asks.append(("summary?name=run.csv", None))
         if linked != "run.toml":  # what needs no configuration

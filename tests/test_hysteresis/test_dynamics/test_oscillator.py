@@ -10,13 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import hysteresis
-from hysteresis import (
-    BoucWenForce,
-    DuhemForce,
-    GeneralizedPlays,
-    InputError,
-    Oscillator,
-)
+from hysteresis import BoucWenForce, DuhemForce, GeneralizedPlays, InputError, Oscillator
 
 MIXED = BoucWenForce(alpha=4e4, beta_gamma=700.0, beta_delta=-900.0)
 T = np.arange(300) / 750

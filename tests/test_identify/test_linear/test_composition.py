@@ -8,14 +8,7 @@ import numpy as np
 import pytest
 
 from compensate import invert
-from hysteresis import (
-    InputError,
-    ModulatedStops,
-    MonotoneCurve,
-    NonlinearMaxwell,
-    Record,
-    Sum,
-)
+from hysteresis import InputError, ModulatedStops, MonotoneCurve, NonlinearMaxwell, Record, Sum
 from identify import FitResult, fit, load, sample, save
 from identify.linear._composition_fit import Problem, unknowns_for
 from identify.records._folds import parts

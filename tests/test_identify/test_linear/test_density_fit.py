@@ -78,13 +78,11 @@ def test_a_first_state_is_fitted() -> None:
 @pytest.mark.parametrize(
     ("code", "keywords"),
     [
-        ("out-of-range", {"low": 0.2}),
-        ("out-of-range", {"high": 0.9}),
-        ("bad-option", {"cells": 0}),
-        ("bad-option", {"cells": 100, "leading": True}),
+        ("out-of-range", {"low": 0.2}), ("out-of-range", {"high": 0.9}),
+        ("bad-option", {"cells": 0}), ("bad-option", {"cells": 100, "leading": True}),
         ("bad-option", {"cells": 100, "initial": "fit"}),
     ],
-)
+)  # fmt: skip
 def test_what_cannot_be_fitted_is_said(code: str, keywords: dict) -> None:
     with pytest.raises(InputError, match=code):
         fit_density(record_of(TRUTH, walk(0)), **keywords)

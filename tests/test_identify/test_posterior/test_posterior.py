@@ -97,11 +97,7 @@ def kept(line_fit, tmp_path_factory) -> Path:
             lambda fit: replace(fit, noise_model=replace(fit.noise_model, tail=jnp.asarray(0.1))),
             {},
         ),
-        (
-            "priors",
-            lambda fit: replace(fit, settings=asked_of(K={"prior": "normal(2, 1)"})),
-            {},
-        ),
+        ("priors", lambda fit: replace(fit, settings=asked_of(K={"prior": "normal(2, 1)"})), {}),
         ("seed", lambda fit: fit, {"seed": 1}),
         ("ensembles", lambda fit: fit, {"ensembles": 3}),
         ("walkers", lambda fit: fit, {"walkers": 18}),
