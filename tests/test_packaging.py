@@ -114,14 +114,17 @@ def test_a_start_is_light():
             "import hysid.commands._predict, hysid.commands._check, compensate",
         )
     )
+    code += "import hysid.commands._demo, hysid.commands._train\n"
+    code += "print([m for m in sys.modules if m.startswith('hysid.reproduction')])"
     done = subprocess.run(
         [sys.executable, "-c", code], env=ENVIRONMENT, capture_output=True, text=True
     )
     assert done.returncode == 0, done.stderr
-    *light, last = done.stdout.splitlines()
+    *light, last, papers = done.stdout.splitlines()
     assert light == ["[]"] * 3
     assert "jax" in last
     assert "scipy.stats" not in last
+    assert papers == "[]"  # they are 2,000 lines
 
 
 def completed(words: str) -> list[str]:

@@ -128,7 +128,7 @@ def test_what_cannot_be_fitted_is_refused():
 
 
 def line(record: Record, **options: Any) -> Any:
-    return fit(record, "LinearSponge", starts=1, **options)
+    return fit(record, "LinearSponge", starts=1, noise="gaussian", **options)
 
 
 def test_a_fit_is_saved_with_its_map(tmp_path: Path):

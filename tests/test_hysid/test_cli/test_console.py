@@ -95,21 +95,6 @@ def test_the_version_is_that_of_the_distribution():
     assert said == (0, f"hysid {version('hysid')}\n", "")
 
 
-def test_a_command_that_is_not_asked_for_it_does_not_load_the_papers(file):
-    """They are 2,000 lines, which no ordinary command needs."""
-    code = (
-        "import sys; from hysid.cli._app import main; main()\n"
-        "import hysid.commands._demo, hysid.commands._train\n"
-        "print([m for m in sys.modules if m.startswith('hysid.reproduction')])"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code, "check", str(file), *COLUMNS],
-        env=ENVIRONMENT, capture_output=True, text=True,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.splitlines()[-1] == "[]"
-
-
 @pytest.mark.parametrize(
     ("spent", "words"),
     [

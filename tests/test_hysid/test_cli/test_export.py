@@ -27,7 +27,15 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     written = datetime(2023, 5, 3, 12, tzinfo=UTC).timestamp()
     os.utime(place / "run.csv", (written, written))
     done = run(
-        "fit", place / "run.csv", *COLUMNS, "--model", "LinearSponge", "--out", place / "fit"
+        "fit",
+        place / "run.csv",
+        *COLUMNS,
+        "--model",
+        "LinearSponge",
+        "--noise",
+        "gaussian",
+        "--out",
+        place / "fit",
     )
     assert done.code == 0, done.err
     return place / "fit"

@@ -103,6 +103,8 @@ def test_files_of_one_stem_have_configurations_and_folders_of_their_own():
 def test_another_file_under_a_configuration_is_told():
     put(text(ROWS))
     assert run("init", "run.csv").code == 0
+    config = Path("run.toml").read_text("utf-8")
+    put(config.replace('model = "auto"', 'model = "LinearSponge"'), "run.toml")
     put(text(ROWS[:-5]))  # fewer rows, as of an earlier export
     told = run("check", "run.csv")
     assert (told.code, "written for run.csv of" in told.err) == (0, True)

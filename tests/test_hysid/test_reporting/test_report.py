@@ -89,9 +89,15 @@ def line(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+TRIP = 40
+"""Rows of a record that is not long to the command."""
+
+
 @pytest.fixture(scope="module")
 def page(preisach: Path) -> Page:
-    return Page(write_report(preisach))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("hysid.reporting._case.TRIP", TRIP)
+        return Page(write_report(preisach))
 
 
 def test_a_report_stands_alone(preisach: Path, page: Page):
@@ -208,15 +214,10 @@ def test_an_overview_links_to_every_report(preisach: Path, line: Path, tmp_path:
     assert "[file-not-found]" in run("report", tmp_path / "gone").err
 
 
-def test_of_a_long_record_some_rows_are_sent_through_the_compensator(preisach: Path, monkeypatch):
+def test_of_a_long_record_some_rows_are_sent_through_the_compensator(preisach: Path, page: Page):
     """Those that count, after half as many that come before."""
-    monkeypatch.setattr("hysid.reporting._case.TRIP", 40)
-    loaded = load(preisach)
-    test = loaded.test
+    test, half = load(preisach).test, TRIP // 2
     first = int(np.argmax(test.mask))
-    text = Page(write_report(preisach)).text
-    assert f"uses rows {first - 20:,} to {first + 19:,} of {len(test):,}." in text
-    assert (
-        f"From the measured displacement of {test.mask[first : first + 20].sum()} held-out rows"
-        in text
-    )
+    held = test.mask[first : first + half].sum()
+    assert f"uses rows {first - half:,} to {first + half - 1:,} of {len(test):,}." in page.text
+    assert f"From the measured displacement of {held} held-out rows" in page.text

@@ -29,7 +29,8 @@ def batch(tmp_path_factory: pytest.TempPathFactory) -> Path:
         )
         for i, k in enumerate(SLOPES)
     ]  # fmt: skip
-    identify.fit_many(records, LinearSponge(1.0, 0.0, -np.inf), out=folder, names=NAMES)
+    line, how = LinearSponge(1.0, 0.0, -np.inf), {"noise": "gaussian", "starts": 2}
+    identify.fit_many(records, line, out=folder, names=NAMES, **how)
     state = json.loads((folder / "batch.json").read_text("utf-8"))
     state["failed"] = {"bad": "nothing in it. [no-rows]"}
     (folder / "batch.json").write_text(json.dumps(state))

@@ -80,7 +80,7 @@ def test_evidence_is_the_integral_of_the_posterior(steep) -> None:
     about = target(fitted)
     curvature = -np.asarray(jax.hessian(about.log_probability)(about.start))
     root = np.linalg.cholesky(np.linalg.inv(curvature))
-    axis = np.linspace(-6, 6, 41)
+    axis = np.linspace(-6, 6, 25)  # half a deviation: of a near Gaussian exact to 1e-8
     grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
     points = jnp.asarray(np.asarray(about.start) + grid @ root.T)
     heights = np.asarray(jax.jit(jax.vmap(about.log_probability))(points))

@@ -100,7 +100,7 @@ def test_test_rows_change_no_fit(sponge: Record) -> None:
 
 def test_a_seed_makes_a_fit_repeatable() -> None:
     record, _ = creep_record(noise=0.02)
-    one, other = (fit(record, "Burgers", seed=5, starts=8) for _ in range(2))
+    one, other = (fit(record, "Burgers", seed=5, starts=8, noise="gaussian") for _ in range(2))
     assert [p.value for p in one.parameters] == [p.value for p in other.parameters]
 
 
@@ -136,7 +136,7 @@ def test_faults_are_named(model: str, options: dict, code: str) -> None:
 
 def test_an_input_that_only_rises_is_left_to_the_models_without_memory() -> None:
     t = np.linspace(0.0, 1.0, 200)
-    result = fit(Record.from_arrays(t, 2 * t + 0.01 * np.sin(40 * t)), "auto")
+    result = fit(Record.from_arrays(t, 2 * t + 0.01 * np.sin(40 * t)), "auto", noise="gaussian")
     assert "Preisach" in result.skipped
     assert result.name == "LinearSponge"
 
@@ -150,7 +150,7 @@ def test_an_interrupted_fit_gives_the_best_so_far(monkeypatch: pytest.MonkeyPatc
         raise KeyboardInterrupt
 
     monkeypatch.setattr("identify.fitting._linear.fit_grid", interrupted)
-    result = fit(record, "LinearSponge, Preisach, Composition")
+    result = fit(record, "LinearSponge, Preisach, Composition", noise="gaussian")
     assert result.name == "LinearSponge"
     assert set(result.skipped) == {"Preisach", "Composition"}
     with pytest.raises(KeyboardInterrupt):
@@ -161,10 +161,10 @@ def test_a_spent_budget_gives_the_best_so_far() -> None:
     """A first model is fitted whatever the budget, and the others are named."""
     u = np.sin(np.linspace(0.0, 20.0, 200))
     record = Record.from_arrays(u, 2 * u + 0.01 * u**3)
-    result = fit(record, "LinearSponge, Preisach, Composition", budget=1e-6)
+    result = fit(record, "LinearSponge, Preisach, Composition", budget=1e-6, noise="gaussian")
     assert result.name == "LinearSponge"
     assert set(result.skipped) == {"Preisach", "Composition"}
-    assert fit(record, "LinearSponge", budget=60.0).skipped == {}
+    assert fit(record, "LinearSponge", budget=60.0, noise="gaussian").skipped == {}
     with pytest.raises(InputError, match="budget"):
         fit(record, "LinearSponge", budget=0.0)
 
