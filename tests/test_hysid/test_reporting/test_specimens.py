@@ -18,7 +18,7 @@ NAMES = ("pad-1", "pad-2", "pad-3", "pad-9", "pad-10", "odd <one>")
 
 @pytest.fixture(scope="module")
 def batch(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Six fits of lines, one far steeper, a record that could not be fitted; reports of all but the last."""
+    """Six fits of lines, one far steeper, a record that could not be fitted; reports of all but one."""
     folder = tmp_path_factory.mktemp("rig") / "batch"
     u = np.tile(np.r_[0:20, 20:0:-1], 4) / 2.0
     records = [
