@@ -339,8 +339,8 @@ def _as_good(simple: FitResult, best: FitResult) -> bool:
     """Whether its held-out error is above the best one's by less than a tenth, and by less than that
     difference's standard error, which one uneven block makes large.
 
-    Where one loop is repeated, a tenth is enough between kinds of models: the error of that difference is of
-    the same loop again, and any other motion moves it by more.
+    Where one loop is repeated, a tenth is enough between kinds of models: the error of that difference is
+    of the same loop again, and any other motion moves it by more.
     """
     if simple is best:
         return True
