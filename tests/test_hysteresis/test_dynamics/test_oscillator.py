@@ -10,7 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import hysteresis
-from hysteresis import BoucWenForce, DuhemForce, GeneralizedPlays, InputError, Oscillator
+from hysteresis import BoucWenForce, DuhemForce, GeneralizedPlays, InputError, Oscillator, Sum
 
 MIXED = BoucWenForce(alpha=4e4, beta_gamma=700.0, beta_delta=-900.0)
 T = np.arange(300) / 750
@@ -99,3 +99,37 @@ def test_bad_arguments_are_refused(make, code: str):
     with pytest.raises(InputError) as caught:
         make()
     assert caught.value.code == code
+
+
+def test_the_linear_limit_has_the_analytic_frequency_response():
+    """Without hysteresis, in steady state; the trapezoidal rule shifts frequencies by (w h)^2 / 12."""
+    n, f0 = 1024, 8
+    model = Oscillator(2.0, 60.0, 5e4, BoucWenForce(alpha=1e-9))
+    u = np.cos(2 * np.pi * f0 * np.arange(n) / n) * 10
+    fine = np.tile(hysteresis.interpolated(u, 40, periodic=True), 4)
+    model = replace(model, substeps=1)
+    y = model.displacement(np.arange(len(fine)) / (750 * 40), fine)[-40 * n :]
+    w = 2 * np.pi * f0 * 750 / n
+    wanted = 10 / (5e4 - 2.0 * w**2 + 60j * w)
+    got = 2 * np.fft.rfft(y[::40])[f0] / n
+    assert abs(got - wanted) <= 1e-5 * abs(wanted)
+
+
+PLAYS = GeneralizedPlays([0.0, 2e-4, 6e-4], [2e-3] * 3, np.linspace(1, -1, 12).reshape(3, 4) * 20)
+
+
+def test_energy_balance():
+    """The work of the force is what mass and spring hold and damper and hysteresis took."""
+    model = plant(Sum(MIXED, PLAYS), substeps=1)
+    h, fine = 1 / 30000, hysteresis.interpolated(FORCE, 40)
+    y = model.displacement(h * np.arange(len(fine)), fine)
+    v = np.gradient(y, h)
+    z = fine - 1.7 * np.gradient(v, h) - 12 * v - 4.5e4 * y
+    thin = slice(0, None, 40)
+    own = np.sum([part.simulate(None, y[:4000]) for part in model.parts], 0)
+    np.testing.assert_allclose(own[20:-20], z[20:3980], rtol=0, atol=2e-3 * np.abs(z).max())
+    work = np.cumsum(fine * v) * h
+    held = 0.85 * v**2 + 2.25e4 * y**2
+    taken = np.cumsum(12 * v**2 + z * v) * h
+    left = (work - held - taken)[thin][2:-2]
+    assert np.abs(left).max() <= 2e-3 * np.abs(work).max()

@@ -15,7 +15,7 @@ from scipy.integrate import solve_ivp
 from hysteresis import BoucWen, InputError
 from hysteresis.laws._tree import node_of
 from hysteresis.trees import plain
-from tests.problems import histories
+from tests.problems import SAMPLES, histories
 from tests.thorough import rest_thorough
 
 seeds = st.integers(0, 2**32 - 1)
@@ -135,3 +135,17 @@ def test_bad_arguments_are_refused(arguments: dict[str, float], words: str):
 def test_inadmissible_coefficients_are_refused(A: float, beta: float, gamma: float):
     with pytest.raises(InputError, match="parameter-out-of-bounds"):
         BoucWen.of_coefficients(k=1.0, alpha=0.5, beta=beta, gamma=gamma, n=1.0, A=A)
+
+
+@given(seed=seeds, u=histories(-3.0, 3.0))
+def test_the_yielding_spring_gives_back_no_more_than_it_stores(seed: int, u: np.ndarray):
+    """Integral of z dx >= change of z^2 / 2 on any path, so that no closed one gives energy.
+
+    z is concave along its way, so its values in the middle of the steps give no less than the integral.
+    """
+    model = eqx.tree_at(lambda m: (m.k, m.alpha, m.offset), drawn(seed), (1.0, 0.0, 0.0))
+    at = np.arange(SAMPLES)
+    z = np.asarray(simulate(model, np.interp(np.arange(2 * SAMPLES - 1) / 2, at, u)))
+    z, middle = z[::2], z[1::2]
+    work = np.cumsum(np.diff(u) * middle)
+    assert np.all(work >= (z[1:] ** 2 - z[0] ** 2) / 2 - 1e-13)

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hysteresis import Burgers, GeneralizedKelvinVoigt
-from tests.problems import SAMPLES, clock
+from tests.problems import SAMPLES, clock, histories
 
 modulus = st.floats(0.1, 10.0)
 viscosity = st.floats(0.5, 100.0)
@@ -49,3 +49,48 @@ def test_steps_too_small_to_divide_by_are_exact(decade: float, p: Element):
     np.testing.assert_allclose(
         y, wanted, rtol=0, atol=SAMPLES * EPS * (t[-1] / E1 + t[-1] / E2) * 8
     )
+
+
+@given(elements, histories(-1.0, 1.0), st.integers(0, 99))
+def test_energy_is_never_made(p: Element, u: np.ndarray, seed: int):
+    """Work done on the element, less what its springs hold, is what its dashpots have lost: >= 0.
+
+    Along a straight step of force the work is exact: the trapezium misses what the creep curves
+    within the step, so the step is divided until that is below the tolerance.
+    """
+    E1, _, E2, _ = p
+    fine = 50
+    t, F = clock(seed), np.append(u, 0.0)  # ends unloaded: the first spring is empty
+    t = np.append(t, t[-1] + 1.0)
+    grid = np.arange(len(t)), np.linspace(0, len(t) - 1, fine * (len(t) - 1) + 1)
+    t, F = (np.interp(grid[1], grid[0], v) for v in (t, F))
+    model = Burgers(*p)
+    d = np.asarray(model.simulate(t, F))
+    state, _ = model.stream(t, F)
+    held = E2 * float(state.branches[1]) ** 2 / 2
+    first = F[0] ** 2 / (2 * E1)
+    work = np.sum((F[1:] + F[:-1]) / 2 * np.diff(d)) + first
+    scale = np.sum(np.abs(np.diff(d))) * np.abs(F).max() + first
+    # The trapezium's error falls with the square of the division: 1/12/50^2 = 3e-5 of each step.
+    assert work - held >= -1e-4 * scale
+
+
+def rounding(model: Burgers, t: np.ndarray, u: np.ndarray) -> float:
+    """Each step rounds the creep displacements; the largest compliance bounds their size."""
+    span = float(model.creep_compliance(t[-1] - t[0])) * np.abs(u).max()
+    return 8 * len(t) * EPS * (span + 1e-300)
+
+
+@given(elements)
+def test_relaxation_modulus(p: Element):
+    """The closed form G = [(q1 - q2 r1) exp(-r1 t) - (q1 - q2 r2) exp(-r2 t)] / A."""
+    E1, eta1, E2, eta2 = p
+    p1, p2 = eta1 / E1 + eta1 / E2 + eta2 / E2, eta1 * eta2 / (E1 * E2)
+    q1, q2, A = eta1, eta1 * eta2 / E2, np.sqrt(p1**2 - 4 * p2)
+    r1, r2 = (p1 - A) / (2 * p2), (p1 + A) / (2 * p2)
+    t = np.linspace(0.0, 3 / r1, 41)
+    G = ((q1 - q2 * r1) * np.exp(-r1 * t) - (q1 - q2 * r2) * np.exp(-r2 * t)) / A
+    # r1 is a difference of numbers p1: eps * p1 / p2 of error, which t turns into one of the exponent.
+    rounding = 16 * EPS * p[0] * (1 + r2 / r1)
+    got = Burgers(*p).relaxation_modulus(t)
+    np.testing.assert_allclose(got, G, rtol=0, atol=rounding)

@@ -104,3 +104,21 @@ def test_times_are_needed_and_checked_where_the_rate_matters():
     with pytest.raises(InputError, match="time-backwards"):
         model.simulate([0.0, 1.0, 1.0], u)
     model.prepare([0.0, 1.0, 0.5], u, starts=(0, 2))
+
+
+@given(seed=seeds, leading=flags, size=st.floats(0.0, 3.0))
+def test_area_of_a_loop(seed: int, leading: bool, size: float):
+    """Between -A and A play i encloses 4 w_i r_i (A - r_i) where A > r_i, counter-clockwise."""
+    model = draw(seed, leading)
+    r, w = np.asarray(model.thresholds), np.asarray(model.weights)
+    # Straight from corner to corner, where the next play begins to move.
+    down = np.concatenate([[size], size - 2 * np.minimum(r, size), [-size]])
+    u = np.concatenate([[size], -down, down])
+    y = output(model, u)[len(down) :]
+    u = u[len(down) :]
+    falling = -np.sum((y[1:] + y[:-1]) / 2 * np.diff(u))
+    y = output(model, np.concatenate([[size], down, -down]))[len(down) :]
+    rising = np.sum((y[1:] + y[:-1]) / 2 * -np.diff(u))
+    area = (falling - rising) * (-1 if leading else 1)
+    wanted = 4 * np.sum(w * r * np.maximum(size - r, 0))
+    assert abs(area - wanted) <= 8 * rounding(model) * HIGH

@@ -247,3 +247,38 @@ def test_least_slope_is_the_least_slope(seed: int):
     # Outputs of size 10 rounded and divided by h; the last 2e-4 of a cell are not probed.
     assert np.all(found >= least - 1e-7)
     assert np.all(found <= least + 1e-2)
+
+
+def triangle(a: float, b: float, samples: int) -> np.ndarray:
+    """From a to b and back to a."""
+    return np.concatenate([np.linspace(a, b, samples), np.linspace(b, a, samples)[1:]])
+
+
+limits = st.tuples(st.floats(LOW, HIGH), st.floats(LOW, HIGH)).map(sorted)
+
+
+@given(seed=seeds, one=histories(LOW, HIGH, 12), other=histories(LOW, HIGH, 12), between=limits)
+def test_minor_loops_between_the_same_limits_are_congruent(
+    seed: int, one: np.ndarray, other: np.ndarray, between: list[float]
+):
+    """They differ by a vertical shift alone, whatever happened before."""
+    model = Preisach(GridDensity(LOW, HIGH, weights(np.random.default_rng(seed))))
+    low, high = between
+    loop = triangle(low, high, 14)
+    shapes = []
+    for past in (one, other):
+        # The first way up still closes older loops; from the top on the loop is a loop.
+        y = output(model, np.concatenate([past, [low, high], loop]))[len(past) + 2 :]
+        shapes.append(y - y[0])
+    np.testing.assert_allclose(*shapes, rtol=0, atol=rounding(model))
+
+
+@given(seed=seeds, past=histories(LOW, HIGH, 20), excursion=histories(0.0, 1.0, 18))
+def test_return_point_memory(seed: int, past: np.ndarray, excursion: np.ndarray):
+    """However the input moves between its last reversal and itself, coming back restores y."""
+    model = Preisach(GridDensity(LOW, HIGH, weights(np.random.default_rng(seed))))
+    # Down to the bound and up to the last sample: the branch's anchor is the bound.
+    x = past[-1]
+    u = np.concatenate([past, [LOW, x], LOW + excursion * (x - LOW), [x]])
+    y = output(model, u)
+    np.testing.assert_allclose(y[-1], y[len(past) + 1], rtol=0, atol=rounding(model))
