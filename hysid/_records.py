@@ -42,7 +42,9 @@ def records(
     for name, value in selection.items():
         if name not in FIELDS or not fits_option(name, value):
             meant = similar(name, tuple(FIELDS))
-            fix = f"did you mean {meant}?" if meant and meant != name else "see hysid fit --help."
+            fix = f"did you mean {meant}?"
+            if meant in ("", name):
+                fix = "give keys and values of [selection] in a configuration file."
             raise InputError("bad-option", f"records() cannot take {name}={value!r:.40}.", fix=fix)
     chosen = selection_of({"output": output, **selection})
     chosen.check_columns()

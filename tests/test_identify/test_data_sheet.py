@@ -125,7 +125,7 @@ def test_what_runs_do_not_tell_is_empty(tmp_path):
             write_data_sheet(one, tmp_path / "no" / f"sheet{suffix}")
         assert caught.value.code == "cannot-write"
     assert len(one.plot().axes) == 4
-    assert "Data sheet" in one._repr_html_()
+    assert "full-scale output" in one._repr_html_()
 
 
 def test_runs_over_other_ranges_are_no_one_sheet():

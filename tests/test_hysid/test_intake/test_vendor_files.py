@@ -5,8 +5,8 @@ import pytest
 from benchmarks._vendor_files._judge import outcome, variants
 
 FILES = variants()
-REFUSED = {"thousands with points, German": "cannot-decide"}
-"""Variants that are refused, which names the options to give, and not read."""
+REFUSED = {"thousands with points, German": "thousands-separator"}
+"""Variants that are refused, which says what to do, and not read."""
 
 
 @pytest.mark.parametrize("name", FILES)
