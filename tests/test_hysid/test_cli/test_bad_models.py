@@ -72,7 +72,7 @@ def test_a_saved_model_with_a_negative_modulus_is_refused(line):
     document = read_document("out") | {"structure": read_document("other")["structure"]}
     document["files"]["model.npz"] = digest
     Path("out/fit.json").write_text(json.dumps(sealed(document)))
-    words = ("E2 = -1.0", "a sign or a unit slipped", "keep E2 above 0", "[parameter-out-of-bounds]")
+    words = ("E2 = -1.0", "a sign or a unit slipped", "above 0", "[parameter-out-of-bounds]")
     refused(run("predict", "out", "run.csv"), *words)
 
 
