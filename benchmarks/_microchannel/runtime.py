@@ -17,6 +17,7 @@ from hysteresis.internal import StaircaseNetwork
 from hysteresis.rigs import MicrochannelRig
 
 from .._measure import Row, judged, noted
+from .everett_network import EverettNetwork
 
 READING = {"thresholds": (0.1, 0.2, 0.4, 0.8), "lags": (0.03, 0.06, 0.12, 0.25, 1.0, 5.0)}
 """What a network sees, as `benchmarks._microchannel.forces` has it: eleven inputs."""

@@ -162,7 +162,9 @@ class LoopTable:
         for one, model in zip(self.summary, models, strict=True):
             more = one.scatter, one.first, one.later
             told = ("" if x is None else f"{x:.4g}" for x in (model.value, *more))
-            mean = "-" if one.value is None else with_error(one.value, one.error)
+            mean = (
+                "-" if one.value is None or one.error is None else with_error(one.value, one.error)
+            )
             unit = "" if one.unit == "1" else one.unit
             rows.append((one.name, mean, *told, unit, one.reason))
         return rows if self.model is not None else [(*row[:2], *row[3:]) for row in rows]
