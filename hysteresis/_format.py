@@ -25,11 +25,15 @@ def with_error(x: float, error: float) -> str:
         >>> with_error(30.7042, 0.181)
         '30.70 ± 0.18'
     """
-    digits = 4
-    if x and 0 < error < math.inf:
-        digits = 2 + math.floor(math.log10(abs(x))) - math.floor(math.log10(error))
-    value = f"{x:#.{min(max(digits, 1), 8)}g}".rstrip(".") if x else "0"
+    value = f"{x:#.{digits_of(x, error, 4)}g}".rstrip(".") if x else "0"
     return f"{value} ± {error:.2g}"
+
+
+def digits_of(x: float, error: float | None, usual: int) -> int:
+    """How many digits of a value leave two of its error, 1 to 8; the `usual` ones without an error."""
+    if error is None or not (x and 0 < error < math.inf):
+        return usual
+    return min(max(1, 2 + math.floor(math.log10(abs(x))) - math.floor(math.log10(error))), 8)
 
 
 def number_of(n: int, what: str) -> str:

@@ -3,6 +3,7 @@
 import math
 
 from hysteresis import Record
+from hysteresis._format import digits_of
 from identify.results._characteristics import Characteristic
 from identify.results._data_sheet import SheetRow
 
@@ -11,9 +12,7 @@ def number(x: float, error: float | None = None) -> str:
     """Three digits, or those that leave two of the `error`; powers of ten written out."""
     if not math.isfinite(x):
         return "not finite"
-    digits = 3
-    if error is not None and math.isfinite(error) and error > 0 and x != 0:
-        digits = min(max(1, 2 + math.floor(math.log10(abs(x))) - math.floor(math.log10(error))), 8)
+    digits = digits_of(x, error, 3)
     if x != 0 and not 1e-4 <= abs(x) < 1e5:
         mantissa, power = f"{x:.{digits - 1}e}".split("e")
         return f"{mantissa.replace('-', '−')} × {power_of_ten(int(power))}"
