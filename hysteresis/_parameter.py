@@ -82,23 +82,25 @@ def check_bounds(model: eqx.Module) -> None:
         info, value = field.metadata.get("parameter"), getattr(model, field.name)
         if info is None or info.at is None or not is_concrete(value):
             continue
-        (low, high), x, wanted = info.bounds, np.asarray(value), []
+        (low, high), x = info.bounds, np.asarray(value)
+        inside = ((x > low) | (("low" in info.at) & (x == low))) & (
+            (x < high) | (("high" in info.at) & (x == high))
+        )
+        if inside.all() or not np.isfinite(info.bounds).any():
+            continue
+        wanted = []
         if low > -np.inf:
             wanted.append(f"{'at least' if 'low' in info.at else 'above'} {low:g}")
         if high < np.inf:
             wanted.append(f"{'at most' if 'high' in info.at else 'below'} {high:g}")
-        elif wanted and "high" not in info.at:
+        elif "high" not in info.at:
             wanted.append("finite")
-        inside = ((x > low) | (("low" in info.at) & (x == low))) & (
-            (x < high) | (("high" in info.at) & (x == high))
+        raise InputError(
+            "parameter-out-of-bounds",
+            f"{field.name} = {x} ({info.meaning or 'a parameter'}) is not {' and '.join(wanted)}.",
+            cause="a sign or a unit slipped.",
+            fix=f"keep {field.name} {' and '.join(wanted)}.",
         )
-        if wanted and not inside.all():
-            raise InputError(
-                "parameter-out-of-bounds",
-                f"{field.name} = {x} ({info.meaning or 'a parameter'}) is not {' and '.join(wanted)}.",
-                cause="a sign or a unit slipped.",
-                fix=f"keep {field.name} {' and '.join(wanted)}.",
-            )
 
 
 def check_increasing(name: str, value: Any) -> None:
