@@ -40,7 +40,7 @@ def records(
         {'1': 21, '2': 20}
     """
     for name, value in selection.items():
-        if name not in FIELDS or not fits_option(name, value):
+        if not fits_option(name, value):
             meant = similar(name, tuple(FIELDS))
             fix = f"did you mean {meant}?"
             if meant in ("", name):

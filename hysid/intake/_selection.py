@@ -85,7 +85,7 @@ class Selection(SelectionOptions):
         given: dict[str, Any] = document if isinstance(document, dict) else {}
         pairs = given.items()
         options: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in pairs}
-        odd = [k for k, v in options.items() if k not in FIELDS or not fits_option(k, v)]
+        odd = [k for k, v in options.items() if not fits_option(k, v)]
         odd += [k for k in ("input", "output") if k not in options]
         if odd:
             raise InputError(
@@ -239,7 +239,9 @@ def _equality(condition: str) -> tuple[str, list[str]]:
 
 
 def fits_option(name: str, value: Any) -> bool:
-    """Whether a selecting option can have a value: it is of its kind, and one of its words."""
+    """Whether there is a selecting option that can have this value: of its kind, and one of its words."""
+    if name not in FIELDS:
+        return False
     given = tuple(value) if isinstance(value, list) else value
     choices = FIELDS[name].metadata.get("choices")
     return _is_of_kind(given, _hints()[name]) and (not choices or given in (None, *choices))
