@@ -31,14 +31,10 @@ class InputError(ValueError):
     @property
     def document(self) -> dict[str, str]:
         """The five as plain data, as `--json` prints them."""
-        names = {
-            "code": "code",
-            "message": "problem",
-            "where": "place",
-            "cause": "cause",
-            "fix": "fix",
-        }
-        return {name: getattr(self, field) for name, field in names.items()}
+        return {
+            "code": self.code, "message": self.problem, "where": self.place, "cause": self.cause,
+            "fix": self.fix,
+        }  # fmt: skip
 
     def __reduce__(self) -> tuple[Any, ...]:  # between processes
         return partial(type(self), **vars(self)), ()

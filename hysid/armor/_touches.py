@@ -49,9 +49,8 @@ def shell_of(shape: Any) -> Shell:
         sides = np.stack([-a - b, a - b, a + b, b - a], axis=1)
         square = np.asarray(shape.centres())[:, None] + sides
         triangles = np.concatenate([square[:, [0, 1, 2]], square[:, [0, 2, 3]]])
-    digits = 6 - math.floor(
-        math.log10(float(shape.longest()))
-    )  # by which corners are known to be one
+    # By so many digits corners of neighbours are known to be one.
+    digits = 6 - math.floor(math.log10(float(shape.longest())))
     corners = triangles.reshape(-1, 3).round(digits)
     vertices, number = np.unique(corners, axis=0, return_inverse=True)
     return vertices, number.reshape(-1, 3)
