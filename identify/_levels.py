@@ -35,3 +35,18 @@ SOME_ROWS = 2000
 
 STEPS = 40
 """Of a search, at most: one that converges ends before."""
+
+MUCH = 1.5
+"""Times: from there on a figure is much larger than another of its kind."""
+
+LITTLE = 1e-3
+"""Of a range or a size: what is below is nearly nothing, as a digit of an instrument is."""
+
+NOTHING = 1e-6
+"""Of a range or a size: what is below is rounding, or where a search has stopped."""
+
+SURE = 3.0
+"""Standard errors beyond which a change is there."""
+
+UNCERTAIN = 2.0
+"""Standard error of a parameter's logarithm, a factor of 7, beyond which the data do not tell it."""

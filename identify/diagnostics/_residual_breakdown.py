@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from hysteresis import Record
 
-from .._levels import CHANCE
+from .._levels import CHANCE, MUCH
 from ..noise._residual_statistics import estimate_noise
 from ..results._fit_result import FitResult
 from ..results._repeatability import cycles_or_sequences
@@ -20,9 +20,6 @@ Kind = Literal["branch", "cycle", "rate", "input"]
 KINDS: tuple[Kind, ...] = ("branch", "cycle", "rate", "input")
 RANGES = 5
 """Bins of the input; of the rate one fewer."""
-
-MUCH = 1.5
-"""An rms error so many times that of all rows is told even where it may be chance."""
 
 
 class Part(NamedTuple):

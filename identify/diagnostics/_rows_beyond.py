@@ -11,16 +11,12 @@ from hysteresis.models._viscoelastic import AbstractViscoelastic
 from hysteresis.records._cycles import loop_sums, noise_level
 from hysteresis.records._excitation import WIDER
 
-from .._levels import HELD
+from .._levels import HELD, LITTLE
 from ..results._fit_result import SEAM, FitResult
 from ..results._trained_condition import Extrapolation, RowsBeyond
 from ._whiteness import speed
 
 # How wide the loops of a record are, and how much of that the residuals of a fit keep.
-
-
-SMALLEST = 1e-3
-"""A loop counts if it is wider than this part of the output's range, and than `WIDER` times the noise."""
 
 
 class LoopsLeft(NamedTuple):
@@ -39,7 +35,7 @@ class LoopsLeft(NamedTuple):
     @property
     def are_there(self) -> bool:
         """Whether there are loops that the noise cannot make."""
-        return self.width > max(WIDER * self.noise, SMALLEST * self.span)
+        return self.width > max(WIDER * self.noise, LITTLE * self.span)
 
     @property
     def share(self) -> float:

@@ -12,6 +12,7 @@ from hysteresis import Note
 from hysteresis._note import warning
 from hysteresis._parameter import ParameterInfo
 
+from .._levels import NOTHING
 from ..parameters._settings import numbers_of
 from ..parameters._transform import transform_for
 from ..posterior._log_posterior import Target, target
@@ -25,9 +26,6 @@ FACTORS = (1.25, 1.5, 2.0, 3.0, 5.0, 10.0, 100.0, 1000.0)
 
 HARDLY = 0.5
 """Deviations of the noise, the root of twice the drop in log-likelihood, that hardly show."""
-
-NOTHING = 1e-6
-"""Share of the output's range below which a change is none."""
 
 
 class Direction(NamedTuple):

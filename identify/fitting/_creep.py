@@ -10,6 +10,7 @@ from jaxtyping import Float
 from hysteresis import InputError, Note, Record, parameters
 from hysteresis.numerics._normal import NORMAL_95
 
+from .._levels import MUCH
 from ..diagnostics._rows_beyond import extrapolation
 from ..noise._residual_statistics import estimate_noise
 from ..records._folds import block_errors, parts
@@ -361,10 +362,6 @@ def _coverage(found: Spectrum, test: Record | None) -> tuple[float, str] | None:
     return share, f"{said} in the 90 % range of what the record leaves open."
 
 
-BEYOND_ALONE = 1.5
-"""Times what spectra of their own leave: less is what the fewer numbers of one spectrum cost."""
-
-
 def _superposed(shifts: Shifts | None) -> tuple[Note, ...]:
     """What one spectrum for all temperatures leaves over."""
     if shifts is None:
@@ -375,6 +372,7 @@ def _superposed(shifts: Shifts | None) -> tuple[Note, ...]:
         f"One spectrum shifted in time leaves {left:.2g} % of the reading, most at {worst:.4g} degC, and a"
         f" spectrum for each temperature {alone:.2g} %."
     )
-    if left > BEYOND_ALONE * alone:
+    # Less is what the fewer numbers of one spectrum cost.
+    if left > MUCH * alone:
         said = f"{said[:-1]}: the rest is beyond time-temperature superposition."
     return (Note("superposition", said, {"left": left, "alone": alone}),)

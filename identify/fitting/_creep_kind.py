@@ -6,11 +6,9 @@ from jaxtyping import Bool
 from hysteresis import InputError, Note, Record
 from hysteresis.records._loads import kind_of_units
 
+from .._levels import SURE
 from ..spectra._of_record import is_moduli, is_survey
 from ..spectra._prony_series import Kind
-
-MOVES = 3.0
-"""An output that changes by less than this times its noise neither creeps nor relaxes."""
 
 
 def kind_of(record: Record) -> Kind:
@@ -42,7 +40,7 @@ def kind_of(record: Record) -> Kind:
     tenth = -(-len(y) // 10)
     change = float(np.median(y[-tenth:]) - np.median(y[:tenth]))
     noise = record.summary()["output"]["noise"] / abs(record.input[-1])
-    if abs(change) <= MOVES * noise:
+    if abs(change) <= SURE * noise:
         raise InputError(
             "no-excitation",
             f"{record.output_name} changes by {abs(change * record.input[-1]):.3g}, about its noise:"

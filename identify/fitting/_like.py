@@ -16,6 +16,7 @@ from jaxtyping import Float
 
 from hysteresis import InputError, Mixture, Record
 
+from .._levels import NOTHING
 from ..baselines._contract import AbstractBaseline
 from ..baselines._curves import MonotoneBaseline, replay
 from ..baselines._input_memory import branches_of
@@ -111,11 +112,7 @@ class _Others:
 def _spread(weights: Sequence[np.ndarray]) -> float:
     """Root mean square of weights about the one that all would have if specimens did not differ."""
     off = np.concatenate(weights) - 1 / len(weights[0])
-    return max(float(np.sqrt(np.mean(off**2))), LEAST)
-
-
-LEAST = 1e-6
-"""A spread: specimens that are the same to rounding."""
+    return max(float(np.sqrt(np.mean(off**2))), NOTHING)
 
 
 def _check_alike(others: Sequence[_Others]) -> None:

@@ -11,6 +11,7 @@ from hysteresis.preisach._coercive import LogNormalDensity
 from hysteresis.preisach._density import AbstractDensity
 from hysteresis.preisach._sum import SumDensity
 
+from .._levels import LITTLE
 from ..linear._preisach_fit import fit_preisach
 from ..linear._preisach_problem import COARSE
 from ._training_data import TrainingData
@@ -25,10 +26,6 @@ ORDER = 12
 NEAR = 1.5
 """Cells from the diagonal within which relays of a grid count as reversible: a narrow loop and none are
 alike to its cells."""
-
-LEAST = 1e-3
-"""Least share of the rise that an increment starts with, and least width of a part over the range: the fit
-moves logarithms."""
 
 
 class Moments(NamedTuple):
@@ -106,7 +103,7 @@ def of_grid(grid: Preisach, shape: Shape) -> tuple[Preisach, ...]:
     far = np.tri(cells, k=-1, dtype=bool) & (2 * h > NEAR * (high - low) / cells)
     if not masses[far].sum() > 0:
         far = np.tri(cells, dtype=bool)
-    least = LEAST * (high - low)
+    least = LITTLE * (high - low)
 
     def moments(which: Bool[np.ndarray, "cells cells"]) -> Moments:
         weights = masses[which]
@@ -162,4 +159,4 @@ def _reversible(
     )
     increments = np.diff(level)
     size = np.abs(increments).sum() or 1.0
-    return np.maximum(increments, LEAST * size)
+    return np.maximum(increments, LITTLE * size)

@@ -14,11 +14,10 @@ from ..results._detail import DiscreteSpectrum
 from ..results._fit_result import PURPOSES, FitResult
 from ..results._goodness_of_fit import best_baseline
 from ..results._trained_condition import RowsBeyond
-from ._verdict_over_cycles import Reasons, over_cycles
+from ._verdict_over_cycles import GOOD, Reasons, over_cycles
 
-GOOD, USABLE = 5.0, 15.0
-"""Error in per cent, of the range of the rows or for holds of the reading, up to which a fit passes, and up
-to which it may be used with care."""
+USABLE = 15.0
+"""Error in per cent, as `GOOD`, up to which a fit may be used with care."""
 
 TIMES = 2.0
 """Held-out rows whose rms error is above this times that of the training rows differ from them."""

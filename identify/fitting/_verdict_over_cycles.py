@@ -9,18 +9,14 @@ from hysteresis._format import quantity
 from hysteresis.records._change import change
 from hysteresis.records._cycles import counted_cycles
 
+from .._levels import MUCH
+from ..records._folds import KIND
 from ..results._detail import DiscreteSpectrum
 from ..results._fit_result import FitResult
 
-GROWS = 1.5
-"""Times by which the error of the last held-out cycles is larger than that of the first ones, where it
-grows: at that rate it doubles within twice the held-out cycles, as far as `worse-than-trained` allows."""
-
-KIND = 0.2
-"""Relative difference from which on the ranges of two loops are of two kinds, as folds take them."""
-
-OWN = 5.0
-"""Per cent of the range of its own loops up to which an error is a good one, as for all rows."""
+GOOD = 5.0
+"""Error in per cent, of the range of the rows, of their own loops or for holds of the reading, up to
+which a fit passes."""
 
 
 class Reasons(NamedTuple):
@@ -99,7 +95,8 @@ def _grows(fit: FitResult, each: list[list[_Loop]], found: Reasons) -> None:
     first, last = (float(np.sqrt(np.mean(part**2))) for part in (errors[:third], errors[-third:]))
     ranks = np.argsort(np.argsort(errors))
     rises = float(np.corrcoef(ranks, np.arange(len(errors)))[0, 1])
-    if not (last > GROWS * first and rises > 0.8):
+    # At that rate it doubles within twice the held-out cycles, as `worse-than-trained` allows.
+    if not (last > MUCH * first and rises > 0.8):
         return
     unit = fit.train.output_unit
     text = (
@@ -130,7 +127,7 @@ def _sizes(fit: FitResult, held: list[_Loop], found: Reasons) -> None:
         f" rms, {percent:.2g} % of their own range."
     )
     values = {"loops": len(others), "of": len(held), "rmse": error, "percent": percent}
-    where = found.cautions if percent > OWN else found.facts
+    where = found.cautions if percent > GOOD else found.facts
     where.append(Note("other-loops", text, values))
 
 

@@ -26,6 +26,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from .._levels import NOTHING
 from ..records._folds import NEARLY, earned
 from ._composition import CompositionUnknowns, Member
 from ._composition_fit import DRIFT_GAIN, Problem, Tried, best_prior
@@ -42,9 +43,6 @@ SIMPLE = (CURVE, PLAYS, STOPS)
 BESIDE = (STRENGTHS, PLAYS, *DRIFTS)
 """Parts that are of no other sign: plays are a line less stops, strengths are products of two memories, and
 drifts tell of one run."""
-
-LEAST = 1e-6
-"""A share with which a part is nothing."""
 
 LEAST_WEIGHT = 0.2
 """Of the simpler composition, to join."""
@@ -140,4 +138,4 @@ def _shares(problem: Problem) -> tuple[float, ...]:
     )
     found = np.exp(Search(columns, normal, problem.parts.folds).logs) / columns.brought
     shares = dict(zip(("", *signed), found.tolist(), strict=True))
-    return tuple(max(shares.get(part, 0.0), LEAST) for part in ("", *problem.whole.parts))
+    return tuple(max(shares.get(part, 0.0), NOTHING) for part in ("", *problem.whole.parts))

@@ -11,6 +11,7 @@ from hysteresis import Record
 from hysteresis.preisach import Initial
 from hysteresis.records._change import change
 
+from .._levels import MANY_ROWS
 from ..records._folds import (
     LEAST_GAIN,
     Fold,
@@ -68,9 +69,6 @@ WEAKEST = 1e-6
 
 DRIFT_GAIN = 0.5
 """What must go for a drift that no cycles show, and weights of either sign: they explain anything a bit."""
-
-EQUATIONS = 100_000
-"""Equations from which on those of neighbouring rows are averaged."""
 
 
 def path_of(
@@ -322,7 +320,7 @@ class Problem:
         """The normal equations of all rows of the training parts, of the unknowns of some parts.
 
         They are summed in blocks. Of very many rows, the equations of so many neighbours are averaged, with
-        their number as the weight, that `EQUATIONS` are left.
+        their number as the weight, that `MANY_ROWS` are left.
         """
         counted = np.flatnonzero(self.parts.label >= 0)
         meaning = self.whole.of(*some)
@@ -330,7 +328,7 @@ class Problem:
             columns, normal = self.whole.where(some), self.total(self.parts.fitted)
             return normal._replace(H=normal.H[np.ix_(columns, columns)], b=normal.b[columns])
         counted = np.flatnonzero(np.isin(self.parts.label, self.parts.fitted))
-        together = -(-len(counted) // EQUATIONS)
+        together = -(-len(counted) // MANY_ROWS)
         at_once = together * max(1, AT_ONCE // together)
         H, b, rows = np.zeros((meaning.count,) * 2), np.zeros(meaning.count), 0
         for here, memory in memory_blocks(meaning.memory(), self.record, counted):

@@ -10,6 +10,7 @@ from hysteresis import Record
 from hysteresis.models._conditioned import AXES
 from hysteresis.preisach import Initial
 
+from .._levels import MUCH
 from ..records._conditions import inner_folds, trained_values
 from ..records._folds import (
     BLOCKS_OF_FOLD,
@@ -29,10 +30,6 @@ from ._linear_fit import LinearFit
 COUNTS = (2, 3, 5)
 """Numbers of knots tried, beside one, with which the condition does not matter. With more values trained,
 those next to even steps on the axis are knots."""
-
-WIDE = 1.5
-"""The last condition over the first from which on a logarithmic and a reciprocal axis differ from a
-straight one by enough to be tried."""
 
 NO_ZERO = ("degC", "degF")
 """Units whose zero is a convention: the logarithm and the reciprocal of such a value mean nothing."""
@@ -102,7 +99,8 @@ class ConditionedProblem(Problem):
             self.value = trained[np.abs(self.value[:, None] - trained).argmin(1)]
         most = COUNTS[-1] if trained is None else min(COUNTS[-1], len(trained))
         self.counts = (*(count for count in COUNTS if count < most), most)
-        wide = self.ends[0] > 0 and self.ends[1] > WIDE * self.ends[0]
+        # Else a logarithmic and a reciprocal axis hardly differ from a straight one.
+        wide = self.ends[0] > 0 and self.ends[1] > MUCH * self.ends[0]
         wide = wide and record.conditions[name] not in NO_ZERO
         self.axes = AXES if wide else AXES[:1]
         self.axis, self.knot_count = "linear", 2

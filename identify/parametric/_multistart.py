@@ -10,6 +10,7 @@ from jaxtyping import Array, Float, Int
 from hysteresis import AbstractModel, Record
 from hysteresis.numerics._even_clock import even_step
 
+from .._levels import NOTHING
 from ..parameters._transform import Transform
 from ..results._fit_result import Starts
 from ._levenberg_marquardt import Found
@@ -28,10 +29,6 @@ REFINED = 4
 
 STEPS = 200
 """Steps to an optimum, at most."""
-
-SAME = 1e-6
-"""Relative difference of the objective below which two ends are one optimum, or one with its branches
-exchanged."""
 
 
 class Optimum(NamedTuple):
@@ -92,7 +89,7 @@ def multi_start(
     objective, z = np.array([end.objective for end in ends]), np.stack([end.free for end in ends])
     optima: list[Optimum] = []
     for end in ends[:BEST]:
-        if all(end.objective > (1 + SAME) * other.objective for other in optima):
+        if all(end.objective > (1 + NOTHING) * other.objective for other in optima):
             optima.append(end)
     return Starts(objective, np.linalg.norm(z - z[0], axis=1), z), tuple(optima[:REFINED])
 

@@ -8,6 +8,7 @@ from jaxtyping import Float
 from hysteresis import AbstractModel, Record
 from hysteresis.numerics._normal import NORMAL_95
 
+from .._levels import LITTLE, UNCERTAIN
 from ..parameters._settings import numbers_of
 from ..parameters._transform import Transform, transform_for
 from ..results._parameters import Parameter, Status, with_ties
@@ -87,14 +88,8 @@ def _ways(covariance: np.ndarray) -> np.ndarray:
     return np.concatenate([roots, C / sd[:, None]])
 
 
-UNCERTAIN = 2.0
-"""Standard error of a bounded parameter's logarithm, a factor of 7, beyond which it is unidentified."""
-
 SATURATED = 7.0
 """Distance from 0 on the unconstrained scale, between two bounds, beyond which a parameter is at one."""
-
-NEAR = 1e-3
-"""Distance from a bound other than 0, over that bound, within which a parameter is at it."""
 
 
 def covariance_of(
@@ -142,7 +137,7 @@ def statuses(
     # The distance from a bound other than 0, on the bound's own scale.
     end = np.where(low, bounds.low, np.where(high, bounds.high, 0.0))
     with np.errstate(over="ignore"):
-        near = (low | high) & (end != 0) & (np.exp(free) < NEAR * np.abs(end))
+        near = (low | high) & (end != 0) & (np.exp(free) < LITTLE * np.abs(end))
     at_bound = np.where(low & high, np.abs(free) > SATURATED, near)
     lost = ~np.isfinite(error) | ((low | high) & (error > UNCERTAIN))
     return np.where(at_bound, "at bound", np.where(lost, "unidentified", "free"))

@@ -15,7 +15,7 @@ from hysteresis import InputError
 from hysteresis._serialisation import described
 from hysteresis.numerics._normal import NORMAL_95
 
-from .._levels import FEW
+from .._levels import FEW, UNCERTAIN
 from ..results._detail import (
     Composition,
     DiscreteSpectrum,
@@ -36,9 +36,6 @@ from ._motion_target import MotionTarget, motion_target
 from ._posterior import Posterior, per_row, posterior_of
 
 MOST_STEPS = 20_000
-UNCERTAIN = 2.0
-"""Laplace's deviation of a logarithm from which on a parameter is held: a factor of 7, as in a fit."""
-
 DOUBTFUL, WIDE, PILOT = 0.7, 1.0, 600
 """Deviation of a logarithm from which on a posterior may have long tails; that from which on the parameter
 is held, if a short run shows it; steps of that run."""

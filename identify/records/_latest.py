@@ -8,6 +8,7 @@ from jaxtyping import Bool
 from hysteresis import Record
 from hysteresis.records._cycles import counted_cycles, default_dead_band, turning_points
 
+from .._levels import MUCH
 from ._folds import Fold, Parts
 
 # How fast and how far the input of a record moves, and whether its differences are its speeds.
@@ -16,9 +17,6 @@ from ._folds import Fold, Parts
 EVEN = 0.05
 """Of a usual step of the input: where nine in ten steps differ from the one before by less, their noise
 makes two per cent of a speed."""
-
-VARIED = 1.5
-"""Ratio of the rates of cycles from which on a lag between the clocks is not just another loop."""
 
 ALIKE = 0.15
 """By which part of their size ranges of one amplitude may differ."""
@@ -45,7 +43,7 @@ def rates_differ(record: Record) -> bool:
             moved, lasted = np.ptp(record.input[own]), np.ptp(record.time[own])
             if moved > 0 and lasted > 0:
                 rates.append(float(moved / lasted))
-    return len(rates) < 2 or bool(np.quantile(rates, 0.9) >= VARIED * np.quantile(rates, 0.1))
+    return len(rates) < 2 or bool(np.quantile(rates, 0.9) >= MUCH * np.quantile(rates, 0.1))
 
 
 def amplitudes_differ(record: Record) -> bool:

@@ -15,7 +15,7 @@ from hysteresis import Record
 from hysteresis._format import number_of
 from hysteresis.records._loop_table import LoopTable, loop_table
 
-from .._levels import FEWEST, HELD
+from .._levels import FEWEST, HELD, SURE
 
 LEVEL, SCATTER = 1e-3, 6.0
 """At its level an input is this close, of its range, or this many median deviations."""
@@ -25,9 +25,6 @@ RESTS = 0.05
 
 ALIKE = 0.5
 """Of the largest change in a hold: holds that change by so much are compared."""
-
-SURE = 3.0
-"""Times the error of the mean by which a change has to exceed it, to have a time."""
 
 Rows = Float[np.ndarray, " rows"]
 

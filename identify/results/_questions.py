@@ -8,9 +8,9 @@ from jaxtyping import Float
 
 from hysteresis.records._cycles import counted_cycles
 
+from .._levels import MUCH
 from ..records._conditions import condition_parts, inner_folds, name_of_condition, trained_values
 from ..records._folds import BLOCKS_OF_FOLD, KIND, Fold, Parts, parts
-from ..records._latest import VARIED
 from ._detail import Composition
 from ._fit_result import FitResult
 
@@ -78,7 +78,7 @@ def _of_folds(fit: FitResult, blocks: Float[np.ndarray, " blocks"]) -> Iterator[
 def _asked(fit: FitResult, cut: Parts, fold: Fold) -> set[str]:
     found = {"run" if len(fit.train.labels) > 1 else "time"}
     seen, new = (_moves(fit, np.isin(cut.label, side)) for side in fold)
-    for k, (key, factor) in enumerate((("amplitude", 1 + KIND), ("rate", VARIED))):
+    for k, (key, factor) in enumerate((("amplitude", 1 + KIND), ("rate", MUCH))):
         if len(seen) and len(new):
             apart = np.abs(new[:, k, None] - seen[:, k]).min(1)  # NaN without a clock
             found |= {key} if (apart > np.log(factor)).all() else set()
