@@ -74,8 +74,8 @@ def fit(
 
     Candidates are ranked by their error on parts of the training rows that were held out from them,
     whole sequences or cycles; of those within one standard error of the best, and less than a tenth
-    above it, the simplest is taken: that of the fewest parts, then of the fewest unknowns. Between kinds of
-    models the tenth alone counts where one loop is repeated, which asks for no other motion. Each is
+    above it, the simplest is taken: that of the fewest parts, then of the fewest parameters. Between kinds
+    of models the tenth alone counts where one loop is repeated, which asks for no other motion. Each is
     refitted to all of the training part. The test rows are used for nothing but the reported figures.
 
     **Arguments:**
@@ -323,16 +323,21 @@ def _ranked(tried: list[Trial], mixed: bool) -> list[Trial]:
     return [chosen, *(one for one in ranked if one is not chosen)]
 
 
-def _complexity(fit: FitResult) -> tuple[float, float]:
-    """How many parts the model is a sum of, and how many unknowns those have."""
+def _complexity(fit: FitResult) -> tuple[float, float, float]:
+    """How many parts the model is a sum of, how many parameters it has, and its held-out error.
+
+    Weights under a prior are many, and how many says nothing: of them the error decides.
+    """
+    parts, parameters = np.inf, np.inf  # a surface read off the record has neither
     match fit.detail:
-        case GridWeights(linear):
-            return 2, len(linear.unknowns)  # a curve and relays
+        case GridWeights():
+            parts = 2  # a curve and relays
         case Composition(linear) | FoldedState(linear):
             mapped, folded = bool(linear.meaning.first), isinstance(fit.detail, FoldedState)
-            return len(linear.meaning.parts) + mapped + folded, len(linear.unknowns)
-    # A surface read off the record has no fitted unknowns: it is taken where no other is as good.
-    return (1, fit.parameter_count) if fit.parameter_count is not None else (np.inf, np.inf)
+            parts = len(linear.meaning.parts) + mapped + folded
+        case _ if fit.parameter_count is not None:
+            parts, parameters = 1, fit.parameter_count
+    return parts, parameters, fit.score
 
 
 def _as_good(simple: FitResult, best: FitResult) -> bool:

@@ -10,7 +10,8 @@ that costs a tenth of the held-out error. Each of both rises with the input, and
 
 The weights of either sign are found all at once, with a prior whose strength for each part is chosen on
 held-out rows, see `_group_strengths`. They join where that takes away half of the squared held-out error:
-weights of either sign explain anything a bit. The output need not rise with the input then.
+weights of either sign explain anything a bit. They do not join at one amplitude: nothing but their sign
+holds weights where no row has been. The output need not rise with the input then.
 
 Cost: a tenth of a second; with weights of either sign some hundred factorisations of the unknowns of all
 parts, a third of a second.
@@ -28,6 +29,7 @@ from jaxtyping import Float
 
 from .._levels import NOTHING
 from ..records._folds import NEARLY, earned
+from ..records._latest import amplitudes_differ
 from ._composition import CompositionUnknowns, Member
 from ._composition_fit import DRIFT_GAIN, Problem, Tried, best_prior
 from ._composition_parts import CURVE, DRIFTS, STRENGTHS
@@ -76,7 +78,7 @@ def averaged(best: Tried, either_sign: bool) -> LinearFit[CompositionUnknowns] |
         both = mean.with_other(problem, _alone(problem, SIMPLE, simple.strength))
         is_near = both.blocks.mean() <= NEARLY**2 * best.blocks.mean()
         mean = both if is_near and min(both.weights.values()) >= LEAST_WEIGHT else mean
-    if either_sign:
+    if either_sign and amplitudes_differ(problem.record):
         other = _of_either_sign(best)
         both = mean.with_other(problem, other)
         if earned(best.blocks, both.blocks, DRIFT_GAIN):

@@ -1,7 +1,7 @@
 """Fitting a composition that depends on a condition: which parts, how many knots, on which axis."""
 
 from copy import copy
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -24,7 +24,7 @@ from ..records._folds import (
 from ._composition_fit import STRENGTHS_OF_PRIOR, Problem, Tried, _path, unknowns_for
 from ._composition_parts import CURVE, DRIFTS, PARTS
 from ._conditioned_unknowns import ConditionedUnknowns, on_axis, shares_of
-from ._cross_validation import Choice, jittered, total
+from ._cross_validation import Choice, jittered
 from ._linear_fit import LinearFit
 
 COUNTS = (2, 3, 5)
@@ -104,6 +104,7 @@ class ConditionedProblem(Problem):
         wide = wide and record.conditions[name] not in NO_ZERO
         self.axes = AXES if wide else AXES[:1]
         self.axis, self.knot_count = "linear", 2
+        self.summed: dict[tuple[Any, ...], tuple[np.ndarray, np.ndarray]] = {}
         self.inside_at: dict[float, Bool[np.ndarray, " unknowns"]] = {}
         self.inner_folds = inner_folds(trained)
 
@@ -128,17 +129,29 @@ class ConditionedProblem(Problem):
     def objective(
         self, which: tuple[int, ...], some: tuple[str, ...], strength: float
     ) -> tuple[np.ndarray, np.ndarray]:
-        knots = self.knots(which)
-        shares = shares_of(knots, self.axis, self.value)
-        columns = self.whole.where(some)
-        H, b = 0.0, 0.0
-        for p in which:
-            h, normal = shares[p], self.normal[p]
-            H = H + np.kron(np.outer(h, h), normal.H[np.ix_(columns, columns)])
-            b = b + np.kron(h, normal.b[columns])
-        rows = total(self.normal[p] for p in which).rows
-        prior = self.whole.of(*some).prior(strength)
-        return jittered(H / rows + np.kron(np.eye(len(knots)), prior)), np.asarray(b / rows)
+        H, b = self._sums(which, some)
+        prior = np.kron(np.eye(len(self.knots(which))), self.whole.of(*some).prior(strength))
+        return jittered(H + prior), b
+
+    def _sums(self, which: tuple[int, ...], some: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
+        """H and b of the mean squared error over `which`, kept for the next prior tried with `some`."""
+        if self.summed and next(iter(self.summed))[1] != some:
+            self.summed.clear()
+        key = which, some, self.axis, self.knot_count
+        if key not in self.summed:
+            shares = shares_of(self.knots(which), self.axis, self.value)
+            columns = self.whole.where(some)
+            H, b = 0.0, 0.0
+            for value in np.unique(self.value[list(which)]):
+                alike = [p for p in which if self.value[p] == value]
+                h = shares[alike[0]]
+                H += np.kron(
+                    np.outer(h, h), sum(self.normal[p].H[np.ix_(columns, columns)] for p in alike)
+                )
+                b += np.kron(h, sum(self.normal[p].b[columns] for p in alike))
+            rows = sum(self.normal[p].rows for p in which)
+            self.summed[key] = np.asarray(H / rows), np.asarray(b / rows)
+        return self.summed[key]
 
     def meaning(self, which: tuple[int, ...], some: tuple[str, ...]) -> ConditionedUnknowns:
         """What the unknowns of a solution stand for."""
