@@ -13,7 +13,6 @@ from .qualification._qualify import qualify as qualify
 from .recalibration._setup import adaptive as adaptive
 from .runtime._status import Status as Status
 from .uncertainty._calibrated import calibrated as calibrated
-from .uncertainty._dead_band import DeadBandCompensator as DeadBandCompensator
 from .uncertainty._filtered import filtered as filtered
 from .uncertainty._flat_intervals import flat_intervals as flat_intervals
 from .uncertainty._guaranteed import guaranteed as guaranteed

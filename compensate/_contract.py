@@ -10,7 +10,6 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 from numpy.typing import ArrayLike
 
-from hysteresis import Record
 from hysteresis._drawing import html_of, plot_of
 from hysteresis._precision import in_own_precision, keep_precision
 from hysteresis._quantities import Units, as_units
@@ -104,23 +103,6 @@ class AbstractCompensator(AbstractStreamed[State, Found]):
         """
         # By name, because it is built on this contract.
         return import_module("compensate.guards._warm").warmed(self, t, u, y)
-
-    def calibrated(
-        self, record: Record, guarantee: float = 0.9, runs: str = "auto"
-    ) -> "AbstractCompensator":
-        """This compensator with a band that holds a whole new run; see `guaranteed`.
-
-        **Returns:** a `GuaranteedCompensator`, whose `statement` says what is guaranteed.
-
-        **Raises:** `InputError` `too-few-runs` where the record's runs cannot guarantee it.
-
-        **Example:**
-
-            >>> compensate.invert(fit.model).calibrated(record, 0.75).runs
-            5
-        """
-        # By name, because the band is built on this contract.
-        return import_module("compensate").guaranteed(self, record, guarantee, runs)
 
     def plot(self) -> Any:
         """Estimates while the reading goes up, down and half way up again, as a matplotlib `Figure`.

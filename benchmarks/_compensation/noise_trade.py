@@ -1,11 +1,11 @@
-"""What a dead band or a filter in an inverse buys against noise, and what it costs in lag."""
+"""What a filter in an inverse buys against noise, and what it costs in lag."""
 
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 
-from compensate import DeadBandCompensator, filtered, invert
+from compensate import filtered, invert
 from hysteresis import AbstractModel, Burgers, Preisach
 from hysteresis.preisach import GridDensity
 
@@ -43,7 +43,7 @@ def noise_rows(quick: bool) -> list[Row]:
 
 
 def noise_trade() -> list[Trade]:
-    """Raw, dead bands of one and three deviations, filters for inputs half, once and twice as fast."""
+    """Raw, and filters for inputs half, once and twice as fast."""
     return [row for name, model in _models().items() for row in _rows(name, model)]
 
 
@@ -65,7 +65,6 @@ def _rows(name: str, model: AbstractModel) -> list[Trade]:
     noisy = clean + np.random.default_rng(1).normal(0, sigma, SAMPLES)
     step = float(np.sqrt(np.mean(np.diff(u) ** 2)))
     ways: dict[str, Any] = {"raw": invert(model)}
-    ways |= {f"dead band, {k} sigma": DeadBandCompensator(invert(model), k * sigma) for k in (1, 3)}
     ways |= {
         f"filtered, {part:g} input steps": filtered(model, part * step, sigma)
         for part in (0.5, 1.0, 2.0)

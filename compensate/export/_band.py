@@ -6,16 +6,16 @@ from hysteresis.laws._tree import Tree
 from ..guards._guarded import GuardedCompensator
 from ..uncertainty._calibrated import CalibratedCompensator
 from ..uncertainty._ensemble import EnsembleCompensator
-from ..uncertainty._guaranteed import GuaranteedCompensator
+from ..uncertainty._guaranteed import Guaranteed
 from ._python_to_c99 import number
 
 
-def banded(band: GuaranteedCompensator, error: CalibratedCompensator | None) -> Tree:
+def banded(band: Guaranteed, error: CalibratedCompensator | None) -> Tree:
     """What a document holds of a band.
 
     Raises `InputError` `not-exportable` where its shape is a deviation that the file does not have.
     """
-    inner = band.inner
+    inner = band.compensator
     while isinstance(inner, GuardedCompensator):
         inner = inner.inner
     by_deviation = isinstance(inner, CalibratedCompensator)
@@ -27,8 +27,7 @@ def banded(band: GuaranteedCompensator, error: CalibratedCompensator | None) -> 
             fix="give the same `calibrated` compensator as `error` and to `guaranteed`, or one without.",
         )
     return {
-        "factor": float(band.factor), "guarantee": band.guarantee, "runs": band.runs,
-        "by_deviation": by_deviation, "gain": float(band.gain),
+        "factor": band.factor, "guarantee": band.guarantee, "runs": band.runs, "by_deviation": by_deviation,
     }  # fmt: skip
 
 
@@ -38,12 +37,9 @@ def _alike(one: CalibratedCompensator, other: CalibratedCompensator) -> bool:
 
 
 def band_in_c(document: Tree, stem: str, real: str, single: bool) -> str:
-    """The functions that give the band of the last estimate, and by which it follows a sensor that drifts;
-    nothing where there is no band."""
+    """The function that gives the band of the last estimate; nothing where there is no band."""
     if not (band := document.get("band")):
         return ""
-    factor, gain = number(band["factor"], single), number(band["gain"], single)
-    allowed, zero = number(1.0 - band["guarantee"], single), number(0.0, single)
     by = " * s->last.deviation" if band["by_deviation"] else ""
     return f"""\
 /* The band of the last estimate: a new run lies within its bands over its whole length with a probability
@@ -51,44 +47,7 @@ def band_in_c(document: Tree, stem: str, real: str, single: bool) -> str:
  * runs of the calibration. */
 static inline void {stem}_band(const {stem}_state *s, {real} *low, {real} *high)
 {{
-    {real} half = {factor}{by};
+    {real} half = {number(band["factor"], single)}{by};
     *low = s->last.value - half;
     *high = s->last.value + half;
-}}
-
-/* A band that follows runs whose inputs become known: it is wider after a run that left it, and a little
- * narrower after one that did not, so that {100 - 100 * band["guarantee"]:g} per cent leave it in the long
- * run, whatever drifts. The caller keeps it, over every reset of the state. */
-typedef struct {{
-    {real} factor; /* half the width, over {"the deviation" if by else "1"} */
-    int missed;    /* whether this run has left its band */
-}} {stem}_followed;
-
-static inline void {stem}_followed_reset({stem}_followed *f)
-{{
-    f->factor = {factor};
-    f->missed = 0;
-}}
-
-static inline void {stem}_followed_band(
-    const {stem}_followed *f, const {stem}_state *s, {real} *low, {real} *high)
-{{
-    {real} half = f->factor{by};
-    *low = s->last.value - half;
-    *high = s->last.value + half;
-}}
-
-/* The true input behind the last estimate; one that is not finite says nothing. */
-static inline void {stem}_watch({stem}_followed *f, const {stem}_state *s, {real} input)
-{{
-    {real} half = f->factor{by};
-    f->missed = f->missed || input < s->last.value - half || input > s->last.value + half;
-}}
-
-/* At the end of a run. */
-static inline void {stem}_follow({stem}_followed *f)
-{{
-    f->factor += {gain} * (({real})f->missed - {allowed});
-    f->factor = f->factor < {zero} ? {zero} : f->factor;
-    f->missed = 0;
 }}"""

@@ -29,7 +29,7 @@ from ..recalibration._adaptive import AdaptiveCompensator
 from ..runtime._compensator import KIND
 from ..runtime._file import COMPENSATOR_SCHEMA, number
 from ..uncertainty._calibrated import CalibratedCompensator
-from ..uncertainty._guaranteed import GuaranteedCompensator
+from ..uncertainty._guaranteed import Guaranteed
 from ._band import banded
 from ._c99_header import header
 from ._document import LONGEST as LONGEST_MOTION
@@ -196,7 +196,7 @@ class Program:
         origin: Origin | None = None,
         time_unit: str = "s",
         adaptive: AdaptiveCompensator | None = None,
-        band: GuaranteedCompensator | None = None,
+        band: Guaranteed | None = None,
     ):
         require_double()
         if model.units is not None:

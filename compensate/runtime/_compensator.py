@@ -49,7 +49,6 @@ class Band(TypedDict):
     guarantee: float
     runs: NotRequired[int]
     by_deviation: bool
-    gain: NotRequired[float]
 
 
 class Operations(TypedDict):
@@ -128,8 +127,7 @@ class Compensator:
       the error is a state; None where the file does not know it.
     - `coverage`: the part of held-out rows that estimate +- 1.645 deviations held, where 0.9 is meant; None
       where the file does not know it.
-    - `band`: of the last estimate; it holds whole runs with a guaranteed probability. `watch` and `follow`
-      keep the share of runs that leave it, as the sensor drifts.
+    - `band`: of the last estimate; it holds whole runs with a guaranteed probability.
     - `advice` and `lost`: of a compensator that recalibrates itself.
     - `origin`: {"verdict", "codes", "date"}: the verdict on the fit, the codes of its reasons, and the date
       of the data, ISO 8601; None where they are not known.
@@ -146,7 +144,6 @@ class Compensator:
         self.rates: bool = document["rates"]
         self.longest: float = document.get("longest") or LONGEST
         self._band: Tree | None = document.get("band")
-        self._factor, self._missed = (self._band or {}).get("factor", nan), 0.0
         self.lasting: dict[str, float] | None = document.get("lasting")
         self.coverage: float | None = document.get("coverage")
         self._checksum = document.get("checksum")
@@ -230,36 +227,8 @@ class Compensator:
         """The ends of the guaranteed band of the last estimate; None where the file has none."""
         if self._band is None:
             return None
-        half = self._factor * (self._own.deviation if self._band["by_deviation"] else 1.0)
+        half = self._band["factor"] * (self._own.deviation if self._band["by_deviation"] else 1.0)
         return self._own.value - half, self._own.value + half
-
-    def watch(self, known: float) -> None:
-        """The true input behind the last estimate: whether this run leaves its band. NaN says nothing."""
-        if (band := self.band) is not None and not band[0] <= known <= band[1] and known == known:
-            self._missed = 1.0
-
-    def follow(self) -> None:
-        """The end of a run whose inputs were given to `watch`: the band is wider after a run that left it.
-
-            factor <- factor + gain (missed - (1 - guarantee)),     missed = 1 if the run left its band
-
-        In the long run the share of runs that leave their bands is then 1 - guarantee, whatever drifts.
-        `reset` keeps the band. Does nothing where the file has no band.
-
-        Source: Gibbs and Candes 2021; Angelopoulos, Candes and Tibshirani 2023 (quantile tracking).
-
-        **Example:**
-
-            >>> file = compensate.export_runtime(model, folder / "sensor.json", model.simulate(t, u)).path
-            >>> sensor = compensate.runtime.load(file)
-            >>> sensor.follow()
-            >>> sensor.band is None
-            True
-        """
-        if self._band is not None:
-            gain = self._band.get("gain", 0.2 * self._band["factor"])
-            change = gain * (self._missed - (1.0 - self._band["guarantee"]))
-            self._factor, self._missed = max(self._factor + change, 0.0), 0.0
 
     def state(self) -> Tree:
         """All that changes, as plain data for JSON: `restore` goes on from there.
@@ -277,8 +246,8 @@ class Compensator:
         own = self._own
         return {
             "checksum": self._checksum, "begun": bool(own.begun), "_value": number(own.value),
-            "_waited": own.waited, "_deviation": number(own.deviation), "_factor": number(self._factor),
-            "_missed": self._missed, "nodes": [_copied(vars(one)) for one in self._states[:-1]],
+            "_waited": own.waited, "_deviation": number(own.deviation),
+            "nodes": [_copied(vars(one)) for one in self._states[:-1]],
         }  # fmt: skip
 
     def restore(self, state: Tree) -> None:
@@ -291,13 +260,9 @@ class Compensator:
             raise FileError("This state belongs to another file.")
         for one, values in zip(self._states, nodes, strict=False):
             vars(one).update(_copied(values))
-        own.value, own.waited, own.deviation, self._factor, self._missed = (
-            nan if state.get(name, 0.0) is None else state.get(name, before)
-            for name, before in (
-                ("_value", own.value), ("_waited", own.waited), ("_deviation", own.deviation),
-                ("_factor", self._factor), ("_missed", self._missed),
-            )
-        )  # fmt: skip
+        for name in ("value", "waited", "deviation"):
+            kept = state.get(f"_{name}", getattr(own, name))
+            setattr(own, name, nan if kept is None else kept)
         own.begun = int(state["begun"])
 
     def __getstate__(self) -> dict[str, Any]:

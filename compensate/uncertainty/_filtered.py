@@ -71,7 +71,7 @@ def filtered(
         raise InputError(
             "not-invertible",
             f"a {type(model).__name__} has no law, which the filter is put around.",
-            fix="write its law, or DeadBandCompensator(invert(model), width).",
+            fix="write its law, or low-pass the readings.",
         )
 
     def around(tree: Tree) -> Tree:

@@ -1,38 +1,18 @@
 """Bands that hold whole runs with a stated probability: conformal prediction, a run at a time."""
 
 import math
-from dataclasses import replace
 from typing import Any, NamedTuple
 
-import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
-from numpy.typing import ArrayLike
+from jaxtyping import Float
 
-from hysteresis import InputError, Record, register
+from hysteresis import InputError, Record
 
-from .._contract import AbstractCompensator, State, Status
+from .._contract import AbstractCompensator, Status
 from .._estimate import estimate
 
 EXACT = 1e-9
 """Of a rank: 0.9 / (1 - 0.9) is 9, but for rounding."""
-
-GAIN = 0.2
-"""How far a missed run moves a followed band, in parts of its half width."""
-
-
-class BandedEstimate(NamedTuple):
-    """An estimate with its band.
-
-    - `deviation`: of the inner compensator, NaN where it has none. `low`, `high`: the ends of the band.
-    """
-
-    value: Float[Array, "*samples"]
-    status: Int[Array, "*samples"]
-    deviation: Float[Array, "*samples"]
-    low: Float[Array, "*samples"]
-    high: Float[Array, "*samples"]
 
 
 def runs_needed(guarantee: float) -> int:
@@ -49,46 +29,35 @@ def runs_needed(guarantee: float) -> int:
     return max(math.ceil(guarantee / (1 - guarantee) - EXACT), 1)
 
 
-@register
-class GuaranteedCompensator(AbstractCompensator[State, BandedEstimate]):
-    """A compensator with a band that holds a whole new run, with a probability that is guaranteed.
+class Guaranteed(NamedTuple):
+    """A band around estimates that holds a whole new run, with a probability that is guaranteed.
 
         low, high = value -+ factor shape,     P(every input of a new run is in its band) >= guarantee
 
-    The shape is the deviation of the inner compensator where it has one, else 1. The probability is over
-    the runs of the calibration and the new one, which must be exchangeable: the same sensor, used in the
-    same way, in no order that matters. Nothing is assumed of the model, the noise, or how samples of one
-    run hang together.
+    The shape is the deviation of the `compensator` where it has one, else 1. The probability is over the
+    runs of the calibration and the new one, which must be exchangeable: the same sensor, used in the same
+    way, in no order that matters. Nothing is assumed of the model, the noise, or how samples of one run
+    hang together.
 
-    `guaranteed` makes one from a record; `factor` is its half width in shapes, `gain` a fifth of that for
-    `follow`, `runs` how many it saw.
+    - `factor`: half the width in shapes. `runs`: how many it saw.
     """
 
-    inner: AbstractCompensator
-    factor: Float[Array, ""]
-    gain: Float[Array, ""]
-    guarantee: float = eqx.field(static=True)
-    runs: int = eqx.field(static=True)
-    followed: int = eqx.field(static=True, default=0)
+    compensator: AbstractCompensator
+    factor: float
+    guarantee: float
+    runs: int
 
-    def init(self) -> State:
-        return self.inner.init()
-
-    def stream(
-        self, t: ArrayLike | None, y: ArrayLike, state: State
-    ) -> tuple[State, BandedEstimate]:
-        state, found = self.inner.stream(t, y, state)
-        return state, self._banded(found)
+    def around(
+        self, found: Any
+    ) -> tuple[Float[np.ndarray, "*samples"], Float[np.ndarray, "*samples"]]:
+        """The ends of the band, of what the compensator has found."""
+        value, half = np.asarray(found.value), self.factor * shape_of(found)
+        return value - half, value + half
 
     @property
     def statement(self) -> str:
         """What is guaranteed, in a sentence."""
         chance = 100 * self.guarantee
-        if self.followed:
-            return (
-                f"Over {self.followed} runs that were followed, the share of those that leave their band is"
-                f" kept near {100 - chance:g} % in the long run, whatever drifts."
-            )
         most = 100 * rank(self.runs, self.guarantee) / (self.runs + 1)
         said = f"{chance:g}" if most - chance < EXACT else f"{chance:g} to {most:.3g}"
         return (
@@ -96,41 +65,11 @@ class GuaranteedCompensator(AbstractCompensator[State, BandedEstimate]):
             f" exchangeable with the {self.runs} runs of the calibration."
         )
 
-    def follow(self, record: Record, runs: str = "auto") -> "GuaranteedCompensator":
-        """The band after runs whose inputs became known, one after the other, as the sensor drifts.
-
-            factor <- factor + gain (missed - (1 - guarantee)),     missed = 1 if the run left its
-            band
-
-        Over T runs the share of those that leave their bands is then within
-        (largest score / gain + 1) / T of 1 - guarantee, for any sequence of runs.
-
-        Source: Gibbs and Candes 2021; Angelopoulos, Candes and Tibshirani 2023 (quantile tracking).
-
-        **Example:**
-
-            >>> band = compensate.guaranteed(compensate.invert(fit.model), record, 0.75)
-            >>> band.follow(record).followed
-            5
-        """
-        scores = run_scores(self.inner, record, runs)
-        factor = tracked(float(self.factor), scores, self.guarantee, float(self.gain))[-1]
-        seen = self.followed + len(scores)
-        return replace(self, factor=jnp.asarray(factor), followed=seen)
-
-    def _banded(self, found: Any) -> BandedEstimate:
-        known = getattr(found, "deviation", None)
-        half = self.factor * (jnp.ones_like(found.value) if known is None else known)
-        deviation = jnp.full_like(found.value, jnp.nan) if known is None else known
-        return BandedEstimate(
-            found.value, found.status, deviation, found.value - half, found.value + half
-        )
-
 
 def guaranteed(
     compensator: AbstractCompensator, record: Record, guarantee: float = 0.9, runs: str = "auto"
-) -> GuaranteedCompensator:
-    """A compensator with a band that holds a whole new run with a guaranteed probability.
+) -> Guaranteed:
+    """A band around estimates of a compensator that holds a whole new run with a guaranteed probability.
 
     The score of a run is the largest |estimate - input| / shape of its rows, and the band's factor the k-th
     smallest score of n runs,
@@ -157,6 +96,9 @@ def guaranteed(
         >>> band = compensate.guaranteed(compensate.invert(fit.model), record, 0.75)
         >>> band.runs, band.statement[:35]
         (5, 'A new run lies within its band over')
+        >>> low, high = band.around(compensate.estimate(band.compensator, record))
+        >>> low.shape
+        (101,)
     """
     needed = runs_needed(guarantee)
     scores = run_scores(compensator, record, runs)
@@ -170,20 +112,7 @@ def guaranteed(
             fix=f"give {needed} runs or more, or ask for less.",
         )
     factor = np.sort(scores)[rank(n, guarantee) - 1]
-    return GuaranteedCompensator(
-        compensator, jnp.asarray(factor), jnp.asarray(GAIN * factor), float(guarantee), n
-    )
-
-
-def tracked(
-    factor: float, scores: Float[np.ndarray, " runs"], guarantee: float, gain: float
-) -> Float[np.ndarray, " factors"]:
-    """The factor before each run, and after the last one."""
-    found = [factor]
-    for score in scores:
-        missed = float(score > found[-1])
-        found.append(max(found[-1] + gain * (missed - (1 - guarantee)), 0.0))
-    return np.array(found)
+    return Guaranteed(compensator, float(factor), float(guarantee), n)
 
 
 def rank(runs: int, guarantee: float) -> int:
@@ -201,8 +130,7 @@ def run_scores(
         )
     found = estimate(compensator, record)
     value, status = np.asarray(found.value), np.asarray(found.status)
-    deviation = getattr(found, "deviation", None)
-    shape = np.ones_like(value) if deviation is None else np.asarray(deviation)
+    shape = shape_of(found)
     counted = record.mask & (status != Status.INVALID) & np.isfinite(value)
     by_cycle = runs == "cycle" or (runs == "auto" and len(record.labels) == 1)
     number = np.empty(len(record), int)
@@ -219,3 +147,8 @@ def run_scores(
     largest = np.zeros(int(run.max()) + 1)
     np.maximum.at(largest, run, score)
     return largest
+
+
+def shape_of(found: Any) -> Float[np.ndarray, "*samples"]:
+    """The deviation of estimates, 1 where they have none."""
+    return np.asarray(getattr(found, "deviation", np.ones_like(found.value)))

@@ -4,7 +4,6 @@ import json
 from pathlib import Path
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 
 import identify
@@ -13,7 +12,7 @@ from compensate.export._cards import CARDS, OPENSEES
 from compensate.export._export import Origin, Program, wider
 from compensate.export.targets._export_to import check, write_to
 from compensate.uncertainty._calibrated import CalibratedCompensator
-from compensate.uncertainty._guaranteed import GAIN, GuaranteedCompensator
+from compensate.uncertainty._guaranteed import Guaranteed
 from hysteresis import InputError
 from hysteresis._atomic_file import write_whole
 from hysteresis._quantities import conversion
@@ -215,12 +214,11 @@ def _oscillator(
     return _done(document, [])
 
 
-def _band(folder: Path, error: CalibratedCompensator, sha256: str) -> GuaranteedCompensator | None:
+def _band(folder: Path, error: CalibratedCompensator, sha256: str) -> Guaranteed | None:
     """The band that `hysid qualify --guarantee` has found for this fit; None where there is none."""
     file = folder / "qualify.json"
     known = json.loads(file.read_text("utf-8")).get("guarantee") if file.exists() else None
     # A fit that was made anew is another one, and so is its band.
     if not known or not known.get("given") or not sha256 or known.get("sha256") != sha256:
         return None
-    factor = jnp.asarray(known["factor"], float)
-    return GuaranteedCompensator(error, factor, GAIN * factor, known["asked"], known["runs"])
+    return Guaranteed(error, known["factor"], known["asked"], known["runs"])

@@ -198,12 +198,12 @@ def guarantee_of(fitted: identify.FitResult, record: Record, guarantee: float) -
         none = dict.fromkeys(("factor", "half_width"))
         return known | {"given": False, "runs": len(scores), **none, "text": text}
     band = guaranteed(compensator, applied, guarantee)
-    found = estimate(band, applied)
-    half = (np.asarray(found.high) - np.asarray(found.low))[applied.mask] / 2
+    low, high = band.around(estimate(compensator, applied))
+    half = (high - low)[applied.mask] / 2
     wide = quantity(float(half.mean()), fitted.train.input_unit, 3)
     text = f"guaranteed band: +- {wide} in the mean. {band.statement}"
     return known | {
-        "given": True, "runs": band.runs, "factor": float(band.factor), "half_width": float(half.mean()),
+        "given": True, "runs": band.runs, "factor": band.factor, "half_width": float(half.mean()),
         "text": text, "sha256": fitted.train.sha256,
     }  # fmt: skip
 

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from compensate import AbstractCompensator, DeadBandCompensator, Status, estimate, invert
+from compensate import AbstractCompensator, Status, estimate, invert
 from compensate.internal import BracketedCompensator, Estimate
 from hysteresis import Burgers, InputError, LinearSponge, PrandtlIshlinskii, Preisach, Record
 from hysteresis.internal import with_units
@@ -27,7 +27,6 @@ COMPENSATORS = {
     "Burgers": invert(BURGERS),
     "plays that move with the rate": invert(PLAYS),
     "bisection": BracketedCompensator(GRID, LOW, HIGH),
-    "dead band": DeadBandCompensator(invert(GRID), 0.1),
     "draws": invert(
         jax.tree.map(lambda *x: jnp.stack(x), BURGERS, Burgers(3.0, 60.0, 2.0, 9.0)), 0.1, seed=3
     ),

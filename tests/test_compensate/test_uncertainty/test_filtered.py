@@ -1,14 +1,12 @@
 """Inverses that know of noise: nothing without it, less of it with it, and a deviation that is one."""
 
-from typing import Any
-
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from compensate import DeadBandCompensator, Status, filtered, invert
-from hysteresis import AbstractModel, Burgers, InputError, LinearSponge, Preisach
+from compensate import Status, filtered, invert
+from hysteresis import AbstractModel, Burgers, InputError, Preisach
 from hysteresis.preisach import GaussianDensity, GridDensity
 from tests.problems import HIGH, LOW, SAMPLES, clock, random_histories, without
 from tests.thorough import rest_thorough
@@ -44,12 +42,6 @@ def noisy(
     return t, y + np.random.default_rng(seed).normal(0, sigma, len(u)), sigma
 
 
-def wrapped(kind: str, model: AbstractModel) -> Any:
-    if kind == "dead band":
-        return DeadBandCompensator(invert(model), 0.05)
-    return filtered(model, 0.05, 0.02, by_time=kind == "by time")
-
-
 @both
 def test_without_noise_it_is_the_raw_inverse(model: AbstractModel):
     u = random_histories(np.random.default_rng(0), LOW, HIGH, (20, SAMPLES))
@@ -68,16 +60,6 @@ def test_without_noise_it_is_the_raw_inverse(model: AbstractModel):
     assert set(np.unique(estimate.status).tolist()) <= {Status.OK, Status.FLAT}
 
 
-def test_a_dead_band_lags_by_its_width_over_the_slope():
-    model = LinearSponge(K=2.0, b=1.0, threshold=0.0)
-    u = np.concatenate([np.linspace(1, 5, 41), np.linspace(5, 2, 31)])
-    found = DeadBandCompensator(invert(model), 0.4).simulate(None, model.simulate(None, u))
-    np.testing.assert_allclose(found.value[5:41], u[5:41] - 0.2, atol=1e-12)
-    np.testing.assert_allclose(found.value[50:], u[50:] + 0.2, atol=1e-12)
-    # It stands still until the reading has come back by twice the width.
-    np.testing.assert_allclose(found.value[41:45], 4.8, atol=1e-12)
-
-
 @both
 @pytest.mark.parametrize("step", rest_thorough([0.003, 0.02], 1))
 def test_noise_does_less_and_the_band_says_how_much(model: AbstractModel, step: float):
@@ -92,10 +74,10 @@ def test_noise_does_less_and_the_band_says_how_much(model: AbstractModel, step: 
     assert 0.85 <= np.mean((low <= u) & (u <= high)) <= 0.95
 
 
-@pytest.mark.parametrize("kind", rest_thorough(["by time", "filtered", "dead band"], 1))
+@pytest.mark.parametrize("by_time", rest_thorough([True, False], 1))
 @both
-def test_a_stream_equals_the_batch_and_holes_leave_no_trace(model: AbstractModel, kind: str):
-    compensator = wrapped(kind, model)
+def test_a_stream_equals_the_batch_and_holes_leave_no_trace(model: AbstractModel, by_time: bool):
+    compensator = filtered(model, 0.05, 0.02, by_time=by_time)
     t, y, _ = noisy(model, walk(0.05, SAMPLES, 2))
     hole = np.isin(np.arange(SAMPLES), [0, 1, 7, 8, 20])
     broken = np.where(hole, [[np.nan, np.inf, -np.inf, np.nan] * (SAMPLES // 4)], y)[0]
@@ -133,9 +115,6 @@ def test_deviations_that_are_none_are_refused(value: float):
         filtered(GRID, value, 0.1)
     with pytest.raises(InputError, match="parameter-out-of-bounds"):
         filtered(GRID, 0.1, value)
-    if value:
-        with pytest.raises(InputError, match="bad-option"):
-            DeadBandCompensator(invert(GRID), value)
 
 
 def test_steps_by_time_need_the_times():
