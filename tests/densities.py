@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 from scipy import integrate, stats
 
-from hysteresis.internal import LogNormalDensity, SumDensity
+from hysteresis.internal import SumDensity
 from hysteresis.preisach import GaussianDensity, GridDensity, LorentzianDensity
 
 CELLS = 5
-Coercive = GaussianDensity | LorentzianDensity | LogNormalDensity
+Coercive = GaussianDensity | LorentzianDensity
 Make = Callable[[np.random.Generator, float, float], Any]
 
 
@@ -26,7 +26,6 @@ def coercive(kind: type[Coercive]) -> Make:
     def make(rng: np.random.Generator, low: float, high: float) -> Coercive:
         total, size = rng.uniform(1, 3), high - low
         coercivity, width, bias_width = size * rng.uniform(0.1, 0.2, 3)
-        width = rng.uniform(0.3, 0.8) if kind is LogNormalDensity else width
         bias = (low + high) / 2 + size * rng.uniform(-0.1, 0.1)
         return kind(low, high, total, coercivity, width, bias, bias_width)
 
@@ -44,7 +43,7 @@ def mixture(rng: np.random.Generator, low: float, high: float) -> SumDensity:
     return SumDensity((normal, warped(rng, low, low + 0.4 * size)))
 
 
-KINDS: tuple[type[Coercive], ...] = (GaussianDensity, LorentzianDensity, LogNormalDensity)
+KINDS: tuple[type[Coercive], ...] = (GaussianDensity, LorentzianDensity)
 DENSITIES: dict[str, Make] = {
     "warped": warped,
     **{kind.__name__: coercive(kind) for kind in KINDS},
@@ -89,8 +88,5 @@ def coercive_integral(density: Coercive, a: float, b: float) -> float:
 
 def _coercivity(density: Coercive):
     centre, width = float(density.coercivity), float(density.coercivity_width)
-    if isinstance(density, GaussianDensity):
-        return stats.norm(centre, width)
-    if isinstance(density, LorentzianDensity):
-        return stats.cauchy(centre, width)
-    return stats.lognorm(width, scale=centre)
+    kind = stats.norm if isinstance(density, GaussianDensity) else stats.cauchy
+    return kind(centre, width)

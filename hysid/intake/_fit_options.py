@@ -64,7 +64,7 @@ MODELS = (
     "LinearSponge", "Burgers", "Preisach", "EverettSurface", "Composition", "Butterfly", "FoamCurve",
     "BoucWen", "PrandtlIshlinskii", "DegradingBoucWen", "StandardLinearSolid", "GeneralizedKelvinVoigt",
     "GeneralizedMaxwell", "DuhemOperator", "GaussianPreisach", "TwoGaussianPreisach",
-    "LorentzianPreisach", "LogNormalPreisach", "Oscillator",
+    "LorentzianPreisach", "Oscillator",
 )  # fmt: skip
 """Our own names of `--model`, written here because `--help` does not wait for JAX; a test compares them."""
 

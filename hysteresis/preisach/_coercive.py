@@ -11,7 +11,7 @@ Source: Mayergoyz, Mathematical Models of Hysteresis; Della Torre, Magnetic Hyst
 
 import abc
 from functools import partial
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -79,10 +79,6 @@ def _slopes(order: int, at: tuple[Array, Array, Array], moved: tuple[Array, Arra
     return opposed_normal(order, x, y, v), of_x * dx + of_y * dy + of_v * dv
 
 
-NORMAL_REACH = 8.5
-"""Deviations beyond which a normal distribution holds nothing, to double precision (2e-17)."""
-
-
 class InputPairs(NamedTuple):
     """Pairs (a, b) of inputs as they are."""
 
@@ -131,69 +127,6 @@ class AbstractCoerciveDensity(AbstractDensity[InputPairs, Float[Array, ""]]):
 
     def mass(self, table: Float[Array, ""]) -> Float[Array, ""]:
         return jnp.asarray(self.total)
-
-
-class AbstractQuadratureDensity(AbstractCoerciveDensity):
-    """A coercive density whose integral is a quadrature in a variable z in which p is smooth, of width 1.
-
-    A Gauss-Legendre rule runs on each of three pieces, cut at the centre of p and where F jumps. A narrow
-    peak or step is then at the end of a piece, where the rule's nodes are dense, so the error falls
-    exponentially with the order for any ratio of the two widths. The integrand vanishes at H, where F's
-    arguments meet.
-
-    A subclass defines the distribution of its coercivity by `standardise`, its inverse `coercivity_at` and
-    the `weight` p dh/dz, and that of its bias by `below`. Constant factors of p and F and constants added
-    to F cancel.
-    """
-
-    reach: eqx.AbstractClassVar[float]
-
-    @abc.abstractmethod
-    def standardise(self, h: Array) -> Array:
-        """z of a coercivity h >= 0: 0 at the centre of p, its width 1; infinities are cut to `reach`."""
-
-    @abc.abstractmethod
-    def coercivity_at(self, z: Array) -> Array:
-        """h of z."""
-
-    @abc.abstractmethod
-    def weight(self, z: Array) -> Array:
-        """p(h) dh/dz."""
-
-    @abc.abstractmethod
-    def below(self, x: Array) -> Array:
-        """F at x widths above the centre of the bias."""
-
-    def integral(
-        self, a: Float[Array, "*pairs"], b: Float[Array, "*pairs"]
-    ) -> Float[Array, "*pairs"]:
-        half = (a - b) / 2
-        step = jnp.clip(jnp.minimum(a - self.bias, self.bias - b), 0.0, half)
-        begin, jump, end = (
-            jnp.clip(self.standardise(h), -self.reach, self.reach)
-            for h in (jnp.zeros_like(half), step, half)
-        )
-        # The integral does not depend on where it is cut, so the cuts need no gradient.
-        jump, peak = jax.lax.stop_gradient((jump, jnp.clip(0.0, begin, end)))
-        cuts = jnp.stack([begin, jnp.minimum(jump, peak), jnp.maximum(jump, peak), end])
-        left, length = cuts[:-1], jnp.diff(cuts, axis=0)
-        nodes, weights = np.polynomial.legendre.leggauss(self.order)
-        nodes, weights = (jnp.asarray(x / 2, half.dtype) for x in (nodes + 1, weights))
-
-        # Recomputed for the gradient, whose memory would otherwise grow with the order.
-        @jax.checkpoint
-        def at_node(node: Array) -> Array:
-            z = left + length * node
-            h = self.coercivity_at(z)
-            upper, lower = ((m - self.bias) / self.bias_width for m in (a[None] - h, b[None] + h))
-            share = self.below(upper) - self.below(lower)
-            return (length * self.weight(z) * share).sum(0)
-
-        # A step of a stream: a loop over the nodes takes ten times as long as one mapped evaluation.
-        if half.ndim == 0:
-            return weights @ jax.vmap(at_node)(nodes)
-        sum_up = lambda total, rule: (total + rule[1] * at_node(rule[0]), None)  # noqa: E731
-        return jax.lax.scan(sum_up, jnp.zeros_like(half), (nodes, weights))[0]
 
 
 def _total() -> Any:
@@ -273,10 +206,16 @@ class GaussianDensity(AbstractCoerciveDensity):
 
 
 @register
-class LorentzianDensity(AbstractQuadratureDensity):
+class LorentzianDensity(AbstractCoerciveDensity):
     """A density whose coercivity and bias have Cauchy distributions, with heavy tails.
 
         mu ~ 1 / ((1 + ((h - coercivity) / coercivity_width)^2) (1 + ((m - bias) / bias_width)^2))
+
+    The integral over the coercivity is a quadrature in z, h = coercivity + coercivity_width sinh z, which
+    is logarithmic in the distance and so resolves tails of any length. A Gauss-Legendre rule runs on each
+    of three pieces, cut at the centre of p and where F jumps. A narrow peak or step is then at the end of a
+    piece, where the rule's nodes are dense, so the error falls exponentially with the order for any ratio
+    of the two widths. The integrand vanishes at H, where F's arguments meet.
 
     **Arguments:**
 
@@ -309,73 +248,33 @@ class LorentzianDensity(AbstractQuadratureDensity):
     bias: Scalar = parameter(unit="input", meaning="most frequent bias")
     bias_width: Scalar = _positive("half width of the bias")
     order: int = eqx.field(default=24, static=True, kw_only=True)
-    reach: ClassVar[float] = float("inf")
 
-    def standardise(self, h: Array) -> Array:
-        # Logarithmic in the distance, so that the three pieces resolve tails of any length.
-        return jnp.arcsinh((h - self.coercivity) / self.coercivity_width)
+    def integral(
+        self, a: Float[Array, "*pairs"], b: Float[Array, "*pairs"]
+    ) -> Float[Array, "*pairs"]:
+        half = (a - b) / 2
+        step = jnp.clip(jnp.minimum(a - self.bias, self.bias - b), 0.0, half)
+        begin, jump, end = (
+            jnp.arcsinh((h - self.coercivity) / self.coercivity_width)
+            for h in (jnp.zeros_like(half), step, half)
+        )
+        # The integral does not depend on where it is cut, so the cuts need no gradient.
+        jump, peak = jax.lax.stop_gradient((jump, jnp.clip(0.0, begin, end)))
+        cuts = jnp.stack([begin, jnp.minimum(jump, peak), jnp.maximum(jump, peak), end])
+        left, length = cuts[:-1], jnp.diff(cuts, axis=0)
+        nodes, weights = np.polynomial.legendre.leggauss(self.order)
+        nodes, weights = (jnp.asarray(x / 2, half.dtype) for x in (nodes + 1, weights))
 
-    def coercivity_at(self, z: Array) -> Array:
-        return self.coercivity + self.coercivity_width * jnp.sinh(z)
+        # Recomputed for the gradient, whose memory would otherwise grow with the order.
+        @jax.checkpoint
+        def at_node(node: Array) -> Array:
+            z = left + length * node
+            h = self.coercivity + self.coercivity_width * jnp.sinh(z)
+            upper, lower = ((m - self.bias) / self.bias_width for m in (a[None] - h, b[None] + h))
+            return (length / jnp.cosh(z) * (jnp.arctan(upper) - jnp.arctan(lower))).sum(0)
 
-    def weight(self, z: Array) -> Array:
-        return 1 / jnp.cosh(z)
-
-    def below(self, x: Array) -> Array:
-        return jnp.arctan(x)
-
-
-@register
-class LogNormalDensity(AbstractQuadratureDensity):
-    """A density whose log coercivity is normal, so that h > 0 needs no cut; the bias is normal.
-
-        mu ~ 1/h exp(-(log(h / coercivity) / coercivity_width)^2 / 2 - ((m - bias) / bias_width)^2 / 2)
-
-    **Arguments:**
-
-    - `low`, `high`: the inputs where all relays are down, and up; the density is cut off there.
-    - `total`: its mass, E(high, low).
-    - `coercivity`, `coercivity_width`: median of h and standard deviation of log h.
-    - `bias`, `bias_width`: mean and standard deviation of m.
-
-    **Other arguments:**
-
-    - `order`: of the quadrature. With 32 the error is 1e-10 of the mass where the bias is wider than 5 % of
-      the range, and 1e-6 at 1 %, for widths of the logarithm up to 1.5.
-
-    Raises `InputError` as `AbstractCoerciveDensity`.
-
-    **Example:**
-
-        >>> density = hysteresis.internal.LogNormalDensity(
-        ...     0.0, 10.0, total=5.0, coercivity=1.0, coercivity_width=0.5, bias=5.0, bias_width=2.0)
-        >>> y = hysteresis.Preisach(density).simulate(None, np.array([0.0, 10, 5, 0]))
-        >>> np.asarray(y).round(2).tolist()
-        [-5.0, 5.0, 2.16, -5.0]
-    """
-
-    low: float = eqx.field(static=True, converter=float)
-    high: float = eqx.field(static=True, converter=float)
-    total: Scalar = _total()
-    coercivity: Scalar = _positive("median coercivity")
-    coercivity_width: Scalar = _positive(
-        "standard deviation of the logarithm of the coercivity", "1"
-    )
-    bias: Scalar = parameter(unit="input", meaning="mean bias")
-    bias_width: Scalar = _positive("standard deviation of the bias")
-    order: int = eqx.field(default=32, static=True, kw_only=True)
-    reach: ClassVar[float] = NORMAL_REACH
-
-    def standardise(self, h: Array) -> Array:
-        # Not the logarithm of 0, whose gradient is infinite.
-        safe = jnp.maximum(h, jnp.finfo(h.dtype).tiny)
-        return (jnp.log(safe) - jnp.log(self.coercivity)) / self.coercivity_width
-
-    def coercivity_at(self, z: Array) -> Array:
-        return self.coercivity * jnp.exp(self.coercivity_width * z)
-
-    def weight(self, z: Array) -> Array:
-        return jnp.exp(-z * z / 2)
-
-    def below(self, x: Array) -> Array:
-        return jax.scipy.special.erf(x / 2**0.5)
+        # A step of a stream: a loop over the nodes takes ten times as long as one mapped evaluation.
+        if half.ndim == 0:
+            return weights @ jax.vmap(at_node)(nodes)
+        sum_up = lambda total, rule: (total + rule[1] * at_node(rule[0]), None)  # noqa: E731
+        return jax.lax.scan(sum_up, jnp.zeros_like(half), (nodes, weights))[0]

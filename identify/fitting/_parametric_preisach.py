@@ -7,7 +7,6 @@ from jaxtyping import Bool, Float
 
 from hysteresis import Preisach
 from hysteresis.preisach import GaussianDensity, GridDensity, LorentzianDensity
-from hysteresis.preisach._coercive import LogNormalDensity
 from hysteresis.preisach._density import AbstractDensity
 from hysteresis.preisach._sum import SumDensity
 
@@ -52,12 +51,6 @@ def _lorentzian(low: float, high: float, found: Moments) -> AbstractDensity:
     return LorentzianDensity(low, high, mass, h, h_width / 2, m, m_width / 2)
 
 
-def _log_normal(low: float, high: float, found: Moments) -> AbstractDensity:
-    mass, h, h_width, m, m_width = found
-    spread = np.sqrt(np.log1p((h_width / h) ** 2))
-    return LogNormalDensity(low, high, mass, h * np.exp(-(spread**2) / 2), spread, m, m_width)
-
-
 class Shape(NamedTuple):
     """A density of `count` equal parts, each of which `made` makes of moments."""
 
@@ -69,7 +62,6 @@ SHAPES = {
     "GaussianPreisach": Shape(_gaussian),
     "TwoGaussianPreisach": Shape(_gaussian, 2),
     "LorentzianPreisach": Shape(_lorentzian),
-    "LogNormalPreisach": Shape(_log_normal),
 }
 """Names of Preisach models with few parameters, and their densities."""
 

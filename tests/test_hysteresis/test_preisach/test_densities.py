@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hysteresis import InputError
-from hysteresis.internal import LogNormalDensity, SumDensity
+from hysteresis.internal import SumDensity
 from hysteresis.preisach import GaussianDensity, GridDensity, LorentzianDensity
 from tests.densities import DENSITIES, plain_everett
 from tests.problems import HIGH, LOW, histories
@@ -145,6 +145,6 @@ def test_densities_that_are_refused():
     with refused("parameter-out-of-bounds", "order"):
         LorentzianDensity(0.0, 1.0, 1.0, 0.1, 0.1, 0.5, 0.1, order=0)
     with refused("zero-range"):
-        LogNormalDensity(1.0, 1.0, 1.0, 0.1, 0.1, 0.5, 0.1)
+        LorentzianDensity(1.0, 1.0, 1.0, 0.1, 0.1, 0.5, 0.1)
     with refused("bad-parts"):
         SumDensity(())
