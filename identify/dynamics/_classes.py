@@ -19,9 +19,6 @@ CLASSES = ("BoucWen", "Duhem", "GeneralizedPlays")
 COARSER = 4
 """The search for a start takes so many times fewer steps of integration."""
 
-LEFT = 1.1
-"""chi2 per row below which more knots are tried only as long as the evidence rises."""
-
 FAR_FROM_ONE = 2.0
 """chi2 per row from which plays are tried from another start."""
 

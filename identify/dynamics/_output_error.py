@@ -214,9 +214,10 @@ def covariance_of(
     """The inverse of normal equations, each unknown in its own size.
 
     The information on a displacement at first and that on a stiffness are many decades apart; unscaled, the
-    smaller one would count as rounding.
+    smaller one would count as rounding. One of which nothing is known stays 0.
     """
-    size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    size = np.sqrt(np.diag(normal))
+    size[size == 0] = 1.0
     both = np.outer(size, size)
     return np.linalg.pinv(normal / both, rcond=1e-15, hermitian=True) / both
 

@@ -10,13 +10,11 @@ from scipy.linalg import block_diag
 
 from hysteresis import GeneralizedPlays, interpolated
 from hysteresis._precision import in_this_precision
-from hysteresis.dynamics._recorder import clock
-from hysteresis.running import numbers_of, run
-from hysteresis.trees import node
+from hysteresis.numerics._input_memory import stops
 
 from ._linear_approximation import LinearApproximation
 from ._measured_motion import MeasuredMotion
-from ._output_error import PLANT, STATE, Family, hats
+from ._output_error import PLANT, STATE, Family, covariance_of, hats
 
 PLAYS, LARGEST, POWER = 20, 0.95, 1.3
 """How many plays; the largest radius, of the range; radii are closer for small ones by this power."""
@@ -111,19 +109,12 @@ def equation_error(motion: MeasuredMotion, linear: LinearApproximation, family: 
     variance = (10 * motion.sigma) ** 2 * n
     q = np.zeros(len(root))
     for _ in range(PASSES):
-        penalised = normal / variance + np.diag(root**2)
-        size = np.sqrt(np.diag(penalised))
-        size[size == 0] = 1.0  # a state at first is not in the equation of motion
-        scaled = penalised / np.outer(size, size)
-        values, vectors = np.linalg.eigh(scaled)
-        keep = values > 1e-14 * values[-1]
-        part = vectors[:, keep].T @ (projected / variance / size)
-        q = vectors[:, keep] @ (part / values[keep]) / size
+        covariance = covariance_of(normal / variance + np.diag(root**2))
+        q = covariance @ projected / variance
         rest = square - 2 * q @ projected + q @ normal @ q
         variance = max(rest / use.sum(), least)
     rows = 2 * int(use.sum())
-    inverse = (vectors[:, keep] / values[keep]) @ vectors[:, keep].T / np.outer(size, size)
-    effective = len(root) - float(np.sum(np.diag(inverse) * root**2))
+    effective = len(root) - float(np.sum(np.diag(covariance) * root**2))
     bic = rows * float(np.log(variance)) + effective * float(np.log(rows))
     q = q[: len(q) - free]
     if free:
@@ -134,17 +125,8 @@ def equation_error(motion: MeasuredMotion, linear: LinearApproximation, family: 
 def plays_along(
     path: Float[np.ndarray, " fine"], radii: Float[np.ndarray, " plays"]
 ) -> Float[np.ndarray, "fine plays"]:
-    """The plays of some radii along a path from 0: what the law of plays gives, of one at a time."""
-    dt = clock(len(path), 0.0)
-    state = {"u": 0.0, "speed": 0.0, "z": np.zeros(1)}
-    found = np.empty((len(path), len(radii)))
-    for k, radius in enumerate(radii):
-        one = {
-            "plays": 1, "thresholds": [radius], "rates": [0.0], "weights": [1.0], "slope": 0.0,
-            "offset": 0.0, "leading": 0, "nested": 1,
-        }  # fmt: skip
-        found[:, k] = run(numbers_of(node("plays", one, state)), path, dt).value
-    return found
+    """The plays of some radii along a path from 0."""
+    return path[:, None] - stops(np.append(0.0, path), radii)[1:]
 
 
 def candidates(motion: MeasuredMotion, linear: LinearApproximation) -> list[Equation]:

@@ -12,9 +12,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hysteresis import Feedback, StopsAndPowers
-from hysteresis.dynamics._recorder import clock
-from hysteresis.running import numbers_of, run
+from hysteresis import Feedback
+from hysteresis.numerics._input_memory import stops
 
 from ._feedback_search import Spectra, simulated
 from ._periodic_tests import excited_lines
@@ -79,9 +78,7 @@ def _signals(z: np.ndarray, law: str) -> np.ndarray:
         return (z**3)[None]
     if law == "level":
         return (z * np.log(np.sqrt(np.mean(z**2))))[None]
-    numbers = [numbers_of(StopsAndPowers([r], [1.0]).tree()) for r in STOPS]
-    dt = clock(2 * len(z), 0.0)
-    return np.stack([run(one, np.tile(z, 2), dt).value[len(z) :] for one in numbers])
+    return stops(np.append(0.0, np.tile(z, 2)), np.array(STOPS))[-len(z) :].T
 
 
 def screening(model: Feedback, data: Spectra) -> tuple[tuple[Screened, ...], dict[str, float]]:
