@@ -17,8 +17,6 @@ from .uncertainty._ensemble import EnsembleCompensator
 
 def invert(
     model: AbstractModel,
-    output_sigma: ArrayLike | None = None,
-    seed: int = 0,
     *,
     trained: tuple[float, float] | None = None,
     beyond: str = "limit",
@@ -33,7 +31,7 @@ def invert(
     **Arguments:**
 
     - `model`: of many models, such as `Posterior.model`, an `EnsembleCompensator` is made, which tells how
-      far their estimates lie apart; `output_sigma` and `seed` are its own.
+      far their estimates lie apart.
     - `trained`: (low, high), the least and the greatest input of the training rows, in the input's unit.
       None: no guard; then estimates beyond are as far out as the model continues.
 
@@ -70,13 +68,7 @@ def invert(
         )
     inverse: Any
     if min((value.ndim for _, _, value in parameters(model) if value is not None), default=0):
-        inverse = EnsembleCompensator(model, output_sigma, seed)
-    elif output_sigma is not None:
-        raise InputError(
-            "not-invertible",
-            "one model's inverse has no spread for a reading's noise to add to.",
-            fix="filtered(model, input_step, output_sigma), or invert(posterior.model, ...).",
-        )
+        inverse = EnsembleCompensator(model)
     else:
         inverse = inverse_of(model)
     units = model.units and model.units.reversed

@@ -49,12 +49,6 @@ def first_of_least(items: Items, cost: Of, strength: Of) -> State:
     return at(items, best)
 
 
-def cell(along: Real, cells: int) -> tuple[Real, Real]:
-    at = (along + 1) / 2 * cells
-    first = jnp.minimum(jnp.floor(at).astype(int), cells - 1)
-    return first, at - first.astype(at.dtype)
-
-
 def at(items: Items, place: Real) -> State:
     return jax.tree.map(lambda leaf: leaf[place], items)
 

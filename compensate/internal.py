@@ -10,7 +10,6 @@ from .armor._calibration import PressResiduals as PressResiduals
 from .armor._calibration import missed_of as missed_of
 from .armor._calibration import with_slip as with_slip
 from .armor._calibration import without_each as without_each
-from .armor._cover import Grid as Grid
 from .armor._wrench import Slip as Slip
 from .inverses import BracketedCompensator as BracketedCompensator
 from .microchannel._force import BackwardsModel as BackwardsModel

@@ -16,7 +16,7 @@ from hysteresis._type_variables import PyTree
 
 from .. import _traced as traced
 from .._contract import AbstractCompensator, Status
-from ..runtime._armor_fields import bilinear, bump
+from ..runtime._armor_fields import bump
 
 
 class AbstractField(eqx.Module):
@@ -73,33 +73,6 @@ class Bumps(AbstractField):
 
     def greatest(self) -> Float[Array, ""]:
         return jnp.max(self.base) + jnp.maximum(jnp.max(self.amplitude), 0)
-
-
-class Grid(AbstractField):
-    """Values on a grid over each surface, bilinear between them and constant beyond its rim.
-
-    **Arguments:** `values` (surfaces, u, v), at least 2 x 2 each; `centre` (surfaces, 3) and `axes`
-    (surfaces, 2, 3), m: the middle of each surface, and from there to the middles of two of its sides,
-    as `Box.centres()` and `Box.axes()`.
-
-    **Example:**
-
-        >>> values = np.tile([[1.0, 1.2], [1.4, 1.6]], (5, 1, 1))
-        >>> factor = compensate.internal.Grid(values, box.centres(), box.axes())
-        >>> round(float(factor(jnp.array(1), box.centres()[0])), 6)
-        1.3
-    """
-
-    values: Float[Array, "surfaces u v"] = parameter(meaning="values on the grid")
-    centre: Float[Array, "surfaces 3"] = parameter(unit="m", fixed=True, meaning="middle of a side")
-    axes: Float[Array, "surfaces 2 3"] = parameter(unit="m", fixed=True, meaning="half its sides")
-
-    def __call__(self, surface: Int[Array, ""], point: Float[Array, "3"]) -> Float[Array, ""]:
-        k = surface - 1
-        return bilinear(traced, self.values[k], self.centre[k], self.axes[k], point)
-
-    def greatest(self) -> Float[Array, ""]:
-        return jnp.max(self.values)
 
 
 def _of(value: Array, surface: Array) -> Array:

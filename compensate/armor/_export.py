@@ -14,7 +14,7 @@ from hysteresis import AbstractModel, InputError
 from ..export._document import program_of, require_double, write
 from ..runtime._armor import KIND
 from ..runtime._file import SCHEMA, number
-from ._cover import AbstractField, Bumps, Cover, Grid, Uniform
+from ._cover import AbstractField, Bumps, Cover, Uniform
 from ._solver import TURNS, ContactSolver
 from ._wrench import AT_REST, WristSensor
 
@@ -107,14 +107,9 @@ def _field(field: AbstractField, surfaces: int) -> dict[str, Any]:
             "kind": "bumps", "centre": field.centre.tolist(), "amplitude": each(field.amplitude),
             "width": float(field.width), "base": each(field.base),
         }  # fmt: skip
-    if isinstance(field, Grid):
-        return {
-            "kind": "grid", "values": field.values.tolist(), "centre": field.centre.tolist(),
-            "axes": field.axes.tolist(),
-        }  # fmt: skip
     raise InputError(
         "not-exportable", f"a field {type(field).__name__} cannot be exported.",
-        fix="use Uniform, Bumps or Grid.",
+        fix="use Uniform or Bumps.",
     )  # fmt: skip
 
 

@@ -22,18 +22,9 @@ CALL, OF_A_NODE = 8, 12
 """Those of the call of a function, and of what a node of the tree adds to its element's."""
 
 
-def operations(
-    home: Element, name: str, parameters: dict[str, Any], calls: dict[str, int] | None = None
-) -> int:
-    """An upper bound for a call: arithmetic, comparisons, look-ups and assignments.
-
-    `calls`: what functions that are given to it cost.
-    """
-    return Count(home, SimpleNamespace(**parameters), calls or {}).of_function(name)
-
-
 class Count:
-    """Operations of functions, at most."""
+    """Operations of functions, at most: arithmetic, comparisons, look-ups and assignments. `calls`: what
+    functions that are given to them cost."""
 
     def __init__(self, home: Element, parameters: SimpleNamespace, calls: dict[str, int]):
         self.home, self.calls = home, calls
@@ -123,7 +114,7 @@ def measured(document: Tree, samples: Sequence[Sequence[float]]) -> Operations:
     """Of a document that `compensate.runtime` loads, over samples (dt, reading), and the condition if any.
 
     The lines of the elements that a step runs are traced, in so many of the steps, evenly; each counts as
-    `operations` counts it.
+    `Count` counts it.
     """
     lines, sensor, count = _costs(announced()), Compensator(document), 0
 

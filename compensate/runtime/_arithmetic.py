@@ -78,13 +78,6 @@ def clip(value: float, low: float, high: float) -> float:
     return min(max(value, low), high)
 
 
-def cell(along: float, cells: int) -> tuple[int, float]:
-    """In which of so many cells between -1 and 1 a number lies, and where in it."""
-    at = (along + 1.0) / 2.0 * cells
-    first = min(int(at), cells - 1)
-    return first, at - first
-
-
 def log(x: float) -> float:
     """The natural logarithm, that of 0 too."""
     return log_of(x) if x else -inf

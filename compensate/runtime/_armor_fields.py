@@ -4,8 +4,8 @@ from collections.abc import Callable
 from typing import Any
 
 from . import _arithmetic as plain
-from ._arithmetic import Arithmetic, Items, Numbers, Real
-from ._contact import dot, moved, square
+from ._arithmetic import Arithmetic, Numbers, Real
+from ._contact import square
 
 Vector = tuple[float, float, float]
 Field = Callable[[int, Vector], float]
@@ -28,14 +28,6 @@ def field(document: dict[str, Any]) -> tuple[Field, bool]:
             return bump(plain, base[k], amplitude[k], width, centre[k], point)
 
         return bumps, False
-    if kind == "grid":
-        values, axes = document["values"], document["axes"]
-
-        def grid(surface: int, point: Vector) -> float:
-            k = surface - 1
-            return bilinear(plain, values[k], centre[k], axes[k], point)
-
-        return grid, False
     raise ValueError(f"no field {kind!r}")
 
 
@@ -44,16 +36,3 @@ def bump(
 ) -> Real:
     """`compensate.armor.Bumps` on one surface."""
     return base + amplitude * o.exp(-square(point, centre) / (2 * width * width))
-
-
-def bilinear(o: Arithmetic, values: Items, centre: Numbers, axes: Items, point: Numbers) -> Real:
-    """`compensate.internal.Grid` on one surface."""
-    away = moved(point, -1.0, centre)
-    (i, u), (j, v) = (
-        o.cell(o.clip(dot(way, away) / dot(way, way), -1.0, 1.0), cells - 1)
-        for way, cells in zip(axes, (len(values), len(values[0])), strict=True)
-    )
-    near, far = values[i], values[i + 1]
-    low = near[j] * (1 - u) + far[j] * u
-    high = near[j + 1] * (1 - u) + far[j + 1] * u
-    return low * (1 - v) + high * v

@@ -159,7 +159,6 @@ class CalibratedCompensator(AbstractCompensator[CalibratedState, UncertainEstima
 def calibrated(
     compensator: AbstractCompensator,
     record: Record,
-    cycles: int | None = None,
     levels: int = 8,
     ahead: float = 1.0,
     left_out: Sequence[LeftOut] = (),
@@ -180,7 +179,6 @@ def calibrated(
     - `record`: rows outside its mask are history. Residuals of the rows a model was fitted to are too
       small where samples drift: fit without the last cycle, calibrate on it, and carry the error over to
       the compensator of the whole fit, `calibrated(before, last).around(invert(...))`.
-    - `cycles`: only so many, the last ones of each sequence; all by default.
     - `levels`: into which the range of the estimates is divided.
     - `ahead`: how many times further from the fit the estimates will be than the record is, in cycles,
       where samples drift: the error then grows with its square root, as a random walk's.
@@ -208,12 +206,6 @@ def calibrated(
     counted = record.mask & (status != Status.INVALID)
     if len(left_out):
         counted &= group >= 0
-    if cycles is not None:
-        last = np.zeros(len(record), bool)
-        for whole in counted_cycles(record, record.mask):
-            for one in whole[::-1][:cycles]:
-                last[one.rows] = True
-        counted &= last
     if not counted.any():
         raise InputError("no-rows", "no row is left to learn the error from.")
     r, spread = (value - record.input)[counted], spread[counted]

@@ -1,15 +1,16 @@
 """Bands that hold whole runs with a stated probability: conformal prediction, a run at a time."""
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from hysteresis import InputError, Record
 
-from .._contract import AbstractCompensator, Status
+from .._contract import AbstractCompensator, Estimate, Status
 from .._estimate import estimate
+from ..inverses._law import UncertainEstimate
 
 EXACT = 1e-9
 """Of a rank: 0.9 / (1 - 0.9) is 9, but for rounding."""
@@ -48,7 +49,7 @@ class Guaranteed(NamedTuple):
     runs: int
 
     def around(
-        self, found: Any
+        self, found: Estimate | UncertainEstimate
     ) -> tuple[Float[np.ndarray, "*samples"], Float[np.ndarray, "*samples"]]:
         """The ends of the band, of what the compensator has found."""
         value, half = np.asarray(found.value), self.factor * shape_of(found)
@@ -149,6 +150,6 @@ def run_scores(
     return largest
 
 
-def shape_of(found: Any) -> Float[np.ndarray, "*samples"]:
+def shape_of(found: Estimate | UncertainEstimate) -> Float[np.ndarray, "*samples"]:
     """The deviation of estimates, 1 where they have none."""
     return np.asarray(getattr(found, "deviation", np.ones_like(found.value)))

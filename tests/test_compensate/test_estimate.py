@@ -27,9 +27,7 @@ COMPENSATORS = {
     "Burgers": invert(BURGERS),
     "plays that move with the rate": invert(PLAYS),
     "bisection": BracketedCompensator(GRID, LOW, HIGH),
-    "draws": invert(
-        jax.tree.map(lambda *x: jnp.stack(x), BURGERS, Burgers(3.0, 60.0, 2.0, 9.0)), 0.1, seed=3
-    ),
+    "draws": invert(jax.tree.map(lambda *x: jnp.stack(x), BURGERS, Burgers(3.0, 60.0, 2.0, 9.0))),
 }
 
 

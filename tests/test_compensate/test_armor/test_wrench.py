@@ -21,7 +21,6 @@ from compensate.armor import (
     export_armor,
     forearm,
 )
-from compensate.internal import Grid
 from compensate.runtime import load
 from hysteresis import Burgers, InputError, LinearSponge, PrandtlIshlinskii
 from hysteresis.internal import Units, with_units
@@ -101,7 +100,7 @@ def test_a_sensor_that_cannot_be_is_refused(given_: dict[str, Any], code: str):
 LOCAL = Cover(
     PLAYS,
     factor=Bumps(BOX.centres(), 0.1, 0.06, 0.94),
-    compliance=Grid(np.linspace(0, 1e-4, 45).reshape(5, 3, 3), BOX.centres(), BOX.axes()),
+    compliance=Bumps(BOX.centres(), amplitude=np.linspace(0, 1e-4, 5), width=0.1),
 )
 WRIST = sensor(range=60.0, time_constant=0.05, hysteresis=[GEAR] * 6)
 EXPORTED = {
