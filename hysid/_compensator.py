@@ -35,11 +35,8 @@ class RunIn(NamedTuple):
     @property
     def document(self) -> dict[str, Any]:
         """For `fit.json`."""
-        return {
-            "ok_share": self.share,
-            "ok_after": {"cycles": self.cycles, "time": self.time},
-            "start": self.start,
-        }
+        after = {"cycles": self.cycles, "time": self.time}
+        return {"ok_share": self.share, "ok_after": after, "start": self.start}
 
     @classmethod
     def of(cls, document: dict[str, Any]) -> "RunIn":

@@ -10,7 +10,16 @@ from hysteresis import Record
 from ._packages import check_extra
 from ._plots_script import script, styles
 from .figures._format import axes_of
-from .studio._views import EXCLUDED, GAP, USED, Series, clock_of, of_loops, over_time
+from .studio._views import (
+    EXCLUDED,
+    GAP,
+    USED,
+    Series,
+    as_bytes,
+    clock_of,
+    of_loops,
+    over_time,
+)
 
 
 class Explorer:
@@ -74,15 +83,11 @@ class Explorer:
         box = asked.get("box")
         time = over_time(self._series, low, high)
         loops, joined = of_loops(self._series, low, high, box)
-        content = b"".join(np.ascontiguousarray(part, "<f8").tobytes() for part in (time, loops))
         clock = f"{self.record.time_name} ({self.record.time_unit})"
-        names = {"x": clock if self._clocked else "row", "u": self._input, "y": self._output}
+        clocked = self.record.time is not None and self._series.x is self.record.time
+        names = {"x": clock if clocked else "row", "u": self._input, "y": self._output}
         about = {"shapes": [time.shape[1], loops.shape[1]], "joined": joined, "names": names}
-        self.widget.send(about, [content])
-
-    @property
-    def _clocked(self) -> bool:
-        return self.record.time is not None and self._series.x is self.record.time
+        self.widget.send(about, [as_bytes(time, loops)])
 
     def _repr_mimebundle_(self, **named: Any) -> Any:
         return self.widget._repr_mimebundle_(**named)

@@ -11,13 +11,7 @@ from pathlib import Path
 
 NAMES = ("hysteresis", "identify", "compensate", "hysid")
 MARK = "hysid:own-package"
-OURS = {
-    "hysteresis": "_escape.py",
-    "identify": "internal.py",
-    "compensate": "_contract.py",
-    "hysid": "_packages.py",
-}
-"""A file of each that no other distribution has."""
+"""A comment in the `__init__.py` of each, which is the first file that another distribution replaces."""
 
 
 def fault_of_packages() -> str:
@@ -26,7 +20,11 @@ def fault_of_packages() -> str:
         place = _place(name)
         if place is None:
             return f"the package {name!r} of hysid is missing. {_AGAIN}"
-        if not _is_ours(name, place):
+        try:
+            is_ours = MARK in place.read_text("utf-8")
+        except (OSError, ValueError):
+            is_ours = False
+        if not is_ours:
             said = f"hysid needs its own package {name!r}, but Python finds another one: {place}."
             return f"{said} {_cause(name, place)}"
     return ""
@@ -56,13 +54,6 @@ def _place(name: str) -> Path | None:
         beside = Path(__file__).parents[1] / name / "__init__.py"
         return beside if beside.is_file() and found is None else None
     return Path(found.origin)
-
-
-def _is_ours(name: str, place: Path) -> bool:
-    try:
-        return (place.parent / OURS[name]).is_file() and MARK in place.read_text("utf-8")
-    except (OSError, ValueError):
-        return False
 
 
 _AGAIN = (

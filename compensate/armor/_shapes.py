@@ -70,7 +70,7 @@ def check_size(longest: float, what: str) -> None:
             "wrong-unit",
             f"this {what} is {longest:g} m long.",
             cause="lengths in millimetres." if longest > LARGEST else "lengths scaled twice.",
-            fix='give metres: 0.3, not 300; Mesh.load(path, unit="mm") for a file (--shape-unit mm).',
+            fix='give metres: 0.3, not 300; Mesh.load(path, unit="mm"), or unit = "mm" in the TOML file.',
         )
 
 

@@ -166,7 +166,7 @@ class ContactSolver(eqx.Module):
                 "wrong-unit",
                 f"20 N would press the cover in by {pressed:.3g} m, and the shape is {longest:.3g} m long.",
                 cause="millimetres taken for metres.",
-                fix='Cover(compensator, length_unit="mm"), and the shape in metres (--shape-unit UNIT).',
+                fix='Cover(compensator, length_unit="mm"), and the shape in metres.',
             )
 
     def solve(self, force: ArrayLike, moment: ArrayLike, doubt: ArrayLike | None = None) -> Contact:
@@ -195,8 +195,7 @@ class ContactSolver(eqx.Module):
             raise InputError(
                 "no-time",
                 "this cover creeps, so one wrench without its history does not say how far it gave way.",
-                fix="use simulate, step or ContactStream (--stream); or ContactSolver(..., dwell=seconds)"
-                " (--dwell SECONDS).",
+                fix="use simulate, step or ContactStream (--stream); or ContactSolver(..., dwell=seconds).",
             )
 
     def init(self) -> Touch:

@@ -47,7 +47,6 @@ class Description:
     - `thickness`: of the cover; `frame_width`: of the frame's dents, None for a rigid one.
     - `full_scale`: N and N m, of a sensor with hysteresis, None for one without.
     - `mass`, kg, `centre` (3,), `inertia` (3,), kg m^2: of all that the sensor carries.
-    - `dwell`, s: see `ContactSolver`.
     """
 
     box: tuple[float, ...] | None = None
@@ -62,7 +61,6 @@ class Description:
     mass: float = 0.0
     centre: tuple[float, ...] = (0.0, 0.0, 0.0)
     inertia: tuple[float, ...] = (0.0, 0.0, 0.0)
-    dwell: float | None = None
 
     def shape(self) -> AbstractShape:
         """The shell."""
@@ -94,7 +92,7 @@ class Description:
             hysteresis=plays, reports=self.reports, mass=self.mass, centre=np.array(self.centre),
             inertia=np.diag(self.inertia),
         )  # fmt: skip
-        return Armor(sensor, ContactSolver(shape, cover, self.threshold, dwell=self.dwell))
+        return Armor(sensor, ContactSolver(shape, cover, self.threshold))
 
     @property
     def noise_of_wrench(self) -> Any:
@@ -102,13 +100,13 @@ class Description:
         return jnp.repeat(jnp.asarray(self.noise, float), 3)
 
 
-def read_description(file: Path, unit: str | None = None) -> Description:
-    """An armor from a TOML file or a mesh. `unit`: of lengths, where the file does not give it.
+def read_description(file: Path) -> Description:
+    """An armor from a TOML file, or from a mesh in m.
 
     Raises `InputError` where it cannot be read, or has keys that are unknown.
     """
     if file.suffix.lower() != ".toml":
-        return Description(**_mesh(file, unit or "m"))
+        return Description(**_mesh(file, "m"))
     try:
         given = tomllib.loads(_there(file).read_text("utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
@@ -119,7 +117,7 @@ def read_description(file: Path, unit: str | None = None) -> Description:
             "unknown-key", f"{unknown[0]!r} is not known here.", place=str(file),
             fix=f"The keys are {', '.join(sorted(KEYS))}.",
         )  # fmt: skip
-    unit = given.pop("unit", unit or "m")
+    unit = given.pop("unit", "m")
     metres = conversion(str(unit), "m")
     if metres is None:
         raise InputError("unknown-unit", f"{unit!r} is not a unit of length.", place=str(file))

@@ -5,19 +5,13 @@ import hashlib
 import io
 import logging
 import tempfile
-from collections.abc import Callable, Iterator
-from itertools import count
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 from urllib.parse import quote
 
 from .._packages import check_extra
 from ._catalogue import Column, Dataset, File, Layout, config_text, input_error
-
-
-class _Sample(NamedTuple):
-    block: int
-    cells: list[str]
 
 
 def fetch(
@@ -83,8 +77,7 @@ def _download(address: str) -> bytes:
     import pooch
 
     # It tells of every download, with a checksum to copy: what we say ourselves.
-    logger, level = pooch.get_logger(), pooch.get_logger().level
-    logger.setLevel(logging.WARNING)
+    pooch.get_logger().setLevel(logging.WARNING)
     with tempfile.TemporaryDirectory(prefix="hysid-") as folder:
         try:
             return Path(pooch.retrieve(address, None, "download", folder)).read_bytes()
@@ -95,8 +88,6 @@ def _download(address: str) -> bytes:
                 place=address,
                 cause="no network, a proxy, or the file was taken away.",
             ) from None
-        finally:
-            logger.setLevel(level)
 
 
 def _check(file: File, address: str, sha256: str, bytes: int) -> None:
@@ -121,50 +112,44 @@ def _table(dataset: Dataset, texts: dict[File, str]) -> tuple[str, int]:
     writer.writerow([*head, *header])
     rows = 0
     for file, text in texts.items():
-        samples = _samples(layout, text, file.path)
-        columns = [_column(c, [s.cells[c.cell] for s in samples]) for c in layout.columns]
-        for sample, *values in zip(samples, *columns, strict=True):
-            own = [file.label or file.path] * several + [str(sample.block)] * bool(layout.blocks)
+        blocks = _blocks(layout, text, file.path)
+        samples = [cells for block in blocks for cells in block]
+        numbers = [str(k) for k, block in enumerate(blocks) for _ in block]
+        columns = [_column(c, [cells[c.cell] for cells in samples]) for c in layout.columns]
+        for number, *values in zip(numbers, *columns, strict=True):
+            own = [file.label or file.path] * several + [number] * bool(layout.blocks)
             writer.writerow([*own, *values])
         rows += len(samples)
     return page.getvalue(), rows
 
 
-def _samples(layout: Layout, text: str, place: str) -> list[_Sample]:
-    """Raises `InputError` `wrong-checksum` without samples, and for a line amid them that is none."""
-    found: list[_Sample] = []
-    block, within, odd = -1, False, 0
-    for number, line in zip(count(1), text.splitlines()):
-        cells = _cells(line, layout.separator)
+def _blocks(layout: Layout, text: str, place: str) -> list[list[list[str]]]:
+    """The cells of the samples, by blocks; those of one line are none where blocks are numbered.
+
+    Raises `InputError` `wrong-checksum` without samples, and for a line amid them that is none.
+    """
+    blocks: list[list[list[str]]] = []
+    within, odd = False, 0
+    for number, line in enumerate(text.splitlines(), 1):
+        cells = line.split()
+        if layout.separator:
+            row = next(csv.reader([line], delimiter=layout.separator), [])
+            cells = [cell.strip() for cell in row]
         if len(cells) != layout.cells or not all(_is_number(cells[c.cell]) for c in layout.columns):
             within = False
-            odd = odd or (number if found and line.strip() else 0)
+            odd = odd or (number if blocks and line.strip() else 0)
             continue
         if odd:
             raise _not_as_listed(f"line {odd} is no sample, and samples follow it", place)
-        block, within = block + (not within), True
-        found.append(_Sample(block, cells))
+        if not within:
+            blocks.append([])
+        blocks[-1].append(cells)
+        within = True
     if layout.blocks:
-        found = list(_numbered(found))
-    if not found:
+        blocks = [block for block in blocks if len(block) > 1]
+    if not blocks:
         raise _not_as_listed(f"no line has {layout.cells} cells with numbers where wanted", place)
-    return found
-
-
-def _cells(line: str, separator: str) -> list[str]:
-    if not separator:
-        return line.split()
-    return [cell.strip() for cell in next(csv.reader([line], delimiter=separator), [])]
-
-
-def _numbered(samples: list[_Sample]) -> Iterator[_Sample]:
-    """Without the blocks of one line, the others numbered from 0."""
-    sizes: dict[int, int] = {}
-    for sample in samples:
-        sizes[sample.block] = sizes.get(sample.block, 0) + 1
-    kept = [block for block, size in sizes.items() if size > 1]
-    place = {block: k for k, block in enumerate(kept)}
-    return (_Sample(place[s.block], s.cells) for s in samples if s.block in place)
+    return blocks
 
 
 def _column(column: Column, cells: list[str]) -> list[str]:

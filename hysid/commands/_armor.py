@@ -1,6 +1,6 @@
 """`hysid armor`: from tables of presses and wrenches to contacts, and a page that shows them."""
 
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -51,7 +51,7 @@ def calibrate(asked: Calibrate) -> Done:
     """
     out, overwrite = asked.out, asked.overwrite
     identify.internal.check_free(out, overwrite, DOCUMENT)
-    known, fit = read_description(asked.shape, asked.shape_unit), identify.load(asked.sponge)
+    known, fit = read_description(asked.shape), identify.load(asked.sponge)
     material = fit.model
     armor = known.armor(material)
     made = read_presses(asked.file, armor.solver.shape)
@@ -98,11 +98,11 @@ def solve(asked: Solve) -> Done:
             fix="Give --sponge DIR and --shape FILE, or --armor DIR of a calibration.",
         )  # fmt: skip
     if asked.calibrated is not None:
-        uncertain, material = load_calibration(asked.calibrated, asked.dwell)
+        uncertain, material = load_calibration(asked.calibrated)
     else:
         assert asked.sponge is not None
         assert asked.shape is not None
-        known = replace(read_description(asked.shape, asked.shape_unit), dwell=asked.dwell)
+        known = read_description(asked.shape)
         fit = identify.load(asked.sponge)
         material = fit.model
         # Only the noise and the error of the sponge's fit are known to be off.
@@ -150,9 +150,7 @@ def view(asked: View) -> Done:
     return Done(found, [found["file"]])
 
 
-def load_calibration(
-    folder: Path, dwell: float | None = None
-) -> tuple[UncertainArmor, AbstractModel]:
+def load_calibration(folder: Path) -> tuple[UncertainArmor, AbstractModel]:
     """The armor that `calibrate` wrote, with its draws, and the model of its cover.
 
     Raises `InputError` where the folder holds none, or it is damaged.
@@ -169,7 +167,7 @@ def load_calibration(
         }
         words["thickness"] = np.inf if words["thickness"] is None else words["thickness"]
         words |= {k: arrays[k] for k in ("corners", "triangles") if k in arrays}
-        known = replace(Description(**words), dwell=dwell)
+        known = Description(**words)
         leaves, tree = jax.tree.flatten(known.armor(material))
         names = [[f"{part}.{k}" for k in range(len(leaves))] for part in ("armor", "draws")]
         armor, draws = (tree.unflatten([jnp.asarray(arrays[k]) for k in own]) for own in names)

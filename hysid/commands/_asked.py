@@ -218,9 +218,6 @@ class Monitor(OnNewData):
         0.0,
         least=0.0,
     )
-    false_alarms: float = option(
-        "Rate of false alarms that is allowed, per independent reference.", 1e-5
-    )
 
 
 class Export(Command):

@@ -20,9 +20,6 @@ _catalogue = partial(
 )
 _sponge = partial(option, "Fit of the cover, in either direction.", metavar="DIR")
 _shape = partial(option, "The shell: a TOML file, or a mesh (STL, OBJ, ...).", metavar="FILE")
-_shape_unit = partial(
-    option, "Unit of the shape's lengths (default: the TOML's, else m).", None, metavar="UNIT"
-)
 _sessions = partial(option, "CSV files; each is one session.", argument=True, metavar="FILE...")
 _config = partial(
     option, "TOML file of options: [selection]. Options given here override it.", None, config=True
@@ -66,7 +63,6 @@ class Distortion(Command):
     period: int | None = option(
         "Rows of a period (default: looked for in the first input).", None, least=2, metavar="N"
     )
-    settling: int = option("Periods at the beginning that are left out.", 0, least=0, metavar="N")
     bands: int = option("Bands of frequency, of equally many excited lines.", 4, least=1)
 
 
@@ -105,7 +101,6 @@ class Calibrate(Command):
     out: Path = option("Folder for the results.")
     sponge: Path = _sponge()
     shape: Path = _shape()
-    shape_unit: str | None = _shape_unit()
     overwrite: bool = overwriting()
 
 
@@ -126,11 +121,7 @@ class Solve(Command):
     calibrated: Path | None = option(
         "Calibrated armor, instead of --sponge and --shape.", None, flag="--armor", metavar="DIR"
     )
-    shape_unit: str | None = _shape_unit()
     stream: bool = option("The rows are one stream: the cover has its history.", False)
-    dwell: float | None = option(
-        "How long each load has rested, for a cover that creeps.", None, metavar="SECONDS"
-    )
     overwrite: bool = overwriting()
 
 
@@ -186,7 +177,6 @@ class Train(Command):
     range: tuple[float, float] | None = option(
         "LOW HIGH of the converter: readings there are SATURATED.", None
     )
-    force_unit: str | None = option("Unit of the force, where the header does not give it.", None)
     seed: int = seeding()
     resume: bool = option("Resume from the checkpoint in --out.", False)
     overwrite: bool = overwriting()
@@ -214,9 +204,6 @@ class TrainPairs(Command):
         "COL: the force on one place; repeat it for each.", repeated=True
     )
     epochs: int | None = _epochs()
-    high: float | None = option(
-        "Largest force to find, N (default: 1.1 of the largest in the files).", None
-    )
     noise: float = option("Least standard deviation of a reading.", 0.0, least=0)
     seed: int = seeding()
     overwrite: bool = overwriting()

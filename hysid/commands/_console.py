@@ -54,17 +54,13 @@ def print_result(document: dict[str, Any], as_json: bool, lines: Iterable[str]) 
     if as_json:
         from hysteresis._format import plain  # late: it loads JAX
 
-        _print(_json(plain(document), sys.stdout.encoding))
+        text = _json(plain(document), sys.stdout.encoding)
     else:
         shown = (_shown(line, sys.stdout.encoding) for one in lines for line in one.split("\n"))
-        _print("\n".join(shown))
-
-
-def _print(text: str) -> None:
-    """Text on stdout; where its reader is gone, as in `hysid ... | head`, the process ends as others do."""
+        text = "\n".join(shown)
     try:
         print(text, flush=True)
-    except BrokenPipeError:
+    except BrokenPipeError:  # its reader is gone, as in `hysid ... | head`: end as others do
         # What Python still wants to write at its end has nowhere to go either.
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         raise SystemExit(CLOSED) from None
@@ -166,12 +162,9 @@ def compensator_lines(document: dict[str, Any]) -> list[str]:
         return []
     unit = _in(document["data"]["input"]["unit"]).removeprefix(",")
     beside = [f"{one['name']} {one['rmse']:.3g}{unit}" for one in found["baselines"]]
-    said = f"  Backwards: compensator {found['rmse']:.3g}{unit} rms; {', '.join(beside)}"
-    lines = [said]
-    if found["better"]:
-        lines.append(
-            f"  Warning: backwards, {' and '.join(found['better'])} is better than the model."
-        )
+    lines = [f"  Backwards: compensator {found['rmse']:.3g}{unit} rms; {', '.join(beside)}"]
+    if better := " and ".join(found["better"]):
+        lines.append(f"  Warning: backwards, {better} is better than the model.")
     return lines
 
 

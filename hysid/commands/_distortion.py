@@ -1,6 +1,5 @@
 """`hysid distortion`: how much of each output of a periodic test is linear, distortion and noise."""
 
-from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -11,46 +10,36 @@ from hysteresis.internal import conversion
 from hysteresis.records._table import Table
 from identify import distortion, periodic_test
 from identify.dynamics._measured_motion import even_clock
-from identify.dynamics._periodic_tests import Distortion
 from identify.internal import PeriodicTest
 
 from ..intake._selection import Selection
-from ._asked_more import Distortion as Asked
+from ._asked_more import Distortion
 from ._console import Done
 
 SHARES = ("linear", "changed", "even", "odd", "stochastic", "noise")
 
 
-def run(asked: Asked) -> Done:
+def run(asked: Distortion) -> Done:
     """A row for each level, output and band: shares of the output's root mean square, in per cent."""
-    found = distortion(_tests(asked), asked.bands)
-    document = {"schema": 1, "rows": [_told(one, asked.output[one.output]) for one in found]}
-    head = ("input rms", "output", "band (Hz)", "rms", *(f"{name} (%)" for name in SHARES))
-    rows: list[tuple[str, ...]] = [head]
-    for one in document["rows"]:
-        band = f"{one['band'][0]:.4g} to {one['band'][1]:.4g}"
-        shares = ["-" if one[k] is None else f"{one[k]:.3g}" for k in SHARES]
-        rows.append((f"{one['level']:.4g}", one["output"], band, f"{one['total']:.4g}", *shares))
+    told: list[dict[str, Any]] = []
+    rows = [["input rms", "output", "band (Hz)", "rms", *(f"{name} (%)" for name in SHARES)]]
+    for one in distortion(_tests(asked), asked.bands):
+        shares = {k: 100 * getattr(one, k) / one.total if one.total else np.nan for k in SHARES}
+        output, (low, high) = asked.output[one.output], one.band
+        told.append(
+            {"level": one.level, "output": output, "band": one.band, "total": one.total, **shares}
+        )
+        cells = ("-" if np.isnan(share) else f"{share:.3g}" for share in shares.values())
+        band = f"{low:.4g} to {high:.4g}"
+        rows.append([f"{one.level:.4g}", output, band, f"{one.total:.4g}", *cells])
     lines = [
         "Linear is the best linear approximation of each level, changed how far it is from that of the",
         "smallest one. Even and odd are told in lines that no input excites.",
     ]
-    return Done(document, [*aligned(rows), *lines])
+    return Done({"schema": 1, "rows": told}, [*aligned(rows), *lines])
 
 
-def _told(one: Distortion, output: str) -> dict[str, Any]:
-    shares = {k: 100 * getattr(one, k) / one.total if one.total else np.nan for k in SHARES}
-    known = {k: v if isfinite(v) else None for k, v in shares.items()}
-    return {
-        "level": one.level,
-        "output": output,
-        "band": list(one.band),
-        "total": one.total,
-        **known,
-    }
-
-
-def _tests(asked: Asked) -> list[PeriodicTest]:
+def _tests(asked: Distortion) -> list[PeriodicTest]:
     """A test for each value of the grouping columns."""
     if not asked.output:
         raise InputError("no-column", "no output column.", fix="name it (--output COL).")
@@ -72,7 +61,7 @@ def _tests(asked: Asked) -> list[PeriodicTest]:
     for _, part in record.sequences():
         t = None if record.time is None else record.time[part]
         dt = even_clock(t, record.line[part], unit) * (seconds or 1.0)
-        found.append(periodic_test(u[part], y[part], dt, asked.period, asked.settling))
+        found.append(periodic_test(u[part], y[part], dt, asked.period))
     return found
 
 

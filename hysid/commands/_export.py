@@ -90,7 +90,11 @@ def run(asked: Export) -> Done:
         notes.append("Most estimates are not OK: a program that waits for OK seldom runs.")
     notes += [str(note) for note in judged.reasons if note.code != "compensator-error"]
     notes += _doubts(fitted)
-    text = [run_in.sentence(record.time_unit), _spent(program)]
+    mean, most, rows = program.operations
+    spent = (
+        f"A step took {mean:,.0f} operations in the mean, {most:,} at most, on {rows:,} readings."
+    )
+    text = [run_in.sentence(record.time_unit), spent]
     document = {
         "files": files, "notes": notes, "limits": [float(x) for x in limits],
         "trained": list(fitted.trained), "beyond": asked.beyond, "date": date or None, **run_in.document,
@@ -160,12 +164,6 @@ def _done(document: dict[str, Any], lines: list[str]) -> Done:
 def _doubts(fitted: identify.FitResult) -> list[str]:
     said = f"This fit is not trusted: {' '.join(fitted.verdict.reasons)}"
     return [] if fitted.trusted else [said]
-
-
-def _spent(program: Program) -> str:
-    mean, most, rows = program.operations
-    spent = f"{mean:,.0f} operations in the mean, {most:,} at most"
-    return f"A step took {spent}, on {rows:,} readings."
 
 
 def readings_of_training(fitted: identify.FitResult) -> tuple[np.ndarray, np.ndarray | None]:

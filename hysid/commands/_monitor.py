@@ -64,8 +64,7 @@ def run(asked: Monitor) -> Done:
     name, known = reference or str(fitted_on.input), np.full(len(record), np.nan)
     if reference is not None or name in source.columns:
         known = source.number(name)[np.searchsorted(source.line, record.line)]
-    rates = {"drift": asked.drift, "false_alarms": asked.false_alarms}
-    own = adaptive(fitted.model, fitted.test or fitted.train, **rates)
+    own = adaptive(fitted.model, fitted.test or fitted.train, drift=asked.drift)
     found = _followed(own, record, known)
     notes = []
     if not np.isfinite(known).any():

@@ -102,8 +102,9 @@ def _trained(asked: TrainPairs, out: Path, progress: Progress) -> dict[str, Any]
     log(f"learning {' and '.join(names)}")
     rows = min(sum(len(one.time) for one in found) for found in places.values())
     updates = UPDATES if asked.epochs is None else updates_of(asked.epochs, rows)
-    known = {"noise": asked.noise, "high_force": asked.high, "seed": asked.seed}
-    learnt = train_contacts(places, **known, tell=progress, updates=updates)
+    learnt = train_contacts(
+        places, noise=asked.noise, seed=asked.seed, tell=progress, updates=updates
+    )
     units = list(record.channels.values()) or [record.input_unit]
     channels = list(record.channels) or [record.input_name]
     quantities = [compensate.Quantity(*of) for of in zip(channels, units, strict=True)]

@@ -3,7 +3,6 @@
 import tempfile
 import time
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +21,7 @@ from compensate.uncertainty._ensemble import EnsembleCompensator
 from compensate.uncertainty._guaranteed import run_scores, runs_needed
 from hysteresis import InputError, Note, Record
 from hysteresis._format import quantity
-from hysteresis._verdict import Verdict, worst_of
+from hysteresis._verdict import Level, Verdict, worst_of
 from identify import load_posterior
 
 from .._invert import error_of, exported
@@ -112,10 +111,23 @@ def _qualified(asked: Qualify, tell: Tell) -> Done:
     for value, (record, held_out) in records.items():
         place, seen = folder / folders[value], held_out or record
         step = None if asked.rate is None else step_of(fits[value], asked.target, asked.mhz)
-        done = partial(_tell, tell, len(found), len(records))
-        one = _of_one(fits[value], place, seen, asked, step, done)
-        one, held[value] = _with_band(one, fits[value], seen)
-        found[value] = _seen(one) if fitted_here and held_out is None else one
+        before, of = len(found), len(records)
+
+        def told(done: int, total: int, text: str, before: int = before, of: int = of) -> None:
+            tell(before * total + done, of * total, text)
+
+        one = _of_one(fits[value], place, seen, asked, step, told)
+        share, scores = band_holds(error_of(fits[value]), fits[value].clocks.applied(seen))
+        held[value] = share if len(scores) else None
+        if len(scores):
+            said_of = (
+                f"The 90 % band of the fit's own deviation holds {100 * share:.3g} % of the rows."
+            )
+            one = _with("PASS", one, Note("band", said_of))
+        if fitted_here and held_out is None:
+            why = "The model was fitted to these rows, so the error on new data is not known."
+            one = _with("CAUTION", one, Note("rows-seen", why))
+        found[value] = one
     bands = {}
     if asked.guarantee is not None:
         for value in found:
@@ -159,23 +171,11 @@ def _of_one(
     found = qualified(
         compensator, record, fitted.model, ensemble, asked.max_error, asked.rate, step, tell
     )
-    return replace(found, verdict=found.verdict.at_most("PASS", *facts))
+    return _with("PASS", found, *facts)
 
 
-def _with_band(
-    one: Qualification, fitted: identify.FitResult, record: Record
-) -> tuple[Qualification, float | None]:
-    """The qualification with what the fit's own band holds of the rows, and that share."""
-    share, scores = band_holds(error_of(fitted), fitted.clocks.applied(record))
-    if not len(scores):
-        return one, None
-    said = f"The 90 % band of the fit's own deviation holds {100 * share:.3g} % of the rows."
-    return replace(one, verdict=one.verdict.at_most("PASS", Note("band", said))), share
-
-
-def _tell(tell: Tell, before: int, of: int, done: int, total: int, text: str) -> None:
-    """The progress of one fit of several."""
-    tell(before * total + done, of * total, text)
+def _with(most: Level, found: Qualification, *notes: Note) -> Qualification:
+    return replace(found, verdict=found.verdict.at_most(most, *notes))
 
 
 def guarantee_of(fitted: identify.FitResult, record: Record, guarantee: float) -> dict[str, Any]:
@@ -214,11 +214,6 @@ def _some_of(posterior: identify.internal.Posterior, rows: int) -> Any:
     wanted = min(DRAWS, max(5, ROWS // rows))
     chosen = np.unique(np.linspace(0, count - 1, wanted).astype(int))
     return jax.tree.map(lambda a: a[chosen], posterior.model)
-
-
-def _seen(found: Qualification) -> Qualification:
-    why = "The model was fitted to these rows, so the error on new data is not known."
-    return replace(found, verdict=found.verdict.at_most("CAUTION", Note("rows-seen", why)))
 
 
 def _together(found: dict[str, Qualification]) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from identify import save_posterior
 
 from ..intake._folders import folders_of
 from ._asked import Sample
-from ._console import Done, Progress, log, warnings
+from ._console import Done, Progress, log
 
 
 def run(asked: Sample) -> Done:
@@ -16,18 +16,14 @@ def run(asked: Sample) -> Done:
     chosen = {name: getattr(asked, name) for name in ("steps", "walkers", "ensembles", "seed")}
     try:
         with Progress("sampling") as progress:
-            found = _sampled(asked, chosen, progress)
+            drawn = _sampled(asked, chosen, progress)
     except KeyboardInterrupt:
         given = [f"--{name} {value}" for name, value in chosen.items() if value is not None]
         log(f"To resume: hysid sample {shell_word(str(asked.folder))} --resume {' '.join(given)}")
         raise
-    lines = [f"{'parameter':24}{'mean':>12}{'sd':>12}{'5 %':>12}{'95 %':>12}{'R-hat':>8}{'ESS':>8}"]
-    lines += [
-        f"{p['name']:24}{p['mean']:12.4g}{p['sd']:12.3g}{p['q05']:12.4g}{p['q95']:12.4g}"
-        f"{p['rhat']:8.3f}{p['ess']:8.0f}{''.join(f'  {words}' for words in p['words'])}"
-        for p in found["parameters"]
-    ]
-    lines += warnings(found["notes"])
+    documents = {v: identify.internal.posterior_json(one) for v, one in drawn.items()}
+    found = documents[""] if "" in documents else _together(documents)
+    lines = [f"{value}: {one}" if value else str(one) for value, one in drawn.items()]
     if not found["converged"]:
         lines.append(
             "Not converged: R-hat is above 1.01, or there are too few draws. Run again without"
@@ -36,33 +32,32 @@ def run(asked: Sample) -> Done:
     return Done(found, lines)
 
 
-def _sampled(asked: Sample, chosen: dict[str, Any], progress: Progress) -> dict[str, Any]:
+def _sampled(
+    asked: Sample, chosen: dict[str, Any], progress: Progress
+) -> dict[str, identify.internal.Posterior]:
     folders = folders_of(asked.folder, identify.internal.read_document(asked.folder))
-    documents = {}
+    drawn = {}
     for value, name in folders.items():
         place = asked.folder / name
 
         def named(done: int, total: int, text: str, value: str = value) -> None:
             progress(done, total, f"{value}, {text}" if value else text)
 
-        posterior = identify.sample(
+        drawn[value] = identify.sample(
             identify.load(place), checkpoint=place / "chains.npz", progress=named,
             resume=asked.resume, **chosen,
         )  # fmt: skip
-        save_posterior(posterior, place)
-        documents[value] = identify.internal.posterior_json(posterior)
-    if "" in documents:
-        return documents[""]
-    parameters = [
-        p | {"name": f"{value}: {p['name']}"}
-        for value, d in documents.items()
-        for p in d["parameters"]
-    ]
+        save_posterior(drawn[value], place)
+    return drawn
+
+
+def _together(each: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    named = [p | {"name": f"{v}: {p['name']}"} for v, d in each.items() for p in d["parameters"]]
+    notes = [f"{value}: {note}" for value, d in each.items() for note in d["notes"]]
+    draws, seconds, converged = zip(
+        *((d["draws"], d["seconds"], d["converged"]) for d in each.values()), strict=True
+    )
     return {
-        "parameters": parameters,
-        "draws": sum(d["draws"] for d in documents.values()),
-        "seconds": round(sum(d["seconds"] for d in documents.values()), 3),
-        "converged": all(d["converged"] for d in documents.values()),
-        "notes": [f"{value}: {note}" for value, d in documents.items() for note in d["notes"]],
-        "each": documents,
-    }
+        "parameters": named, "draws": sum(draws), "seconds": round(sum(seconds), 3),
+        "converged": all(converged), "notes": notes, "each": each,
+    }  # fmt: skip

@@ -64,7 +64,7 @@ def _trained(asked: Train, out: Path, progress: Progress) -> dict[str, Any]:
     resumed training of other data or settings, and as `train_force`, `Localizer.train` and
     `fit_positions` do.
     """
-    selection = Selection(**asked.selection, output=asked.force or "", output_unit=asked.force_unit)
+    selection = Selection(**asked.selection, output=asked.force or "")
     targets = Targets(asked.force, asked.place, asked.position)
     names = tuple(filter(None, map(str.strip, asked.places.split(","))))
     identify.internal.check_free(out, asked.overwrite or asked.resume, TRAINING)

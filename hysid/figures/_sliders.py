@@ -9,6 +9,7 @@ import jax.numpy as jnp
 
 from hysteresis import AbstractModel, parameters
 from hysteresis._parameter import ParameterInfo, parameter_at
+from identify import FitResult
 
 MOST = 12
 """Sliders, at most."""
@@ -29,18 +30,24 @@ class Slider(NamedTuple):
     meaning: str = ""
 
 
-def sliders_of(model: AbstractModel, units: Mapping[str, str]) -> list[Slider]:
-    """A slider for each scalar parameter of a model that is not fixed, at most `MOST`.
+def sliders_of(fit: FitResult) -> list[Slider]:
+    """A slider for each scalar parameter of a fit's model that is not fixed, at most `MOST`; none for those
+    of a composition's parts, which mean little one by one.
 
     It spans a factor of ten to either side of a positive value, else twice its size, and never leaves the
     parameter's bounds.
     """
-    return [
-        Slider(name, value, info.in_units(dict(units)), *_ends(info, value), info.meaning)
-        for name, info, array in parameters(model)
-        if array is not None and array.ndim == 0 and not info.fixed
-        for value in (float(array),)
-    ][:MOST]
+    train = fit.train
+    try:
+        units = fit.model.unit_words(train.input_unit, train.output_unit, train.time_unit)
+        return [
+            Slider(name, value, info.in_units(units), *_ends(info, value), info.meaning)
+            for name, info, array in parameters(fit.model)
+            if array is not None and array.ndim == 0 and not info.fixed and "." not in name
+            for value in (float(array),)
+        ][:MOST]
+    except (ValueError, TypeError, NotImplementedError):  # a model of a user's own
+        return []
 
 
 def moved(model: AbstractModel, values: Mapping[str, float]) -> AbstractModel:

@@ -1,6 +1,6 @@
 """Figures of creep, relaxation and moduli: the spectrum, the master curve, the shift factors."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +14,7 @@ from matplotlib.ticker import MaxNLocator
 import identify
 from identify import FitResult
 from identify.results._detail import DiscreteSpectrum
+from identify.spectra._superposition import Shifts
 
 from . import _base as f
 from ._base import BLUE, GREY, INK, SKY, VERMILLION, WIDE, logarithmic, single, small, styled
@@ -110,14 +111,13 @@ def spectrum(
 
 
 @styled
-def master(
-    pieces: Sequence[Piece],
-    x: np.ndarray,
-    lines: Mapping[str, np.ndarray],
-    x_label: str,
-    y_label: str,
-) -> Figure:
-    """Shifted rows, coloured by temperature, and what the spectrum makes of them."""
+def master_of(fit: FitResult) -> Figure:
+    """The master curve of a fit: shifted rows, coloured by temperature, and what the spectrum makes of
+    them."""
+    record, pieces = fit.train, [piece for piece, _ in pieces_of(fit)]
+    every = np.concatenate([piece.x for piece in pieces])
+    x = np.geomspace(every.min(), every.max(), 300)
+    lines = identify.internal.answers_over(_detail(fit), record, x)
     figure, axes = single()
     T = np.array([piece.temperature for piece in pieces])
     warm = Normalize(np.nanmin(T), np.nanmax(T)) if np.isfinite(T).any() else None
@@ -130,24 +130,21 @@ def master(
     if warm is not None:
         figure.colorbar(ScalarMappable(warm, "coolwarm"), ax=axes, label="temperature (°C)")
     logarithmic(axes, "xy")
-    axes.set(xlabel=x_label, ylabel=y_label)
+    axes.set(xlabel=clock_of(fit), ylabel=label_of(record, "output"))
     axes.legend()
     return figure
 
 
 @styled
-def shift_factors(
-    T: np.ndarray,
-    log_a: np.ndarray,
-    error: np.ndarray,
-    along: np.ndarray,
-    law: np.ndarray,
-    name: str,
-) -> Figure:
+def shift_factors(shifts: Shifts) -> Figure:
     """log10 a over temperature with errors, and the law through them."""
     figure, axes = single()
-    axes.plot(along, law, lw=1.1, color=VERMILLION, label=name)
-    axes.errorbar(T, log_a, error, ls="", marker="o", ms=3.5, color=INK, capsize=2, lw=0.8)
+    T = shifts.temperature
+    along = np.linspace(T.min(), T.max(), 200)
+    law = [shifts.by_law(float(one)) for one in along]
+    axes.plot(along, law, lw=1.1, color=VERMILLION, label=shifts.law)
+    drawn = {"ls": "", "marker": "o", "ms": 3.5, "color": INK, "capsize": 2, "lw": 0.8}
+    axes.errorbar(T, shifts.log_a, shifts.error, **drawn)
     axes.set(xlabel="temperature (°C)", ylabel="log10 of the shift factor")
     axes.legend()
     return figure
@@ -170,15 +167,6 @@ def clock_of(fit: FitResult) -> str:
     unit = record.input_unit if moduli else record.time_unit
     what = "frequency" if moduli else name_of(record, "time")
     return label(what if shifts is None else f"reduced {what}", unit)
-
-
-def master_of(fit: FitResult) -> Figure:
-    """The master curve of a fit with its pieces."""
-    record, pieces = fit.train, [piece for piece, _ in pieces_of(fit)]
-    every = np.concatenate([piece.x for piece in pieces])
-    x = np.geomspace(every.min(), every.max(), 300)
-    lines = identify.internal.answers_over(_detail(fit), record, x)
-    return master(pieces, x, lines, clock_of(fit), label_of(record, "output"))
 
 
 def _detail(fit: FitResult) -> DiscreteSpectrum:

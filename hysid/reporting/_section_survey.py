@@ -28,29 +28,21 @@ def curve(case: Case) -> Section:
 
 
 def _shifts(section: Section, shifts: Shifts) -> None:
-    T = np.linspace(shifts.temperature.min(), shifts.temperature.max(), 200)
-    law = np.array([shifts.by_law(float(one)) for one in T])
-    figure = shift_factors(shifts.temperature, shifts.log_a, shifts.error, T, law, shifts.law)
     names = ("C1", "C2 in K") if shifts.law == "WLF" else ("activation energy in kJ/mol",)
     told = ", ".join(f"{n} {number(x)}" for n, x in zip(names, shifts.constants, strict=True))
     caption = (
         f"Shift factors with standard errors. {shifts.law}: {told}, from {number(shifts.reference)} °C."
         f" The factors lie {number(shifts.law_error)} decades rms from it."
     )
-    section.draw(figure, "Shift factors over temperature", caption)
+    section.draw(shift_factors(shifts), "Shift factors over temperature", caption)
     columns = shifts.temperature, shifts.log_a, shifts.error, shifts.left, shifts.alone
     rows = [
         (number(T), number(a), number(e), quantity(100 * left, "%"), quantity(100 * alone, "%"))
         for T, a, e, left, alone in zip(*columns, strict=True)
     ]
     said = "Shift factors, and what the spectrum of all temperatures leaves beside one of each."
-    heads = (
-        "Temperature, °C",
-        "log10 a",
-        "Standard error",
-        "Left over",
-        "By a spectrum of its own",
-    )
+    heads = ("Temperature, °C", "log10 a", "Standard error", "Left over",
+             "By a spectrum of its own")  # fmt: skip
     section.tables.append(Table(said, heads, rows))
 
 

@@ -35,7 +35,7 @@ from ._measurement import Measurement
 from ._processes import Jobs
 from ._requests import ROLES, Asked, Json, RequestError, asked_of, refusal, settings
 from ._results import Fits, written_rows
-from ._views import of_loops, over_time
+from ._views import as_bytes, of_loops, over_time
 
 STATIC = Path(__file__).parent / "static"
 COMPARISON = "comparison"
@@ -59,7 +59,7 @@ class Studio:
         self.jobs = Jobs(folder.root)
         self.fits = Fits()
         self._lock = threading.Lock()
-        self._measurements: dict[Path, Measurement] = {}
+        self._opened = functools.lru_cache(3)(Measurement)
         self._changing: dict[Path, threading.RLock] = {}
 
     def measurement(self, name: str) -> Measurement:
@@ -67,12 +67,7 @@ class Studio:
         file = self.folder.file(name)
         self.folder.config_of(file)
         with self._lock:
-            if file not in self._measurements:
-                self._measurements = {
-                    **dict([*self._measurements.items()][-2:]),
-                    file: Measurement(file),
-                }
-            return self._measurements[file]
+            return self._opened(file)
 
     def changing(self, name: str) -> threading.RLock:
         """What is held from reading the configuration of a measurement to writing it: no change is lost."""
@@ -240,24 +235,20 @@ def _link(sessions: Sessions, studio: Studio, asked: Asked) -> Any:
 def _series(studio: Studio, asked: Asked) -> Response:
     """Rows over time and of loops as float64, one after the other; what they are is in a header."""
     series, whole, names = studio.measurement(asked.text("name")).series()
-    low, high, edges, part = (
-        asked.number("low"), asked.number("high"), asked.box(), asked.text("part", "")
-    )  # fmt: skip
+    low, high, part = asked.number("low"), asked.number("high"), asked.text("part", "")
     parts, joined = [], True
     if part != "loops":
         parts.append(over_time(series, low, high))
     if part != "time":
-        loops, joined = of_loops(series, low, high, edges)
+        loops, joined = of_loops(series, low, high, asked.box())
         parts.append(loops)
     about = {
         "shapes": [part.shape[1] for part in parts], "whole": whole, "joined": joined,
         "rows": len(series.x), "names": names, "clock": not np.array_equal(series.x, series.line),
     }  # fmt: skip
-    content = b"".join(np.ascontiguousarray(part, "<f8").tobytes() for part in parts)
     # Names of columns may hold anything: in JSON they are ASCII.
-    return Response(
-        content, media_type="application/octet-stream", headers={"x-about": json.dumps(about)}
-    )
+    headers = {"x-about": json.dumps(about)}
+    return Response(as_bytes(*parts), media_type="application/octet-stream", headers=headers)
 
 
 def _lines(studio: Studio, asked: Asked) -> Any:

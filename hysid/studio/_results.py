@@ -6,6 +6,7 @@ import inspect
 import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from hysteresis.records._loads import kind_of_units
 from identify import load_posterior
 
 from ..figures._format import axes_of
-from ..figures._sliders import Slider, moved, sliders_of
+from ..figures._sliders import moved, sliders_of
 from ..intake._columns import selection_of_fit
 from ..intake._folders import folders_of
 from ..intake._selection import Selection
@@ -143,7 +144,7 @@ class Fits:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._kept: dict[Path, tuple[Any, identify.FitResult]] = {}
+        self._load = lru_cache(4)(lambda folder, stamp: identify.load(folder))
 
     def summary(
         self,
@@ -205,7 +206,7 @@ class Fits:
             if fit.test is not None:
                 found["records"].append(_curve("held out", fit.test, fit.predict(fit.test)))
             found["shapes"] = handles_of(fit)
-            found["sliders"] = [one._asdict() for one in _sliders(fit)]
+            found["sliders"] = [one._asdict() for one in sliders_of(fit)]
             candidates, baselines = identify.internal.residuals_of_all(folder)
             found["candidates"] = _loops(fit, [one.name for one in fit.candidates], candidates)[1:]
             found["baselines"] = _loops(fit, [one.name for one in fit.baselines], baselines)
@@ -226,7 +227,7 @@ class Fits:
         """
         with self._lock:
             fit = self._loaded(folder)
-            if unknown := values.keys() - {one.name for one in _sliders(fit)}:
+            if unknown := values.keys() - {one.name for one in sliders_of(fit)}:
                 raise InputError("unknown-parameter", f"There is no slider {min(unknown)!r:.60}.")
             fit = replace(fit, model=moved(fit.model, values))
             record = judged(fit)
@@ -234,12 +235,7 @@ class Fits:
 
     def _loaded(self, folder: Path) -> identify.FitResult:
         about = (folder / "fit.json").stat()
-        stamp = about.st_mtime_ns, about.st_size
-        if folder not in self._kept or self._kept[folder][0] != stamp:
-            self._kept[folder] = (stamp, identify.load(folder))
-            while len(self._kept) > 4:
-                del self._kept[next(iter(self._kept))]
-        return self._kept[folder][1]
+        return self._load(folder, (about.st_mtime_ns, about.st_size))
 
     def posterior_marginals(self, folder: Path) -> list[dict[str, Any]]:
         """A histogram of each parameter's draws, 99 % of them."""
@@ -276,16 +272,6 @@ def written_rows(file: Path) -> dict[str, Any]:
         "flagged_rows": int(flagged.sum()), "line": line[chosen], "estimated": estimated[chosen],
         "flagged": flagged[chosen], "measured": seen[0], "reading": seen[1],
     }  # fmt: skip
-
-
-def _sliders(fit: identify.FitResult) -> list[Slider]:
-    record = fit.train
-    units = fit.model.unit_words(record.input_unit, record.output_unit, record.time_unit)
-    try:
-        # Numbers of a composition's parts mean little one by one.
-        return [one for one in sliders_of(fit.model, units) if "." not in one.name]
-    except (ValueError, TypeError, NotImplementedError):  # a model of a user's own
-        return []
 
 
 def _loops(

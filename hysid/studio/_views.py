@@ -62,6 +62,11 @@ class Series(NamedTuple):
         return np.stack([np.asarray(column[rows], float) for column in self])
 
 
+def as_bytes(*parts: np.ndarray) -> bytes:
+    """Rows as float64, column after column, one part behind the other."""
+    return b"".join(np.ascontiguousarray(part, "<f8").tobytes() for part in parts)
+
+
 def in_box(u: np.ndarray, y: np.ndarray, box: Sequence[float]) -> np.ndarray:
     """(n,) bool: inputs and outputs within a box, whose edges belong to it."""
     return (u >= box[0]) & (u <= box[1]) & (y >= box[2]) & (y <= box[3])

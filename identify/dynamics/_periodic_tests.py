@@ -83,7 +83,7 @@ def periodic_test(
         raise InputError(
             "bad-option",
             f"settling={settling} of {count} periods leaves none.",
-            fix=f"leave out at most {count - 1} (--settling N).",
+            fix=f"leave out at most {count - 1}.",
         )
     check_period(moving, period)
     cut = [x[: count * period].reshape(count, period, -1)[settling:] for x in (u, y)]
