@@ -13,7 +13,6 @@ centre = [0, 0, 250]        # of that mass, from P_o
 inertia = [0.05, 0.05, 0.02]    # kg m^2, about that centre and the shell's axes
 """
 
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,6 +25,8 @@ from compensate.armor import Armor, Box, Bumps, ContactSolver, Cover, Mesh, Wris
 from compensate.armor._shapes import AbstractShape
 from hysteresis import AbstractModel, InputError, PrandtlIshlinskii
 from hysteresis._quantities import conversion
+
+from ..intake._own_config import read_toml
 
 NUMBERS = {
     "threshold": (1, False), "thickness": (1, True), "frame_width": (1, True), "full_scale": (2, False),
@@ -107,10 +108,7 @@ def read_description(file: Path) -> Description:
     """
     if file.suffix.lower() != ".toml":
         return Description(**_mesh(file, "m"))
-    try:
-        given = tomllib.loads(_there(file).read_text("utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError("bad-config", f"This is not TOML: {error}.", place=str(file)) from error
+    given = dict(read_toml(file))
     box = given.pop("box", None) or {key: given.pop(key) for key in BOX if key in given}
     if unknown := sorted(set(given) - KEYS):
         raise InputError(
@@ -146,13 +144,8 @@ def read_description(file: Path) -> Description:
 
 
 def _mesh(file: Path, unit: str) -> dict[str, Any]:
-    corners = np.asarray(Mesh.load(_there(file), unit).corners()).reshape(-1, 3)
-    return {"corners": corners, "triangles": np.arange(len(corners)).reshape(-1, 3)}
-
-
-def _there(file: Path) -> Path:
     if not file.is_file():
-        raise InputError(
-            "file-not-found", f"There is no file {file}.", fix="Name a TOML or mesh file."
-        )
-    return file
+        said, fix = f"There is no file {file}.", "Name a TOML or mesh file."
+        raise InputError("file-not-found", said, fix=fix)
+    corners = np.asarray(Mesh.load(file, unit).corners()).reshape(-1, 3)
+    return {"corners": corners, "triangles": np.arange(len(corners)).reshape(-1, 3)}

@@ -20,9 +20,9 @@ from jaxtyping import Float, Int
 from compensate.armor import Motion, Presses
 from compensate.armor._shapes import AbstractShape
 from hysteresis import InputError, read_table
-from hysteresis._quantities import conversion
 from hysteresis.records._table import Table
-from hysteresis.records._units import named_unit
+
+from ..intake._columns import in_unit
 
 AXES = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 UNITS: dict[str, str] = {**dict.fromkeys(AXES[:3], "N")} | dict.fromkeys(AXES[3:], "N*m")
@@ -117,14 +117,7 @@ def _column(table: Table, name: str) -> np.ndarray:
             "no-column", f"The table has no column {name}.", place=table.path,
             fix=f"Rename one of {', '.join(map(repr, table.columns))} to {name} ({UNITS[name]}).",
         )  # fmt: skip
-    wanted, unit = UNITS[name], named_unit(column, None, table.units.get(column)) or "1"
-    factor = 1.0 if unit == "1" else conversion(unit, wanted)
-    if factor is None:
-        raise InputError(
-            "wrong-unit", f"Column {column!r} is in {unit}, not in a unit like {wanted}.",
-            place=table.path, fix="correct its header.",
-        )  # fmt: skip
-    return factor * table.number(column)
+    return in_unit(table, column, UNITS[name])
 
 
 def _named(table: Table, name: str) -> str | None:

@@ -22,10 +22,10 @@ from hysteresis._quantities import conversion
 from hysteresis._serialisation import described, rebuilt
 from hysteresis.numerics._normal import NORMAL_95
 from hysteresis.records._table import Table
-from hysteresis.records._units import named_unit
 from identify.internal import metrics, versions
 
 from ..figures._format import plain_name
+from ..intake._columns import in_unit
 from ..intake._folders import check_writable
 from ..intake._selection import Selection
 from ..soft_sensor._contacts import UPDATES, train_contacts
@@ -152,25 +152,14 @@ def stretches(record: Record, table: Table, forces: Sequence[str]) -> list[Stret
     seconds = conversion(record.time_unit, "s") or 1.0
     columns = [record.columns[name] for name in record.channels] or [record.input]
     reading = np.column_stack(columns)
-    force = np.column_stack([_newtons(table, name)[rows] for name in forces])
+    missing = np.full(len(table.line), np.nan)
+    columns = [in_unit(table, x, "N") if x in table.columns else missing for x in forces]
+    force = np.column_stack(columns)[rows]
     return [
         Stretch(record.line[part], seconds * record.time[part], reading[part], force[part])
         for _, part in record.sequences()
         if record.mask[part].any()
     ]
-
-
-def _newtons(table: Table, name: str) -> np.ndarray:
-    if name not in table.columns:
-        return np.full(len(table.line), np.nan)
-    unit = named_unit(name, None, table.units.get(name)) or "N"
-    factor = conversion(unit, "N")
-    if factor is None:
-        raise InputError(
-            "wrong-unit", f"Column {name!r} is in {unit}, which is no force.", place=table.path,
-            fix="Correct its header.",
-        )  # fmt: skip
-    return factor * table.number(name)
 
 
 def found_in(estimator: MultiContactEstimator, one: Stretch) -> tuple[np.ndarray, ...]:

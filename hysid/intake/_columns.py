@@ -4,11 +4,25 @@ from collections.abc import Collection
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from hysteresis import InputError
+from hysteresis._quantities import conversion
 from hysteresis.records._table import Table
+from hysteresis.records._units import named_unit
 
 from ._constant_input import CONSTANT
 from ._selection import Pair, Selection, all_of
+
+
+def in_unit(table: Table, name: str, wanted: str) -> np.ndarray:
+    """A column in a unit, which it has where its header names none. Raises `InputError` `wrong-unit`."""
+    unit = named_unit(name, None, table.units.get(name)) or "1"
+    factor = 1.0 if unit == "1" else conversion(unit, wanted)
+    if factor is None:
+        said = f"Column {name!r} is in {unit}, not in a unit like {wanted}."
+        raise InputError("wrong-unit", said, place=table.path, fix="Correct its header.")
+    return factor * table.number(name)
 
 
 def selection_of_fit(document: dict[str, Any]) -> Selection:

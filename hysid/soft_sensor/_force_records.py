@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from hysteresis import InputError
+from hysteresis import InputError, Record
 
 LEAST_ROWS, LEAST_PRESSES = 100, 3
 
@@ -57,13 +57,9 @@ class ForceData(NamedTuple):
 def gather(records: Sequence[Any], nan: str = "raise") -> ForceData:
     """The records as one, checked.
 
-    Raises `InputError` for records that are no `ForceRecord`, of unlike lengths or channels; times that do
-    not rise; readings that are not finite, or do not move; forces that are not finite (but with
-    `nan="omit"`), pull, or do not move; less than 100 rows with a force, or 3 presses.
+    Raises `InputError` as `Record.from_arrays` does; for records of unlike channels, readings that do not
+    move, forces that pull or do not move; less than 100 rows with a force, or 3 presses.
     """
-    if nan not in ("raise", "omit"):
-        said, fix = f"nan={nan!r} is not a choice.", 'Use nan="raise" or nan="omit".'
-        raise InputError("bad-option", said, fix=fix)
     if not len(records):
         raise InputError("no-rows", "There are no records to learn from.")
     checked = [_checked(k, t, y, F, nan) for k, (t, y, F) in enumerate(records)]
@@ -154,47 +150,22 @@ def _slices(starts: Sequence[int], rows: int) -> list[slice]:
     return [slice(*pair) for pair in pairwise((*starts, rows))]
 
 
-def _checked(k: int, time: Any, reading: Any, force: Any, nan: str) -> ForceRecord:
-    place = f"record {k}"
-    t, y, F = (np.asarray(x, float) for x in (time, reading, force))
-    y = y[:, 0] if y.ndim == 2 and y.shape[1] == 1 else y
-    if y.ndim not in (1, 2) or t.ndim != 1 or F.ndim != 1 or not len(t) == len(y) == len(F) > 0:
-        raise InputError(
-            "length-mismatch",
-            f"times {t.shape}, readings {y.shape}, forces {F.shape}.",
-            place=place,
-            cause="The columns are from different files, or a header was read as a row.",
-            fix="Give arrays of shape (samples,); readings of several channels are (samples, channels).",
-        )
-    step = np.diff(t)
-    if not np.isfinite(t).all() or (step <= 0).any():
-        row = int(np.argmax(~np.isfinite(t))) if len(step) == 0 else int(np.argmin(step > 0)) + 1
-        raise InputError(
-            "time-backwards",
-            "Times are missing, or do not increase.",
-            place=f"{place}, row {row}",
-            cause="Two runs follow each other, or a row was written twice.",
-            fix="Make a record of each run, and remove rows that repeat a time.",
-        )
-    bad = ~np.isfinite(y.reshape(len(y), -1)).all(1)
-    if bad.any():
-        raise InputError(
-            "not-finite",
-            f"{int(bad.sum())} rows without a finite reading.",
-            place=f"{place}, row {int(np.argmax(bad))}",
-            cause="A channel dropped out.",
-            fix="Interpolate the readings, or cut the record there: the model needs the whole history.",
-        )
-    bad = ~np.isfinite(F)
-    if np.isinf(F).any() or (nan == "raise" and bad.any()):
-        raise InputError(
-            "not-finite",
-            f"{int(bad.sum())} rows without a finite force.",
-            place=f"{place}, row {int(np.argmax(bad))}",
-            cause="The load cell is read less often than the sensor, or it dropped out.",
-            fix='Use nan="omit": it learns from the other rows and keeps all readings as history.',
-        )
-    return ForceRecord(t, y, F)
+def _checked(k: int, time: Any, reading: Any, force: Any, nan: Any) -> ForceRecord:
+    """Each channel as a `Record` checks it, and fills it where that is asked for."""
+    t, channels = np.asarray(time, float), np.atleast_2d(np.asarray(reading, float).T)
+    names = {"output_name": "force", "nan": nan}
+    try:
+        made = [
+            Record.from_arrays(x, force, t, input_name=f"channel {c}", **names)
+            for c, x in enumerate(channels)
+        ]
+    except InputError as error:
+        place, words = f"record {k}", {"cause": error.cause, "fix": error.fix}
+        raise InputError(error.code, error.problem, place=place, **words) from error
+    first, columns = made[0], [one.input for one in made]
+    assert first.time is not None
+    y = np.column_stack(columns) if len(columns) > 1 else columns[0]
+    return ForceRecord(first.time, y, first.output)
 
 
 def _check_moves(reading: np.ndarray, force: np.ndarray) -> None:

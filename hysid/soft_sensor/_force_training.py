@@ -81,6 +81,7 @@ def train_force(
     **Other arguments:**
 
     - `nan`: `"omit"` learns only from rows with a force; the readings of all rows are kept as history.
+      `"interpolate"` fills both in a straight line.
     - `skip`: part at the beginning of each record that only drives the memory; `"auto"` leaves a fifth or
       two, or three, of one or two long records out where that predicts their last fifth as well.
     - `members`: parts that are held out in turn. `updates`: steps of each training, of 64 rows.
@@ -90,7 +91,7 @@ def train_force(
 
     **Returns:** a `ForceTraining`: the estimator, and its errors on held-out rows in N.
 
-    **Raises:** `InputError` for records that cannot be learnt from, see `gather`; for an unknown kind or
+    **Raises:** `InputError` for records that cannot be learnt from, see `Record`; for an unknown kind or
     fewer than two members; and as `identify.internal.train` and `identify.fit` do.
 
     **Source:** Kim and Park (2018), section III A, for the network only.
