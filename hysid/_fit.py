@@ -1,5 +1,6 @@
 """`hysid.fit`: `identify.fit` of a record, of two arrays, or of columns of a file or a data frame."""
 
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ from hysteresis._precision import in_double
 from hysteresis.records._csv import turned
 
 from ._compensator import fitted_to_compensate
-from ._compile_cache import keep_compiled_by_python
+from ._compile_cache import keep_compiled
 
 _OF_RECORDS = (
     "dt", "groups", "mask", "nan", "segments", "input_unit", "output_unit", "time_unit", "input_name",
@@ -69,7 +70,8 @@ def fit(
         >>> hysid.fit(record.input, record.output, model="LinearSponge", noise="gaussian").name
         'LinearSponge'
     """
-    keep_compiled_by_python()
+    if refused := keep_compiled():
+        warnings.warn(refused, stacklevel=3)
     if isinstance(data, Record):
         if (input, output, time, group) != (None,) * 4 or condition or turn:
             raise InputError(

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from unittest.mock import patch
 
+import jax
 import numpy as np
 import pytest
 
@@ -26,10 +27,14 @@ OURS = {key: value for key, value in ENVIRONMENT.items() if not key.startswith("
 
 
 def kept(**environment: str) -> dict[str, str]:
-    """What the environment is after `keep_compiled`."""
+    """What the environment is after `keep_compiled`, and what that said."""
     with patch.dict(os.environ, OURS | environment, clear=True):
-        keep_compiled()
-        return dict(os.environ)
+        jax.config.update("jax_enable_compilation_cache", True)
+        try:
+            return {"said": keep_compiled(), **os.environ}
+        finally:
+            jax.config.update("jax_enable_compilation_cache", False)
+            jax.config.update("jax_compilation_cache_dir", None)
 
 
 COMMAND = """
@@ -40,8 +45,8 @@ import jax
 PROGRAM = """
 import jax
 jax.jit(lambda x: x - 1)(3.0)
-from hysid._compile_cache import keep_compiled_by_python
-keep_compiled_by_python()
+from hysid._compile_cache import keep_compiled
+keep_compiled()
 """
 
 
@@ -134,8 +139,7 @@ def test_a_folder_of_others_is_not_used(which: str, how: str, tmp_path, monkeypa
         return
     assert FOLDER not in kept(**place)
     assert sorted(tmp_path.rglob("*")) == before
-    with patch.dict(os.environ, OURS | place, clear=True):
-        assert str(it if how != "foreign" else tmp_path) in keep_compiled()
+    assert str(it if how != "foreign" else tmp_path) in kept(**place)["said"]
 
 
 def test_what_a_fit_runs_is_compiled(tmp_path: Path):
