@@ -72,8 +72,7 @@ class Explorer:
         return self._series.chosen(*chosen) if chosen else np.zeros(len(self.record), bool)
 
     def _chosen_in_words(self, chosen: Any) -> str:
-        count = int(self._rows(chosen).sum())
-        if not count:
+        if not (count := int(self._rows(chosen).sum())):
             return "Drag over a plot to choose rows; scroll to zoom."
         return f"{count:,} of {len(self.record):,} rows chosen."
 

@@ -75,9 +75,10 @@ def exported(fit: FitResult) -> AbstractCompensator:
 def guard_of(fit: FitResult, error: CalibratedCompensator) -> dict[str, Any]:
     """What a fit's compensator is guarded by: options of `compensate.invert`."""
     used = fit.train.mask & np.isfinite(fit.train.output)
+    rows, time = longest_sequence(fit.train, used), fit.train.time
     return {
         "trained": fit.trained,
-        "longest": longest_of(fit.train),
+        "longest": None if time is None else longest_step(time[rows][used[rows]]),
         "past": past_of(fit),
         "deviation": float(np.median(np.asarray(error.error))),
         "seen": (float(fit.train.output[used].min()), float(fit.train.output[used].max())),
@@ -103,7 +104,9 @@ def error_of(fit: FitResult) -> CalibratedCompensator:
             LeftOut(rows, invert_model(model, trained=fit.trained))
             for rows, model in identify.internal.models_without_groups(fit)
         ]
-        ahead = 1.0 if left_out else _further(fit) ** 2
+        ahead, own = 1.0, fit.metrics["train"]
+        if not left_out and own is not None and own.nrmse_percent > 0 and np.isfinite(fit.score):
+            ahead = max(1.0, fit.score / own.nrmse_percent) ** 2  # held-out parts over fitted ones
         learnt = calibrated(known, fit.train, ahead=ahead, left_out=left_out)
         if fit.test is not None:
             learnt = checked(learnt, fit.test)
@@ -122,23 +125,6 @@ def _digest(fit: FitResult) -> str:
     for record in (fit.train, fit.test):
         code.update(b"-" if record is None else record.digest().encode())
     return code.hexdigest()
-
-
-def _further(fit: FitResult) -> float:
-    """Error on held-out parts of the training rows over that on fitted ones."""
-    own = fit.metrics["train"]
-    if own is None or own.nrmse_percent <= 0 or not np.isfinite(fit.score):
-        return 1.0
-    return max(1.0, fit.score / own.nrmse_percent)
-
-
-def longest_of(record: Record) -> float | None:
-    """The longest time between two readings that an export of this record takes; None without a clock."""
-    if record.time is None:
-        return None
-    used = record.mask & np.isfinite(record.output)
-    rows = longest_sequence(record, used)
-    return longest_step(record.time[rows][used[rows]])
 
 
 def longest_sequence(record: Record, used: np.ndarray) -> slice:

@@ -163,16 +163,6 @@ def config_text(dataset: Dataset, seen: Mapping[str, str]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def listing(datasets: tuple[Dataset, ...]) -> list[dict[str, Any]]:
-    """What `hysid datasets list --json` prints of each."""
-    same = ("name", "what", "bytes", "checked", "page", "citation")
-    return [
-        {name: getattr(d, name) for name in same}
-        | {"licence": d.licence or None, "files": len(d.files), "notes": list(d.notes)}
-        for d in datasets
-    ]
-
-
 def input_error(code: str, problem: str, **words: str) -> "InputError":
     """An `InputError`, whose package is loaded only when there is one."""
     from hysteresis import InputError

@@ -1,5 +1,6 @@
 """`hysid armor`: from tables of presses and wrenches to contacts, and a page that shows them."""
 
+from collections import Counter
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -78,8 +79,8 @@ def calibrate(asked: Calibrate) -> Done:
         remove=(RUNTIME,), check=partial(identify.internal.check_free, out, overwrite, DOCUMENT),
     )  # fmt: skip
     runtime, notes = _exported(found.armor, out / RUNTIME, material)
-    told = {k: document[k] for k in ("presses", "table", "noise", "scatter")}
-    told = {"folder": str(out), **told, "runtime": runtime, "notes": notes}
+    told: dict[str, Any] = {k: document[k] for k in ("presses", "table", "noise", "scatter")}
+    told |= {"folder": str(out), "runtime": runtime, "notes": notes}
     said = f"The cover differs by {1e3 * told['scatter']:.2g} mm from place to place."
     return Done(told, [*warnings(notes), told["table"], said, f"Armor: {out}"])
 
@@ -133,15 +134,13 @@ def solve(asked: Solve) -> Done:
     runtime, notes = _exported(uncertain.armor, out / RUNTIME, material)
     if asked.calibrated is None:
         notes = [UNCALIBRATED, *notes]
-    names = [ContactStatus(int(s)).name for s in np.asarray(contact.status)]
-    counts = {name: names.count(name) for name in dict.fromkeys(names)}
+    counts = Counter(ContactStatus(int(s)).name for s in np.asarray(contact.status))
     said = ", ".join(f"{count} {name}" for name, count in counts.items())
-    lines = [*warnings(notes), f"{len(names)} wrenches: {said}", str(out / CONTACTS)]
     told = {
-        "rows": len(names), "statuses": counts, "stream": stream, "file": str(out / CONTACTS),
+        "rows": len(readings), "statuses": counts, "stream": stream, "file": str(out / CONTACTS),
         "touches": str(out / TOUCHES), "runtime": runtime, "notes": notes,
     }  # fmt: skip
-    return Done(told, lines)
+    return Done(told, [*warnings(notes), f"{len(readings)} wrenches: {said}", told["file"]])
 
 
 def view(asked: View) -> Done:

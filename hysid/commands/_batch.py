@@ -15,6 +15,7 @@ from typing import Any
 import identify
 from hysteresis import InputError
 
+from .._packages import check_extra
 from ..intake._creep_fits import motion_options, step_options
 from ..intake._folders import check_writable, folder_names
 from ..intake._selection import Selection, all_of
@@ -122,15 +123,9 @@ def _workers(scheduler: str | None, jobs: int) -> Iterator[Any]:
     if scheduler is None:
         yield None if jobs == 1 else lambda: _pool(jobs)
         return
-    try:
-        from distributed import Client
-    except ImportError:
-        raise InputError(
-            "missing-extra",
-            "Dask's distributed is not installed.",
-            place=f"--scheduler {scheduler}",
-            fix="Run pip install 'hysid[cluster]', or spread the files over processes (--jobs N).",
-        ) from None
+    check_extra("cluster", "distributed")
+    from distributed import Client  # late: it is of an extra
+
     try:
         client = Client(scheduler, timeout=PATIENCE)
     except (OSError, ValueError, RuntimeError) as error:

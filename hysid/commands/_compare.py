@@ -22,27 +22,21 @@ DASH = "-"
 def run(asked: Compare) -> Done:
     """Models of the same data ranked, or with `change` what changed from one to another."""
     if asked.change:
-        document = _change(asked.folders, asked.margin)
-        return Done(document, _change_lines(document))
-    if asked.loops:
-        document = _groups(asked.folders)
-        return Done(document, _group_lines(document))
-    document = _compare(asked.folders)
-    return Done(document, _comparison_lines(document))
+        return _change(asked.folders, asked.margin)
+    return _groups(asked.folders) if asked.loops else _compare(asked.folders)
 
 
-def _compare(folders: Sequence[Path]) -> dict[str, Any]:
+def _compare(folders: Sequence[Path]) -> Done:
     """Models of the same data, ranked by held-out error; of one folder, the candidates that were tried."""
     fits = _places(folders)
     alone = len(fits) == 1
     found = compare_candidates(*fits.values()) if alone else identify.compare(fits)
-    return {
+    document = {
         "models": [_figures(model) for model in found.models],
         "pairs": [_pair(pair) for pair in found.pairs],
-        "best": found.best,
-        "ranked_on": found.ranked_on,
-        "notes": list(found.notes),
+        **{name: getattr(found, name) for name in ("best", "ranked_on", "notes")},
     }
+    return Done(document, _comparison_lines(document))
 
 
 def _check_two(folders: Sequence[Any], problem: str, fix: str) -> None:
@@ -51,7 +45,7 @@ def _check_two(folders: Sequence[Any], problem: str, fix: str) -> None:
         raise InputError(code, problem, place=str(folders[0]), fix=fix)
 
 
-def _change(folders: Sequence[Path], margin: float) -> dict[str, Any]:
+def _change(folders: Sequence[Path], margin: float) -> Done:
     """One model on two data sets: what changed from the first to the second."""
     named = _places(folders)
     names, fits = list(named), list(named.values())
@@ -59,23 +53,23 @@ def _change(folders: Sequence[Path], margin: float) -> dict[str, Any]:
     fix = "Name two folders in order of time: before, after."
     _check_two(fits, f"A change is between two fits; {given}.", fix)
     found = identify.change(*fits, margin=margin)
-    return {
-        "models": names,
-        "parameters": [p._asdict() | {"clear": p.clear} for p in found.parameters],
-        "left_out": found.left_out,
-        **{k: getattr(found, k) for k in ("chi_square", "degrees", "p", "margin")},
-        "words": list(found.words),
-    }
+    same = ("left_out", "chi_square", "degrees", "p", "margin", "words")
+    parameters = [p._asdict() | {"clear": p.clear} for p in found.parameters]
+    document = {"models": names, "parameters": parameters}
+    document |= {name: getattr(found, name) for name in same}
+    return Done(document, _change_lines(document))
 
 
-def _groups(folders: Sequence[Path]) -> dict[str, Any]:
+def _groups(folders: Sequence[Path]) -> Done:
     """Two groups of specimens, by the measured loops of their fits."""
     fix = "Name two folders of hysid fit --each."
     _check_two(folders, "Loops are compared between two groups of specimens.", fix)
     groups = [[identify.load(place).loops() for place in _places([f]).values()] for f in folders]
     found = compare_loops(*groups)
     rows = [row._asdict() | {"clear": row.clear} for row in found]
-    return {"groups": [str(f) for f in folders], "specimens": [*map(len, groups)], "figures": rows}
+    names, counts = [*map(str, folders)], [*map(len, groups)]
+    document = {"groups": names, "specimens": counts, "figures": rows}
+    return Done(document, _group_lines(document))
 
 
 def _group_lines(document: dict[str, Any]) -> list[str]:

@@ -2,7 +2,7 @@
 
 from hysteresis._escape import shell_word
 
-from ..catalogue._catalogue import NOT_STATED, catalogue, find, listing
+from ..catalogue._catalogue import NOT_STATED, catalogue, find
 from ..catalogue._fetch import fetch as fetched
 from ._asked_more import Fetch, List
 from ._console import Done, log, warnings
@@ -19,7 +19,13 @@ def listed(asked: List) -> Done:
     ]
     if not all(d.checked for d in found):
         lines.append("* Not all checksums are known. To fetch: hysid datasets fetch NAME --accept")
-    return Done({"datasets": listing(found)}, lines)
+    same = ("name", "what", "bytes", "checked", "page", "citation", "notes")
+    told = [
+        {name: getattr(d, name) for name in same}
+        | {"licence": d.licence or None, "files": len(d.files)}
+        for d in found
+    ]
+    return Done({"datasets": told}, lines)
 
 
 def fetch(asked: Fetch) -> Done:

@@ -1,6 +1,7 @@
 """`hysid export`: the compensator of a fit as a file that runs without JAX."""
 
 import json
+import time
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from compensate import Quantity, estimate, invert, material_card
 from compensate.export._cards import CARDS, OPENSEES
 from compensate.export._export import Origin, Program, wider
 from compensate.export.targets._export_to import check, write_to
+from compensate.runtime import load
 from compensate.uncertainty._calibrated import CalibratedCompensator
 from compensate.uncertainty._guaranteed import Guaranteed
 from hysteresis import InputError
@@ -172,6 +174,15 @@ def readings_of_training(fitted: identify.FitResult) -> tuple[np.ndarray, np.nda
     rows = longest_sequence(record, record.mask & np.isfinite(record.output))
     given = with_condition(fitted.model, record, np.where(record.mask, record.output, np.nan))
     return given[rows], None if record.time is None else record.time[rows]
+
+
+def seconds_a_step(file: Path, samples: list[Any]) -> float:
+    """The median time of a step of what a runtime file holds, over samples (dt, reading)."""
+    runtime, stamps = load(file), [time.perf_counter()]
+    for sample in samples:
+        runtime.step(*sample)
+        stamps.append(time.perf_counter())
+    return float(np.median(np.diff(stamps)))
 
 
 def _written(

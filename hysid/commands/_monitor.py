@@ -65,7 +65,12 @@ def run(asked: Monitor) -> Done:
     if reference is not None or name in source.columns:
         known = source.number(name)[np.searchsorted(source.line, record.line)]
     own = adaptive(fitted.model, fitted.test or fitted.train, drift=asked.drift)
-    found = _followed(own, record, known)
+    parts, state = [], own.init()
+    for _, rows in record.sequences():  # memories begin anew, and what was learnt stays
+        t = None if record.time is None else record.time[rows]
+        state, part = own.follow(t, record.output[rows], known[rows], own.restarted(state))
+        parts.append(part)
+    found: Recalibrated = jax.tree.map(lambda *each: jnp.concatenate(each), *parts)
     notes = []
     if not np.isfinite(known).any():
         notes.append("The log has no reference, so changes cannot be seen.")
@@ -78,16 +83,6 @@ def run(asked: Monitor) -> Done:
     document, lines = _summary(own, record, known, found, fitted.train)
     document |= {"notes": notes, "file": str(target)}
     return Done(document, [*warnings(notes, "Note"), *lines, str(target)])
-
-
-def _followed(own: AdaptiveCompensator, record: Record, known: np.ndarray) -> Recalibrated:
-    """Over all sequences, one after the other: memories begin anew, and what was learnt stays."""
-    parts, state = [], own.init()
-    for _, rows in record.sequences():
-        t = None if record.time is None else record.time[rows]
-        state, part = own.follow(t, record.output[rows], known[rows], own.restarted(state))
-        parts.append(part)
-    return jax.tree.map(lambda *each: jnp.concatenate(each), *parts)
 
 
 def _summary(

@@ -82,7 +82,13 @@ def run(asked: Predict) -> Done:
             else:
                 seen = fitted.clocks.applied(fitted.combined(record))
                 values, deviation = identify.internal.told(fitted, seen)
-                said.append(_untold(record, record.known, deviation))
+                left = quantity(
+                    float(np.sqrt(np.mean(deviation[record.mask] ** 2))), record.output_unit, 3
+                )
+                said.append(
+                    f"{int(record.known.sum())} known rows tell the states before the others. They leave"
+                    f" open {left} rms of the prediction."
+                )
         flagged += sum(w != "OK" for w in words)
         driving = fitted.combined(record).input
         more = open_range(fitted, record) if with_range else np.empty((len(record), 0))
@@ -115,13 +121,6 @@ def run(asked: Predict) -> Done:
     if inverse:
         lines += [_band_line(name, band) for name, band in bands.items()]
     return Done(found, [*lines, str(target)])
-
-
-def _untold(record: Record, known: np.ndarray, deviation: np.ndarray) -> str:
-    """What the known rows leave open."""
-    left = quantity(float(np.sqrt(np.mean(deviation[record.mask] ** 2))), record.output_unit, 3)
-    text = f"{int(known.sum())} known rows tell the states before the others."
-    return f"{text} They leave open {left} rms of the prediction."
 
 
 def _band_line(name: str, band: dict[str, float | None]) -> str:
@@ -192,6 +191,6 @@ def _run_backwards(
     found = estimate(band, record)
     here = band_holds(band, fitted.clocks.applied(record))[0] if compared else np.nan
     held = {"held_out": band.coverage, "before": band.coverage_before, "here": here}
-    known = {name: share if np.isfinite(share) else None for name, share in held.items()}
+    known = identify.internal.plain(held)
     value = fitted.clocks.undone(record, np.asarray(found.value))
     return value, np.asarray(found.deviation), np.asarray(found.status), known

@@ -1,7 +1,6 @@
 """`hysid qualify`: a verdict on the compensator of a fit, from a file it has not seen."""
 
 import tempfile
-import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,6 @@ from compensate import qualify as qualified
 from compensate.export._export import Program
 from compensate.guards._guarded import GuardedCompensator
 from compensate.qualification._qualify import Qualification, Step, Tell
-from compensate.runtime import load
 from compensate.uncertainty._calibrated import band_holds
 from compensate.uncertainty._ensemble import EnsembleCompensator
 from compensate.uncertainty._guaranteed import run_scores, runs_needed
@@ -29,7 +27,7 @@ from ..intake._columns import for_new_file, known_records, selection_of_fit
 from ..intake._folders import folders_of
 from ._asked import Qualify
 from ._console import USER, Done, Progress, warnings
-from ._export import readings_of_training
+from ._export import readings_of_training, seconds_a_step
 
 # What a step of the exported compensator takes on the target that has to keep up.
 
@@ -49,24 +47,14 @@ def step_of(fitted: identify.FitResult, target: str, mhz: float | None) -> Step 
     except InputError:
         return None
     if target == "python":
-        return Step("plain Python here", _seconds(program, readings, times))
+        clock = np.zeros(len(readings)) if times is None else times
+        samples = np.column_stack([np.diff(clock, prepend=clock[0]), readings])[:STEPS].tolist()
+        with tempfile.TemporaryDirectory() as place:
+            file = program.write_runtime(Path(place) / "it.json").path
+            return Step("plain Python here", seconds_a_step(file, samples))
     mean, most, _ = program.operations
     cycle = float("nan") if mhz is None else 1e-6 / mhz
     return Step("C", cycle * mean, cycle * most, mean, most)
-
-
-def _seconds(program: Program, readings: np.ndarray, times: np.ndarray | None) -> float:
-    """The median time of a step."""
-    with tempfile.TemporaryDirectory() as place:
-        sensor = load(program.write_runtime(Path(place) / "it.json").path)
-    clock = np.zeros(len(readings)) if times is None else times
-    samples = np.column_stack([np.diff(clock, prepend=clock[0]), readings])[:STEPS].tolist()
-    taken = []
-    for sample in samples:
-        begin = time.perf_counter()
-        sensor.step(*sample)
-        taken.append(time.perf_counter() - begin)
-    return float(np.median(taken))
 
 
 DRAWS, ROWS = 50, 200_000

@@ -1,7 +1,6 @@
 """`hysid microchannel train`: a soft sensor learnt from its sessions, judged, and written to a folder."""
 
 import sys
-import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -12,7 +11,6 @@ import identify
 from compensate import Quantity
 from compensate.microchannel import export_force
 from compensate.microchannel._force import ForceEstimator
-from compensate.runtime import load
 from hysteresis import InputError
 from hysteresis._atomic_file import write_figure
 from hysteresis._escape import shell_word
@@ -33,6 +31,7 @@ from ..soft_sensor._sessions import Session, Streams, Targets, read_sessions
 from ._asked_more import Train
 from ._console import Done, Progress, log, warnings
 from ._estimate import figure_lines
+from ._export import seconds_a_step
 
 SCHEMA = 1
 RUNTIME, CHECKPOINT = "runtime.json", "checkpoint"
@@ -217,11 +216,7 @@ def _write_runtime(
         )  # fmt: skip
     except InputError as error:
         return None, [f"no {RUNTIME}, which runs without JAX: {error}"]
-    runtime, stamps = load(file), [time.perf_counter()]
-    for reading in readings[:TIMED].tolist():
-        runtime.step(sensor.step, reading)
-        stamps.append(time.perf_counter())
-    spent = float(np.median(np.diff(stamps)))
+    spent = seconds_a_step(file, [(sensor.step, one) for one in readings[:TIMED].tolist()])
     said = f"{RUNTIME} takes {1e3 * spent:.2g} ms a reading: for a fast loop take --kind network."
     found = {"file": file.name, "microseconds_a_reading": round(1e6 * spent, 1)}
     return found, [said] if spent >= SLOW_S else []

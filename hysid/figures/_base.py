@@ -197,7 +197,11 @@ def corner(labels: Sequence[str], draws: np.ndarray, fitted: Sequence[float]) ->
     shown = draws[np.linspace(0, len(draws) - 1, min(len(draws), 1500)).astype(int)]
     log = [bool((d > 0).all() and np.divide(*np.quantile(d, [0.995, 0.005])) > 30) for d in draws.T]
     see = [np.log10 if is_log else np.asarray for is_log in log]
-    ranges = [_corner_range(see[k](draws[:, k]), fitted[k], see[k]) for k in range(n)]
+    ranges = []
+    for k in range(n):
+        ends = [*np.quantile(see[k](draws[:, k]), [0.005, 0.995])]
+        ends += [see[k](fitted[k])] if np.isfinite(fitted[k]) else []
+        ranges.append(widened(np.array(ends)))
     for i in range(n):
         for j in range(n):
             axes = grid[i, j]
@@ -317,13 +321,6 @@ def widened(x: np.ndarray) -> tuple[float, float]:
     low, high = float(np.nanmin(x)), float(np.nanmax(x))
     margin = 0.04 * (high - low) or 1.0
     return low - margin, high + margin
-
-
-def _corner_range(draws: np.ndarray, fitted: float, see: Callable[..., Any]) -> tuple[float, float]:
-    low, high = np.quantile(draws, [0.005, 0.995])
-    if np.isfinite(fitted):
-        low, high = min(low, see(fitted)), max(high, see(fitted))
-    return widened(np.array([low, high]))
 
 
 def logarithmic(axes: Any, names: str) -> None:

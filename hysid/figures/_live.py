@@ -45,14 +45,11 @@ def live(figure: Figure) -> dict[str, Any] | None:
         "logarithmic": "".join(name for name, scale in scales.items() if scale == "log"),
         "limits": {name: ends.tolist() for name, ends in limits.items()},
         "curves": [
-            {"name": _name(part), **_numbers(points), **look} for part, points, look in curves
+            {"name": "" if name.startswith("_") else visible(name), **_numbers(points), **look}
+            for part, points, look in curves
+            for name in (str(part.get_label()),)
         ],
     }  # fmt: skip
-
-
-def _name(part: Any) -> str:
-    label = str(part.get_label())
-    return "" if label.startswith("_") else visible(label)
 
 
 def _numbers(points: np.ndarray) -> dict[str, list[float | None]]:

@@ -120,6 +120,12 @@ def common(found: Sequence[Path]) -> Path:
     return above
 
 
+def _natural(file: Path) -> list[tuple[int, str]]:
+    """pad-9 before pad-10."""
+    parts = re.split(r"(\d+)", file.as_posix())
+    return [(int(part), "") if part.isdecimal() else (-1, part) for part in parts]
+
+
 def _inside(folder: Path) -> dict[str, Path]:
     """Fits of one folder by name: itself, those of --each, or those in its folders."""
     if (folder / "fit.json").is_file() or not folder.is_dir():
@@ -128,7 +134,7 @@ def _inside(folder: Path) -> dict[str, Path]:
         return {value: folder / name for value, name in names.items()}
     below = [*folder.glob("*/fit.json"), *folder.glob("*/*/fit.json")]
     found: dict[Path, None] = {}
-    for file in sorted(below, key=lambda f: _natural(f.relative_to(folder).as_posix())):
+    for file in sorted(below, key=_natural):
         try:
             listed = folders_of(file.parent, identify.internal.read_document(file.parent))
         except InputError:
@@ -137,13 +143,6 @@ def _inside(folder: Path) -> dict[str, Path]:
     if not found:
         identify.internal.read_document(folder)  # says that there is none
     return {place.relative_to(folder).as_posix(): place for place in found}
-
-
-def _natural(text: str) -> list[tuple[int, str]]:
-    """pad-9 before pad-10."""
-    return [
-        (int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", text)
-    ]
 
 
 def opened(found: dict[str, Path]) -> tuple[list[Specimen], dict[str, str]]:

@@ -14,7 +14,7 @@ from hysteresis._note import ProgressNote
 from hysteresis._verdict import LEVELS, worst_of
 
 from ..figures._format import name_of, quantity
-from ._case import TARGET, Section
+from ._case import TARGET
 from ._fit_page import Tell, render, write_report
 from ._specimens import FEW, Specimen, common, kinds, mark_outliers, opened, places
 from ._specimens_sections import fits, loops, parameters, pooled
@@ -85,10 +85,16 @@ def write_many(
         name = f" of {group[0].fit.name}" if len(groups) > 1 else ""
         sections.append(loops(group, name))
         sections.append(parameters(group, name, population, said))
-    _distinct(sections)
+    seen: Counter[str] = Counter()
+    for section in sections:  # headings lead to one place each
+        seen[section.title] += 1
+        section.title += f" {seen[section.title]}" * (seen[section.title] > 1)
+    train = [one.fit.train for one in specimens]
+    names = {(name_of(record, "output"), name_of(record, "input")) for record in train}
+    of_what = " of {} from {}".format(*names.pop()) if len(names) == 1 else ""
     render(
         file,
-        title=_title(specimens),
+        title=f"{len(specimens)} fits{of_what}",
         subtitle=_subtitle(specimens, failed),
         level=worst,
         headline=f"Of {len(specimens)} fits: {', '.join(counts)}.",
@@ -136,13 +142,6 @@ def _facts(specimens: Sequence[Specimen]) -> list[tuple[str, str]]:
     ]
 
 
-def _title(specimens: Sequence[Specimen]) -> str:
-    train = [one.fit.train for one in specimens]
-    names = {(name_of(record, "output"), name_of(record, "input")) for record in train}
-    said = " of {} from {}".format(*names.pop()) if len(names) == 1 else ""
-    return f"{len(specimens)} fits{said}"
-
-
 def _subtitle(specimens: Sequence[Specimen], failed: dict[str, str]) -> str:
     models = Counter(one.fit.name for one in specimens).most_common()
     said = ", ".join(f"{count} {name}" for name, count in models)
@@ -173,15 +172,6 @@ def _not_fitted(folder: Path) -> dict[str, str]:
     return found
 
 
-def _distinct(sections: Sequence[Section]) -> None:
-    """Headings lead to one place each."""
-    seen: Counter[str] = Counter()
-    for section in sections:
-        seen[section.title] += 1
-        if seen[section.title] > 1:
-            section.title += f" {seen[section.title]}"
-
-
 def _entry(one: Specimen) -> dict[str, Any]:
     file = one.folder / TARGET
     return {
@@ -192,9 +182,7 @@ def _entry(one: Specimen) -> dict[str, Any]:
         "verdict": one.fit.verdict.level,
         "metrics": one.document["metrics"],
         "parameters": [
-            {"name": name, "value": f.value, "status": f.status,
-             "low": f.low if np.isfinite(f.low) else None,
-             "high": f.high if np.isfinite(f.high) else None}
+            {"name": name, **{k: getattr(f, k) for k in ("value", "status", "low", "high")}}
             for name, f in one.figures.items()
         ],
         "outlier": one.sentence if one.why else None,

@@ -7,7 +7,7 @@ module of a paper measures each number in one laboratory, and tells which senten
 import math
 import time
 import tomllib
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -173,7 +173,10 @@ def terminal(document: dict[str, Any]) -> list[str]:
     """The tables, and below them what the paper says in words."""
     lines = aligned(rows := _cells(document), range(2, len(rows[0]) - 2))
     tables = [line for pair in document.get("tables", {}).items() for line in (*pair, "")]
-    said = [line[:1].upper() + line[1:] for line in _said(document)]
+    said = [
+        f"{_yes(one['holds']).title()}: {one['published']} {one['reproduced']}"
+        for one in document["findings"]
+    ]
     return [document["rig"], "", *lines, "", TOLERANCE, "", *said, "", *tables]
 
 
@@ -211,11 +214,6 @@ def _with_error(mean: float, sd: float) -> str:
         return f"{mean:.4g}"
     decimals = min(max(1 - math.floor(math.log10(sd)), 0), 4)
     return f"{mean:.{decimals}f} ± {sd:.{decimals}f}"
-
-
-def _said(document: dict[str, Any]) -> Iterable[str]:
-    for one in document["findings"]:
-        yield f"{_yes(one['holds'])}: {one['published']} {one['reproduced']}"
 
 
 def _yes(holds: bool | None) -> str:

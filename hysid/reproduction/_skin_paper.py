@@ -82,13 +82,18 @@ def carry_out(
         say(f"sensor {done} of {rigs}{two}")
 
     trained = PAPER.said["trained"].format(epochs, of_two, OURS_FOR_ONE * of_two)
-    document = {
-        "rig": f"{PAPER.said['rig']} {trained}",
-        "epochs": epochs,
-        "rows": compared(PAPER.published, laboratories, ours, progress),
-        "findings": _findings(laboratories, ours),
+    rows = compared(PAPER.published, laboratories, ours, progress)
+    first = laboratories[0].skin
+    tables = {
+        "Table I. Levels of each combination": str(first.logic),
+        f"Table II. Five nearest neighbours, sensor {first.seed}": str(first.votes),
     }
-    return document | {"tables": _tables(laboratories[0].skin, ours)}
+    if ours:
+        tables[f"Table II by ours, sensor {first.seed}"] = str(first.likeliest)
+    return {
+        "rig": f"{PAPER.said['rig']} {trained}", "epochs": epochs, "rows": rows,
+        "findings": _findings(laboratories, ours), "tables": tables,
+    }  # fmt: skip
 
 
 def _findings(laboratories: Sequence[Laboratory], with_ours: bool) -> list[dict[str, Any]]:
@@ -130,13 +135,3 @@ def _static_error(skin: Skin) -> float:
     z, F = (np.concatenate(part) for part in (skin.taught.reading, skin.taught.force))
     curve = np.polynomial.Polynomial.fit(z, F, 5)
     return skin.rms([curve(z) for z in skin.loops.reading])
-
-
-def _tables(skin: Skin, with_ours: bool) -> dict[str, str]:
-    tables = {
-        "Table I. Levels of each combination": str(skin.logic),
-        f"Table II. Five nearest neighbours, sensor {skin.seed}": str(skin.votes),
-    }
-    if with_ours:
-        tables[f"Table II by ours, sensor {skin.seed}"] = str(skin.likeliest)
-    return tables

@@ -104,16 +104,24 @@ def train_networks(
     first = left_out[:2]
     done = {"of": len(decays) * len(first) + len(left_out) - len(first), "now": 0}
 
+    if (folder := settings.checkpoint) is not None:
+        folder.mkdir(parents=True, exist_ok=True)
+
     def one(k: int, decay: float) -> Trained:
         held = part == k
+
+        def told(epoch: int, epochs: int, words: str) -> None:
+            share = (done["now"] + epoch / epochs) / done["of"]
+            settings.tell(round(1000 * share), 1000, f"network {k + 1}: {words}")
+
         pairs = [
             (np.concatenate([x[at] for x in both]), np.tile(data.force[at], len(both)))
             for at in (known & ~held, known & held)
         ]
         found = train_staircase(
             starts[k], pairs, settings.updates, decay, seed=settings.seed,
-            progress=_told(settings, done, f"network {k + 1}"),
-            **_kept(settings, f"network-{k}-decay-{decay:g}"),
+            progress=told, resume=settings.resume,
+            checkpoint=folder and folder / f"network-{k}-decay-{decay:g}.npz",
         )  # fmt: skip
         done["now"] += 1
         return found
@@ -160,20 +168,6 @@ def decaying(steps: int, decay: float = 0.0, rate: float = RATE) -> optax.Gradie
     """Adam whose steps shrink to nothing over the training; the same one is compiled once."""
     schedule = optax.cosine_decay_schedule(rate, max(1, steps))
     return optax.adamw(schedule, weight_decay=decay) if decay else optax.adam(schedule)
-
-
-def _kept(settings: Settings, name: str) -> dict[str, Any]:
-    if (folder := settings.checkpoint) is not None:
-        folder.mkdir(parents=True, exist_ok=True)
-    return {"checkpoint": folder and folder / f"{name}.npz", "resume": settings.resume}
-
-
-def _told(settings: Settings, done: dict[str, int], name: str) -> Tell:
-    def tell(epoch: int, epochs: int, words: str) -> None:
-        share = (done["now"] + epoch / epochs) / done["of"]
-        settings.tell(round(1000 * share), 1000, f"{name}: {words}")
-
-    return tell
 
 
 def fit_structured(data: ForceData, part: np.ndarray, settings: Settings) -> Found:

@@ -113,9 +113,9 @@ def checks_of(
     known = noise is not None
     found = np.full(len(channels), noise) if known else _noise(parts, readings, rest)
     every = [(part, rows) for part in parts for rows in part.sequences()]
-    steps = np.concatenate([np.diff(_clock(part)[rows]) for part, rows in every])
-    step, gap = 0.0, np.inf
-    if steps.size and parts[0].record.time is not None:
+    step, gap, clocks = 0.0, np.inf, [(part.record.time, rows) for part, rows in every]
+    steps = np.concatenate([[], *(np.diff(time[at]) for time, at in clocks if time is not None)])
+    if steps.size:
         step = float(np.median(steps))
         even = np.mean(steps < LONG / 2 * step) > 0.99
         gap = LONG * step if even else 2.0 * float(steps.max())
@@ -235,10 +235,6 @@ def _at_rest(part: Streams, targets: Targets) -> np.ndarray:
     if targets.force is not None:
         rest &= part.force <= AT_REST * np.nanmax(part.force)
     return rest
-
-
-def _clock(part: Streams) -> np.ndarray:
-    return np.arange(len(part.counts)) if part.record.time is None else part.record.time
 
 
 def _noise(parts: Sequence[Streams], readings: np.ndarray, rest: np.ndarray) -> np.ndarray:

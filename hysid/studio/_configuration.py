@@ -13,7 +13,6 @@ from hysteresis._atomic_file import write_whole
 from ..commands._asked import as_fields
 from ..intake._own_config import TABLES, option_value, read_config, read_toml
 from ..intake._selection import Selection
-from ..intake._selection_options import FIELDS
 
 NAMES = (*TABLES, "parameters")
 MOST = 1000
@@ -51,32 +50,26 @@ def selection(config: Path) -> Selection:
 
 
 def change(config: Path, changes: Mapping[str, Mapping[str, Any]]) -> None:
-    """Set keys of the tables, or remove those whose value is None; all else stays as it is.
+    """Set keys of `TABLES`, or remove those whose value is None; all else stays as it is.
 
     Raises `InputError` `bad-config`, `unknown-key`, `bad-option` for a value that the key cannot have.
     """
     read(config)
     document = tomlkit.parse(config.read_text("utf-8")) if config.exists() else tomlkit.document()
     for name, keys in changes.items():
-        if name not in NAMES:
-            raise InputError(
-                "unknown-key", f"A configuration has no table {name}.", place=str(config)
-            )
         if name not in document:
             document[name] = tomlkit.table()
         table: Any = document[name]
         for key, value in keys.items():
-            if name == "selection" and key not in FIELDS:
+            if key not in TABLES[name]:
                 raise InputError("unknown-key", f"There is no option {key!r}.", place=str(config))
-            if not (_is_plain(key) and _is_plain(value)):
-                raise InputError(
-                    "bad-option", f"{key!r} cannot be {value!r:.80}.", place=str(config)
-                )
-            if name in TABLES and key in TABLES[name] and value is not None:
-                option_value(config, TABLES[name][key], value)
+            if not _is_plain(value):
+                said = f"{key!r} cannot be {value!r:.80}."
+                raise InputError("bad-option", said, place=str(config))
             if value is None:
                 table.pop(key, None)
             else:
+                option_value(config, TABLES[name][key], value)
                 table[key] = value
     write_whole(config, tomlkit.dumps(document))
 

@@ -157,14 +157,18 @@ class Measurement:
                 excerpt = read_table(self.file, **asked, most=self.file.stat().st_size // PART)
                 if excerpt.share < 1:
                     self._excerpt = (stamp, _series(excerpt, selection, None))
-            self._read_later(key, selection)
+            self._read_later(stamp)
             if self._excerpt is not None and self._excerpt[0] == stamp:
                 return self._excerpt[1], False, self._axes(selection)
+        return self._whole(stamp), True, self._axes(selection)
+
+    def _whole(self, stamp: tuple[Any, Selection]) -> Series:
         with self._lock:
             if self._series is None or self._series[0] != stamp:
+                selection = stamp[1]
                 table = self.table(selection)
                 self._series = (stamp, _series(table, selection, selection.records(table)[0]))
-            return self._series[1], True, self._axes(selection)
+            return self._series[1]
 
     def _axes(self, selection: Selection) -> dict[str, str]:
         """Names of clock, input and output with their units, first those that were typed by hand."""
@@ -262,21 +266,16 @@ class Measurement:
     def _key(self, selection: Selection) -> Any:
         return (_stamp(self.file), *(getattr(selection, name) for name in OF_READING))
 
-    def _read_later(self, key: Any, selection: Selection) -> None:
-        with self._lock:
-            if self._reading == key:
-                return
-            self._reading = key
-
+    def _read_later(self, stamp: tuple[Any, Selection]) -> None:
         def read() -> None:
             try:
-                table = self.table(selection)
-                made = _series(table, selection, selection.records(table)[0])
-                self._series = ((key, selection), made)
+                self._whole(stamp)
             except InputError as error:
-                self._faults[key] = error
+                self._faults[stamp[0]] = error
 
-        threading.Thread(target=read, daemon=True).start()
+        if self._reading != stamp[0]:
+            self._reading = stamp[0]
+            threading.Thread(target=read, daemon=True).start()
 
 
 def _of_guess(found: Mapping[str, Any]) -> dict[str, Any]:

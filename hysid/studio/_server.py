@@ -101,21 +101,6 @@ def prepared(
     return Prepared(uvicorn.Server(config), listening, addresses[0], studio, sessions)
 
 
-def serve(
-    files: Sequence[Path],
-    port: int,
-    models: Sequence[str],
-    browser: bool,
-    said: Callable[[str], None],
-) -> None:
-    """Serve as `prepared` until interrupted; `said` gets each address."""
-    ready = prepared(files, port, models, said)
-    os.chdir(ready.studio.folder.root)  # as the commands it starts, for names in a configuration
-    if browser:
-        threading.Timer(0.5, open_page, (ready,)).start()
-    ready.run()
-
-
 def open_page(ready: Prepared) -> None:
     """Open the page in the user's browser, by a file that leads there and is removed when it has been used.
 
