@@ -16,9 +16,6 @@ from identify.results._motion_detail import Motion
 
 from ._invert import error_of, exported, past_of
 
-# How soon a compensator says OK after it is switched on: its statuses over the rows of a fit.
-
-
 REACHED = 0.9
 """Part of all later rows that are OK from where OK is reached."""
 

@@ -32,8 +32,6 @@ from ..commands._console import (
 from ..intake._selection_options import ASIDE, FIELDS
 from ._config_file import FindsConfig, configure
 
-# The options of a command, made from the fields of what it is asked for.
-
 
 def command_of(asked: type[Command]) -> Callable[..., None]:
     """The function for typer that makes an `asked` of its options, has it done, and prints."""
@@ -122,9 +120,6 @@ def _one_of(*choices: str) -> Callable[[str | None], str | None]:
         return value
 
     return check
-
-
-# Remedies of errors: the options that they name are those of the command that says them.
 
 
 _OPTION = re.compile(r"(?<![\w-])--[a-z][a-z0-9-]+")

@@ -29,9 +29,6 @@ from ._asked import Qualify
 from ._console import USER, Done, Progress, warnings
 from ._export import readings_of_training, seconds_a_step
 
-# What a step of the exported compensator takes on the target that has to keep up.
-
-
 STEPS = 2000
 """Steps that are timed, at most."""
 

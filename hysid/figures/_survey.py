@@ -1,4 +1,4 @@
-"""Figures of creep, relaxation and moduli: the spectrum, the master curve, the shift factors."""
+"""Figures of many specimens, of creep, relaxation and moduli: spectrum, master curve, shift factors."""
 
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
@@ -19,9 +19,6 @@ from identify.spectra._superposition import Shifts
 from . import _base as f
 from ._base import BLUE, GREY, INK, SKY, VERMILLION, WIDE, logarithmic, single, small, styled
 from ._format import label, label_of, name_of, pretty
-
-# Figures of many specimens: small loops on one scale, each parameter over the specimens.
-
 
 Measured = tuple[np.ndarray, np.ndarray]
 

@@ -15,9 +15,6 @@ from ..figures._format import measured
 from ._case import TARGET, Section, Table
 from ._fit_page import render, write_report
 
-# A data sheet as files: a page with definitions and pictures, and one page to print.
-
-
 FIRST = (
     "sensitivity", "non-linearity, best line", "hysteresis", "repeatability", "creep", "zero return",
 )  # fmt: skip

@@ -17,12 +17,6 @@ from hysteresis._limits import parse_json
 from ..intake._fit_options import FIT_FIELDS
 from ..intake._selection_options import ASIDE, FIELDS
 
-# Controls of the page: what it calls the options of the commands, and texts that name them.
-#
-# A message of a command names options (`--step VALUE`), which a page does not have. `on_page` says the
-# control in place of each, so that every message can be followed where it is read.
-
-
 ROLES = {
     "input": "input", "output": "output", "time": "time", "input_time": "time of the input",
     "group": "separates sequences", "each": "one fit for each value", "condition": "condition",
