@@ -93,6 +93,9 @@ class Left:
 LEFT = Left()
 """Of the command that runs."""
 
+PROGRESS = "progress"
+"""Code of the lines of `Progress`, which say themselves what is left."""
+
 
 def logs_json() -> bool:
     """Whether another program reads what is logged."""
@@ -108,8 +111,8 @@ def log(line: str) -> None:
         print(json.dumps({"said": str(line), **fields}), file=sys.stderr, flush=True)
         return
     done, total = (int(getattr(line, name, 0)) for name in ("done", "total"))
-    said = _shown(line + LEFT(done, total), sys.stderr.encoding)
-    print(said, file=sys.stderr, flush=True)
+    left = "" if getattr(line, "code", "") == PROGRESS else LEFT(done, total)
+    print(_shown(line + left, sys.stderr.encoding), file=sys.stderr, flush=True)
 
 
 def _shown(text: str, encoding: str | None) -> str:
@@ -181,7 +184,8 @@ class Progress:
     """
 
     def __init__(self, what: str, later: bool = False):
-        self._what, self._begin = what, time.monotonic() + SOON * later
+        self._what, self._later = what, later
+        self._left = Left()
         self._bar: Any = None
         self._task: Any = None
         self._part = -1
@@ -190,8 +194,10 @@ class Progress:
         return self
 
     def __call__(self, done: int, total: int, text: str) -> None:
-        if time.monotonic() < self._begin:
-            return
+        if self._later:
+            if time.monotonic() < self._left.begin + SOON:
+                return
+            text += self._left(done, total)
         if sys.stderr.isatty():
             if self._bar is None:
                 # late: most commands show no bar
@@ -207,7 +213,7 @@ class Progress:
             from hysteresis._note import ProgressNote  # late: it loads JAX, which runs by now
 
             said = f"{self._what}: {100 * done // total} %, {text}"
-            log(ProgressNote("progress", said, done, total))
+            log(ProgressNote(PROGRESS, said, done, total))
 
     def __exit__(self, *_: object) -> None:
         if self._bar is not None:
