@@ -9,12 +9,13 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator
-from graphlib import CycleError, TopologicalSorter
+from graphlib import TopologicalSorter
 from importlib.metadata import packages_distributions
 from pathlib import Path
 from types import ModuleType
 
 import equinox as eqx
+import grimp
 import pytest
 
 from tests.sources import PACKAGES, ROOT, trees
@@ -66,47 +67,6 @@ def own_modules() -> list[type[eqx.Module]]:
 
 def is_abstract(cls: type) -> bool:
     return cls.__name__.lstrip("_").startswith("Abstract")
-
-
-def imports(tree: ast.AST) -> Iterator[ast.Import | ast.ImportFrom]:
-    """Import statements at any depth, except those that only a type checker sees."""
-    for node in ast.iter_child_nodes(tree):
-        if isinstance(node, ast.Import | ast.ImportFrom):
-            yield node
-        elif not (isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)):
-            yield from imports(node)
-
-
-def import_graph(trees: dict[str, ast.Module]) -> dict[str, set[str]]:
-    """The modules that each module imports, in functions too; a package means its `__init__`."""
-    files = {
-        path.removesuffix(".py").replace("/", ".").removesuffix(".__init__"): path for path in trees
-    }
-    graph: dict[str, set[str]] = {}
-    for module, path in files.items():
-        inside = module.split(".")[: None if path.endswith("__init__.py") else -1]
-        wanted: set[str] = set()
-        for node in imports(trees[path]):
-            if isinstance(node, ast.Import):
-                wanted |= {alias.name for alias in node.names}
-                continue
-            start = inside[: len(inside) - node.level + 1] if node.level else []
-            base = ".".join([*start, *([node.module] if node.module else [])])
-            below = {f"{base}.{alias.name}" for alias in node.names}
-            wanted |= below & files.keys()
-            if below - files.keys():
-                wanted.add(base)
-        graph[module] = wanted & files.keys() - {module}
-    return graph
-
-
-def circle(graph: dict[str, set[str]]) -> list[str]:
-    """Modules, each of which imports the next, from one back to itself; empty if there is no circle."""
-    try:
-        TopologicalSorter(graph).prepare()
-    except CycleError as found:
-        return found.args[1][::-1]
-    return []
 
 
 def tracked_files() -> list[Path]:
@@ -167,17 +127,18 @@ def test_import_has_no_effects_and_that_of_hysteresis_is_light():
 
 def test_laws_import_math_alone():
     """Beside types and each other: they run without the rest, and become C."""
+    graph = grimp.build_graph(
+        "hysteresis",
+        include_external_packages=True,
+        exclude_type_checking_imports=True,
+        cache_dir=None,
+    )
     foreign = {
-        (path, name)
-        for path, tree in trees().items()
-        if re.match("hysteresis/laws/[^_]", path)
-        for node in imports(tree)
-        for name in (
-            ["." * node.level + (node.module or "")]
-            if isinstance(node, ast.ImportFrom)
-            else [alias.name for alias in node.names]
-        )
-        if name not in ("math", "collections.abc", "typing") and not re.match(r"\.\w", name)
+        (law, name)
+        for law in graph.find_children("hysteresis.laws")
+        for name in graph.find_modules_directly_imported_by(law)
+        if not law.startswith("hysteresis.laws._")
+        and not re.match(r"math$|collections$|typing$|hysteresis\.laws\.", name)
     }
     assert foreign == set()
 
@@ -189,23 +150,10 @@ def test_files_are_short():
 
 def test_imports_run_in_no_circle():
     """Imports inside functions count: they would only hide the circle."""
-    assert circle(import_graph(trees())) == []
-
-
-def test_a_circle_is_found_wherever_it_is_imported():
-    files = {
-        "p/__init__.py": "",
-        "p/a.py": "from .b import x",
-        "p/b.py": "def f():\n    if True:\n        from . import c",
-        "p/c.py": "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from .a import y",
-    }
-    graph = import_graph({path: ast.parse(text) for path, text in files.items()})
-    assert graph == {"p": set(), "p.a": {"p.b"}, "p.b": {"p.c"}, "p.c": set()}
-    assert circle(graph) == []
-    files["p/c.py"] = "def g():\n    import p.a"
-    found = circle(import_graph({path: ast.parse(text) for path, text in files.items()}))
-    assert found[0] == found[-1]
-    assert set(found) == {"p.a", "p.b", "p.c"}
+    graph = grimp.build_graph(*PACKAGES, exclude_type_checking_imports=True, cache_dir=None)
+    TopologicalSorter(
+        {m: graph.find_modules_directly_imported_by(m) for m in graph.modules}
+    ).prepare()
 
 
 def test_files_have_names_of_the_field():
@@ -266,18 +214,6 @@ def test_no_module_decides_by_a_sentence():
     assert faults == []
 
 
-def test_decisions_by_sentence_are_found():
-    code = (
-        "START = 'The step is taken'\n"
-        "done = any(said.startswith(START) for said in history)\n"
-        "one_way = '[one-way-input]' in warning\n"
-        "odd = line.startswith(('Masked', 'Left out'))\n"
-        "whole = verdict == 'Good enough.'\n"
-        "mode = name == 'auto' or name.startswith('test_')\n"
-    )
-    assert [line for line, _ in decisions_by_sentence(ast.parse(code))] == [2, 3, 4, 5]
-
-
 def decisions_by_sentence(tree: ast.Module) -> list[tuple[int, str]]:
     """Line and text of each comparison with a sentence, or with the beginning or end of one."""
     texts = {
@@ -303,29 +239,3 @@ def decisions_by_sentence(tree: ast.Module) -> list[tuple[int, str]]:
 
 ASKS = ("startswith", "endswith", "find", "search", "match")
 SENTENCE = re.compile(r"[A-Za-z]{2,}[,:;]? [A-Za-z]{2,}|^\[[a-z-]+\]$")
-
-
-def annotations(tree: ast.AST, public: bool = True) -> Iterator[ast.expr]:
-    """Of every argument and result of the public functions and methods below a node."""
-    for node in ast.iter_child_nodes(tree):
-        if isinstance(node, ast.ClassDef):
-            yield from annotations(node, public and not node.name.startswith("_"))
-        elif isinstance(node, ast.FunctionDef):
-            if public and (node.name in ("__init__", "__call__") or not node.name.startswith("_")):
-                a = node.args
-                every = [*a.posonlyargs, *a.args, *a.kwonlyargs, a.vararg, a.kwarg]
-                found = [each.annotation for each in every if each]
-                yield from filter(None, [*found, node.returns])
-        else:
-            yield from annotations(node, public)
-
-
-def test_signatures_of_compensate_and_laws_have_types():
-    """`Any` in at most 3 % of them: what JSON holds, and the laws that take functions."""
-    found = [
-        {name.id for name in ast.walk(each) if isinstance(name, ast.Name)}
-        for path, tree in trees().items()
-        if path.startswith(("compensate/", "hysteresis/laws/"))
-        for each in annotations(tree)
-    ]
-    assert sum("Any" in names for names in found) <= 0.03 * len(found)

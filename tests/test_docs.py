@@ -107,24 +107,6 @@ def test_the_readme_shows_what_its_commands_print(tmp_path: Path, monkeypatch: p
         assert [line for line in lines if line not in (*printed, "  ...", "")] == []
 
 
-def test_a_page_becomes_a_notebook_of_its_blocks():
-    text = "# Title\n\n```python\nx = 1\n```\n\n    math\n\n```console\n$ true\n```\n"
-    made = tool("cells").as_notebook(text)
-    assert made.startswith("---\nfile_format: mystnb\n")
-    assert made.count("```{code-cell} python\n") == 3  # the first one is not shown
-    assert "```python" not in made
-    assert tool("cells").as_notebook("# Title\n\nWords.\n") == "# Title\n\nWords.\n"
-
-
-def test_a_command_is_shown_with_its_answer(capsys: pytest.CaptureFixture[str]):
-    tool("cells").console(
-        "$ python -c 'print(6 * 7)'\nnot run\n$ ls \\\n  datasets/catalogue.toml\n"
-    )
-    assert capsys.readouterr().out == (
-        "$ python -c 'print(6 * 7)'\n42\n\n$ ls \\\n  datasets/catalogue.toml\ndatasets/catalogue.toml\n\n"
-    )
-
-
 def test_every_public_name_is_documented_once():
     listed = [
         f"{package}.{name}"
@@ -137,23 +119,6 @@ def test_every_public_name_is_documented_once():
     missing, gone = sorted(public - set(listed)), sorted(set(listed) - public)
     assert missing == [], "to be listed in a page of docs/api/"
     assert gone == [], "listed in docs/api/ and no longer there"
-
-
-def test_every_docstring_becomes_restructured_text():
-    for value in tool("public").public_names().values():
-        text = inspect.getdoc(value)
-        assert text
-        assert tool("docstrings").restructured(text, {})
-    text = "See `fit`, `x` * y_.\n\n    y = x * 2\n\n- a\n- `b`\n\n**Example:**\n\n    >>> 1\n    1"
-    made = tool("docstrings").restructured(text, {"fit": "identify.fit"})
-    assert ":py:obj:`fit <identify.fit>`" in made
-    assert r"``x``\  \* y\_." in made
-    assert ".. code-block:: none\n\n   y = x * 2\n" in made
-    assert "- a" in made
-    assert ".. code-block:: pycon\n\n   >>> 1\n   1\n" in made
-    made = tool("docstrings").restructured("    y = 2 x\n\n```math\ny = K u\n```", {})
-    assert ".. math::\n\n   y=2\\,x\n" in made
-    assert ".. math::\n\n   y = K u\n" in made
 
 
 @pytest.mark.pages
@@ -198,18 +163,6 @@ def test_equations_of_docstrings_are_typeset():
     assert tool("equations").tex(">>> x = 1") is None
 
 
-def test_plain_text_is_read_as_an_equation():
-    def tex(text: str) -> str:
-        return tool("equations").tex(text)
-
-    assert tex("x1' = F / eta1") == r"x_{1}'=F/\eta _{1}"
-    assert tex("a <= |z|^(n-1)") == r"a\leq |z|^{n-1}"
-    assert tex("E_inf = sum_k tau_k^2") == r"E_{\infty }=\sum_{k}\,\tau _{k}^{2}"
-    assert tex("M = P x F") == r"M=P\,\times \,F"
-    assert tex("y = W x + b,    dz = offset") == "y=W\\,x+b,\\qquad \\mathrm{d}z=\\mathrm{offset}"
-    assert tex("y = 1\nz = 2") == "y=1\\\\\nz=2"
-
-
 def test_every_code_of_the_source_is_listed():
     raised = {
         code
@@ -233,23 +186,6 @@ def test_a_code_names_what_is_wrong():
     assert [code for code in codes if not kebab.fullmatch(code)] == []
     assert {code for code in codes if code.replace("-", "_") in arguments} == set()
     assert len(codes) <= MOST_CODES
-
-
-def test_the_parts_of_a_message_are_followed_to_where_they_are_made(tmp_path: Path):
-    package = tmp_path / "hysid"
-    package.mkdir()
-    (package / "_fault.py").write_text(
-        "def fault(place, code, problem, fix=''):\n"
-        "    return InputError(code, f'{place}: {problem}', fix=fix)\n"
-    )
-    (package / "_use.py").write_text(
-        "from functools import partial\nfrom ._fault import fault\n_fault = partial(fault, 'rig')\n\n"
-        "def check(x):\n    raise _fault('odd-size', f'{x} is too ' + 'big', fix='mend it.')\n"
-    )
-    told = tool("error_codes").faults(tmp_path)
-    assert [f[:4] for f in told if f.code == "odd-size"] == [
-        ("odd-size", "rig: … is too big", "", "mend it.")
-    ]
 
 
 def test_figures_beside_peers_stand_on_the_pages_named():

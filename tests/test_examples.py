@@ -319,8 +319,3 @@ def test_an_example_that_gives_something_else_is_found(tmp_path: Path):
     assert run_example("x", ">>> record.n_cycles\n5\n>>> u.max()\nnp.float64(6.0)", tmp_path) == ""
     assert "Got:\n    5" in run_example("x", ">>> record.n_cycles\n6", tmp_path)
     assert "NameError" in run_example("x", ">>> unheard_of", tmp_path)
-
-
-def test_every_prepared_name_says_what_it_is():
-    assert [name for name, made in PREPARED.items() if not inspect.getdoc(made)] == []
-    assert not PREPARED.keys() & ALWAYS.keys()

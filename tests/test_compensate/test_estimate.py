@@ -1,9 +1,7 @@
 """A compensator over a record is that of each of its sequences; known stretches end its run-in."""
 
 from dataclasses import replace
-from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -11,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from compensate import AbstractCompensator, Status, estimate, invert
-from compensate.internal import BracketedCompensator, Estimate
-from hysteresis import Burgers, InputError, LinearSponge, PrandtlIshlinskii, Preisach, Record
+from compensate import Status, estimate, invert
+from compensate.internal import BracketedCompensator
+from hysteresis import Burgers, PrandtlIshlinskii, Preisach, Record
 from hysteresis.internal import with_units
 from hysteresis.preisach import GridDensity
 from tests.problems import HIGH, INVERTIBLE, KINDS, LOW, Problem, random_histories, weights
@@ -65,28 +63,6 @@ def test_it_is_simulate_of_each_sequence(name: str, seed: int, lengths: list[int
             alone,
         )
     np.testing.assert_array_equal(found.status == Status.INVALID, np.isnan(data.output))
-
-
-class Watched(AbstractCompensator[Any, Estimate]):
-    """Another compensator, and the lengths that it was asked for."""
-
-    inner: AbstractCompensator
-    lengths: list[int] = eqx.field(static=True)
-
-    def init(self):
-        return self.inner.init()
-
-    def stream(self, t, y, state):
-        self.lengths.append(len(y))
-        return self.inner.stream(t, y, state)
-
-
-def test_few_lengths_are_compiled():
-    """A program for each power of two, not for each length."""
-    watched = Watched(invert(LinearSponge(2.0, 1.0)), [])
-    estimate(watched, record(0, list(range(1, 65))))
-    assert len(watched.lengths) == 64
-    assert set(watched.lengths) == {1, 2, 4, 8, 16, 32, 64}
 
 
 def test_without_a_clock_and_without_rows():

@@ -19,7 +19,6 @@ from hysteresis import (
     BoucWen,
     Burgers,
     DegradingBoucWen,
-    InputError,
     LinearSponge,
     Preisach,
     Record,
@@ -35,6 +34,7 @@ from tests.problems import (
     variants_thorough,
     weights,
 )
+from tests.refusals import raises
 from tests.thorough import rest_thorough
 
 ROWS = 200
@@ -337,10 +337,6 @@ def _nodes(document: Any) -> Any:
         trees += one.get("parts", [])
 
 
-def refused(code: str):
-    return pytest.raises(InputError, match=rf"\[{code}\]")
-
-
 def test_a_density_is_tabulated_and_its_error_told(tmp_path: Path):
     """A note says how far outputs are off: the readings come back as closely. Its own cells are kept."""
     model = Preisach(GaussianDensity(-1.0, 2.0, 1.0, 0.3, 0.3, 0.3, 0.5), np.full(5, 0.1))
@@ -363,18 +359,18 @@ def test_a_density_is_tabulated_and_its_error_told(tmp_path: Path):
 
 def test_what_cannot_be_exported_is_refused(tmp_path: Path):
     model, y = relays()
-    with refused("bad-name"):
+    with raises("bad-name"):
         export_c(model, tmp_path / "3 d.h", y)
-    with refused("bad-option"):
+    with raises("bad-option"):
         export_c(model, tmp_path / "it.h", y, real="half")
-    with refused("no-rows"):
+    with raises("no-rows"):
         export_c(model, tmp_path / "it.h", [np.nan, 1.0])
-    with refused("no-time"):
+    with raises("no-time"):
         export_c(Burgers(1.0, 1.0, 1.0, 1.0), tmp_path / "it.h", y)
-    with refused("bad-option"):
+    with raises("bad-option"):
         demagnetised = Preisach(model.density, initial="demagnetised")
         export_c(demagnetised, tmp_path / "it.h", y, depth=8)
-    with refused("not-invertible"):
+    with raises("not-invertible"):
         worn = DegradingBoucWen(BoucWen(1.0, 0.1, 1.0), strength_loss=0.2)
         export_c(worn, tmp_path / "it.h", y)
     assert not list(tmp_path.iterdir())

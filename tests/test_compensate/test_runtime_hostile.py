@@ -23,20 +23,6 @@ def hostile(rows: int) -> tuple[np.ndarray, np.ndarray]:
     return random.choice(HUGE, rows), random.choice(CLOCKS, rows)
 
 
-@pytest.mark.parametrize("problem", rest_thorough(EXPORTED[::3], 6), ids=lambda p: p.name)
-def test_python_is_finite_whatever_it_is_fed(problem: Problem, tmp_path: Path):
-    done = run(problem)
-    export_runtime(done.model, tmp_path / "it.json", done.y, times=done.t, depth=DEPTH)
-    it = load(tmp_path / "it.json")
-    y, dt = hostile(FEW)
-    for k, (a, b) in enumerate(zip(y.tolist(), dt.tolist(), strict=True)):
-        found = it.step(b, a)
-        assert np.isfinite(found.value) or k == 0
-        assert (found.status == Status.INVALID) == (not np.isfinite(a))
-    for a, b in zip(done.y[:FEW].tolist(), done.dt[:FEW].tolist(), strict=True):
-        assert np.isfinite(it.step(b, a).value)
-
-
 @pytest.mark.skipif(not COMPILERS, reason="no C compiler")
 @pytest.mark.parametrize("real", rest_thorough(["float", "double"], 1))
 @pytest.mark.parametrize("problem", rest_thorough(EXPORTED[::5], 3), ids=lambda p: p.name)

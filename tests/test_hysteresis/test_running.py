@@ -1,10 +1,8 @@
 """Trees of laws over time: what is compiled is the plain text, and its derivatives are exact."""
 
-import os
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import Any
 
 import jax
@@ -212,42 +210,6 @@ def test_inside_programs_of_jax_it_is_the_same(seed: int):
 def _along(u: np.ndarray, theta: Any) -> np.ndarray:
     ends = [outputs(numbers(_plays(theta)), (1 + s) * u, 0 * u)[0] for s in (1e-7, -1e-7)]
     return (np.asarray(ends[0]) - np.asarray(ends[1])) / 2e-7
-
-
-KEPT = """
-import numpy as np
-from hysteresis import PrandtlIshlinskii
-from hysteresis.running import _over_time, numbers_of
-own = numbers_of(PrandtlIshlinskii(np.array([0.1]), np.array([0.5]), 1.0).tree())
-with _over_time.compiled_at_once():
-    _over_time.run(own, np.zeros(3), np.zeros(3))
-from hysteresis.running._compiled import _name, _folder
-import sys
-loop = getattr(sys.modules[_name(own.known.structure.bare, "run")], "run")
-print(sum(loop.stats.cache_hits.values()))
-"""
-
-
-@pytest.mark.thorough
-def test_another_process_finds_what_was_compiled(tmp_path: Path):
-    pytest.importorskip("numba")
-    environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path)}
-
-    def hits() -> int:
-        done = subprocess.run(
-            [sys.executable, "-c", KEPT], env=environment, capture_output=True, text=True
-        )
-        assert done.returncode == 0, done.stderr
-        return int(done.stdout)
-
-    assert (hits(), hits()) == (0, 1)
-    for file in (tmp_path / "hysid").rglob("*.nb?"):  # as a full disk leaves it
-        file.write_bytes(file.read_bytes()[:20])
-    code = KEPT.rpartition("from hysteresis.running._compiled")[0]
-    done = subprocess.run(
-        [sys.executable, "-c", code], env=environment, capture_output=True, text=True
-    )
-    assert (done.returncode, done.stderr) == (0, "")
 
 
 READING = """

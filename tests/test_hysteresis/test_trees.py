@@ -1,21 +1,15 @@
 """Every model's tree of laws: run forwards it is the model, and JAX traces and differentiates it."""
 
-from collections.abc import Iterator
 from typing import Any
 
-import equinox as eqx
-import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from hysteresis import (
-    AbstractModel,
     BoucWen,
     Burgers,
     Conditioned,
     DuhemForce,
-    InputError,
     LinearSponge,
     MonotoneCurve,
     Oscillator,
@@ -28,17 +22,17 @@ from hysteresis import (
 from hysteresis.curves import Clip, MonotoneSpline, PolynomialCurve
 from hysteresis.laws._tree import node_of
 from hysteresis.preisach import GaussianDensity, GridDensity
-from hysteresis.trees import Tree, plain
+from hysteresis.trees import plain
 from tests import compositions
 from tests.problems import (
     PROBLEMS,
     Problem,
     clock,
-    kinds_often,
     random_histories,
     variants_thorough,
     weights,
 )
+from tests.refusals import raises
 
 LOW, HIGH, ROWS = -1.0, 2.0, 60
 
@@ -87,30 +81,6 @@ TREES = [*PROBLEMS, *OTHERS]
 every = pytest.mark.parametrize("problem", variants_thorough(TREES), ids=lambda p: p.name)
 
 
-def numbers(tree: Tree) -> Iterator[Any]:
-    """All floating numbers of a tree that have a derivative, those of its parts last: the `size` of a sum's
-    output, which says what rounding is, has none."""
-    for values in (tree.get("parameters", {}), tree.get("state", {})):
-        for name, value in values.items():
-            if name != "size" and jnp.issubdtype(jnp.asarray(value).dtype, jnp.floating):
-                yield jnp.ravel(jnp.asarray(value))
-    for part in tree.get("parts", ()):
-        yield from numbers(part)
-
-
-def flat(model: AbstractModel) -> jax.Array:
-    return jnp.concatenate(list(numbers(model.tree())))
-
-
-def whole(tree: Tree) -> Any:
-    """What no parameter may change: kinds, names, lengths and the integers among the parameters."""
-    p = tree.get("parameters", {})
-    sizes = {name: x if isinstance(x, int) else np.shape(x) for name, x in p.items()}
-    assert all(isinstance(x, int) or jnp.asarray(x).dtype.kind == "f" for x in p.values())
-    states = [(name, np.shape(x)) for name, x in tree.get("state", {}).items()]
-    return tree["kind"], sizes, states, [whole(part) for part in tree.get("parts", ())]
-
-
 @every
 def test_run_forwards_it_is_the_model(problem: Problem):
     """To 1e-9 of the range. An oscillator goes from force to displacement by its `find`."""
@@ -131,63 +101,7 @@ def test_run_forwards_it_is_the_model(problem: Problem):
     assert np.abs(np.array(found) - y).max() <= 1e-9 * np.ptp(y)
 
 
-@pytest.mark.parametrize("problem", kinds_often(TREES), ids=lambda p: p.name)
-def test_it_is_traced_and_differentiated(problem: Problem):
-    """Along a direction through all parameters, as by central differences; of many models at once, too."""
-    model, other = problem.model(0), problem.model(1)
-    values, rest = eqx.partition(model, eqx.is_inexact_array)
-    random, step = np.random.default_rng(3), 1e-6
-
-    def moved(x: Any) -> Any:
-        # An exponent of 1 stays: of a force it decides whether there is a law.
-        still = ~jnp.isfinite(x) | (x == 1.0)
-        return jnp.asarray(random.normal(size=x.shape)) * jnp.where(still, 0.0, jnp.abs(x))
-
-    def of(values: Any) -> jax.Array:
-        made = eqx.combine(values, rest)
-        assert whole(made.tree()) == whole(model.tree())
-        return flat(made)
-
-    way = jax.tree.map(moved, values)
-    found = jax.jit(lambda way: jax.jvp(of, (values,), (way,)))(way)
-    here = np.asarray(flat(model))
-    np.testing.assert_allclose(
-        found[0], here, rtol=1e-12, atol=1e-12 * np.abs(here[np.abs(here) < 1e20]).max()
-    )
-    ends = [
-        np.asarray(of(jax.tree.map(lambda x, w, s=s: x + s * w, values, way)))
-        for s in (step, -step)
-    ]
-    slopes = (ends[0] - ends[1]) / (2 * step)
-    size = np.maximum(np.abs(here), np.abs(slopes).max())
-    assert (np.abs(found[1] - slopes) <= 1e-6 * size).all()
-    both = jax.tree.map(lambda *x: jnp.stack(x), values, eqx.filter(other, eqx.is_inexact_array))
-    many = jax.jit(jax.vmap(of))(both)
-    np.testing.assert_allclose(many[1], flat(other), rtol=1e-9, atol=1e-12)
-
-
-@every
-def test_what_depends_on_no_parameter_is_a_constant(problem: Problem):
-    """What JAX makes is free, what NumPy makes has no derivative: so nothing that is traced may be constant
-    in the tree of known parameters."""
-    model = problem.model()
-    traced: list[Tree] = []
-    values, rest = eqx.partition(model, eqx.is_inexact_array)
-    jax.eval_shape(lambda v: traced.append(eqx.combine(v, rest).tree()) or 0.0, values)
-
-    def pairs(a: Tree, b: Tree) -> Iterator[tuple[str, Any, Any]]:
-        for part in ("parameters", "state"):
-            for name, x in a.get(part, {}).items():
-                yield f"{a['kind']}.{name}", x, b[part][name]
-        for one, two in zip(a.get("parts", ()), b.get("parts", ()), strict=True):
-            yield from pairs(one, two)
-
-    for name, x, y in pairs(traced[0], model.tree()):
-        assert not isinstance(x, jax.core.Tracer) or isinstance(y, jax.Array), name
-
-
 def test_a_density_without_a_grid_has_no_tree():
     density = GaussianDensity(0.0, 1.0, 1.0, 0.1, 0.1, 0.5, 0.1)
-    with pytest.raises(InputError, match="GaussianDensity") as refused:
+    with raises("not-exportable", "GaussianDensity"):
         Preisach(density).tree()
-    assert refused.value.code == "not-exportable"

@@ -1,14 +1,13 @@
 """What is asked of a fit in Python: new inputs, parameters by name, correlations, AIC and BIC."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 
 import hysid
 import identify
-from hysteresis import InputError, Record
+from hysteresis import Record
 from identify.internal import target as target_of_module
+from tests.refusals import refuses
 from tests.test_hysid.command import COLUMNS, put, run, sponge, text
 
 U = np.tile(np.concatenate([np.linspace(0, 20, 60), np.linspace(20, 0, 60)]), 3)
@@ -19,13 +18,6 @@ TIME = np.arange(len(U)) * 0.5
 @pytest.fixture(scope="module")
 def line() -> identify.FitResult:
     return identify.fit(Record.from_arrays(U, Y), "LinearSponge", noise="gaussian", starts=2)
-
-
-def refused(code: str, call: Any, *words: str) -> None:
-    with pytest.raises(InputError) as caught:
-        call()
-    assert caught.value.code == code
-    assert all(word in str(caught.value) for word in words), caught.value
 
 
 def test_arrays_are_predicted_as_the_command_line_does(tmp_path, monkeypatch):
@@ -39,7 +31,7 @@ def test_arrays_are_predicted_as_the_command_line_does(tmp_path, monkeypatch):
     fit = hysid.load("run")
     np.testing.assert_allclose(fit.predict(force, time), written, rtol=1e-9)
     np.testing.assert_array_equal(fit.predict(force, time), fit.predict(fit.train)[: len(force)])
-    refused("no-time", lambda: fit.predict(force))
+    refuses("no-time", lambda: fit.predict(force))
 
 
 @pytest.mark.thorough
@@ -47,8 +39,8 @@ def test_a_composition_that_relaxes_needs_the_times_too():
     answer = U + 3 * np.convolve(U, 0.1 * np.exp(-0.1 * np.arange(60)))[: len(U)]
     fit = hysid.fit(Record.from_arrays(U, answer, TIME), "Composition")
     np.testing.assert_array_equal(fit.predict(U, TIME), fit.predict(fit.train))
-    refused("no-time", lambda: fit.predict(U))
-    refused("no-time", lambda: fit.predict(Record.from_arrays(U, answer)))
+    refuses("no-time", lambda: fit.predict(U))
+    refuses("no-time", lambda: fit.predict(Record.from_arrays(U, answer)))
 
 
 def test_a_condition_goes_with_the_inputs():
@@ -62,9 +54,9 @@ def test_a_condition_goes_with_the_inputs():
     measured = fit.predict(record)[120:240]
     for condition in (heat[120:240], 20.0, {"T": 20.0}):
         np.testing.assert_array_equal(fit.predict(U[120:240], condition=condition), measured)
-    refused("no-condition", lambda: fit.predict(U))
-    refused("bad-option", lambda: fit.predict(U, condition={"p": 1.0}), "depends on T")
-    refused("bad-option", lambda: fit.predict(record, condition=20.0))
+    refuses("no-condition", lambda: fit.predict(U))
+    refuses("bad-option", lambda: fit.predict(U, condition={"p": 1.0}), "depends on T")
+    refuses("bad-option", lambda: fit.predict(record, condition=20.0))
 
 
 def test_several_channels_are_columns_of_an_array():
@@ -73,7 +65,7 @@ def test_several_channels_are_columns_of_an_array():
     fit = hysid.fit(record, "Preisach")
     both = np.column_stack([table["a"], table["b"]])
     np.testing.assert_allclose(fit.predict(both), fit.predict(record), atol=1e-9)
-    refused("length-mismatch", lambda: fit.predict(U))
+    refuses("length-mismatch", lambda: fit.predict(U))
 
 
 def test_a_parameter_is_found_by_its_name(line):
@@ -81,8 +73,8 @@ def test_a_parameter_is_found_by_its_name(line):
     assert found == line["K"] == line.parameters[0]
     assert (found.value, found.stderr) == (pytest.approx(2.0, rel=1e-2), pytest.approx(5e-4, rel=1))
     assert str(found).split()[:3] == ["K", f"{found.value:.5g}", "+-"]
-    refused("unknown-parameter", lambda: line["treshold"], "'threshold'")
-    refused("unknown-parameter", lambda: line["x"], "'K' or 'b'")
+    refuses("unknown-parameter", lambda: line["treshold"], "'threshold'")
+    refuses("unknown-parameter", lambda: line["x"], "'K' or 'b'")
 
 
 def test_correlations_are_those_of_the_covariance(line):
@@ -117,4 +109,4 @@ def test_where_there_is_no_counted_likelihood_there_are_no_criteria(line):
         ),
     }  # fmt: skip
     for words, fit in why.items():
-        refused("not-comparable", lambda fit=fit: fit.criteria, words, "hysid.compare")
+        refuses("not-comparable", lambda fit=fit: fit.criteria, words, "hysid.compare")

@@ -10,12 +10,12 @@ from hysteresis import (
     AbstractModel,
     Burgers,
     Conditioned,
-    InputError,
     MonotoneCurve,
     PrandtlIshlinskii,
     Scaled,
     Sum,
 )
+from tests.refusals import raises
 
 KNOTS = [10.0, 20.0, 50.0]
 
@@ -78,13 +78,11 @@ def test_without_a_condition_the_last_estimate_is_held():
     found = compensator.simulate(None, np.column_stack([y, c]))
     assert [int(s) for s in found.status] == [Status.OK, Status.OK, Status.INVALID, Status.OK]
     np.testing.assert_allclose(found.value, u, atol=1e-7)
-    with pytest.raises(InputError) as error:
+    with raises("wrong-shape"):
         compensator.simulate(None, y)
-    assert error.value.code == "wrong-shape"
 
 
 def test_a_model_that_rises_here_and_falls_there_has_no_inverse():
     mixed = Conditioned((Scaled(part(1.0, 0.1), 1.0), Scaled(part(1.0, 0.1), -1.0)), [0.0, 1.0])
-    with pytest.raises(InputError) as error:
+    with raises("not-invertible"):
         invert(mixed)
-    assert error.value.code == "not-invertible"

@@ -16,6 +16,7 @@ from hysteresis import BoucWen, FoamCurve, InputError, MonotoneCurve, Preisach
 from hysteresis.curves import Clip, MonotoneSpline, PolynomialCurve
 from hysteresis.preisach import GaussianDensity, GridDensity
 from tests.problems import HIGH, LOW, SAMPLES, random_histories, weights
+from tests.refusals import raises
 
 simulate = eqx.filter_jit(lambda model, u: model.simulate(None, u))
 estimate = eqx.filter_jit(lambda model, y: invert(model).simulate(None, y))
@@ -84,10 +85,8 @@ def test_spline_of_any_bend_there_and_back(seed: int, bend: float, level: float)
     ],
 )
 def test_what_falls_is_refused_with_the_place(model: Any, place: str):
-    with pytest.raises(InputError) as caught:
+    with raises("not-invertible", place):
         invert(model)
-    assert caught.value.code == "not-invertible"
-    assert place in str(caught.value)
 
 
 @pytest.mark.parametrize("n", [0.5, 1.0, 2.5, 10.0])
@@ -140,22 +139,6 @@ def test_equal_to_the_exact_inverse_on_a_grid():
     np.testing.assert_allclose(found.value, exact.value, rtol=0, atol=1e-12)
     np.testing.assert_array_equal(found.status, Status.OK)
     assert np.abs(again - y).max() <= 1e-13 * np.ptp(y)
-
-
-@pytest.mark.thorough
-def test_a_density_that_vanishes_is_flat_where_it_does():
-    """Without a reversible part: every output comes back, on a way up the input where it is OK."""
-    model = Preisach(GaussianDensity(LOW, HIGH, 1.0, 0.3, 0.05, 0.5, 0.05))
-    u = drawn()
-    u[0] = np.linspace(LOW, HIGH, SAMPLES)
-    y, found, again = both_ways(model, invert(model), None, u)
-    assert np.abs(again - y).max() <= 1e-9 * np.ptp(y)
-    status, error = np.asarray(found.status), np.abs(np.asarray(found.value) - u)
-    assert set(np.unique(status)) == {Status.OK, Status.FLAT}
-    sure = status[0] == Status.OK
-    # The density is normal in alpha too, about 0.8 with a deviation of 0.07: nothing at 0 or 1.6.
-    np.testing.assert_array_equal(sure[[0, 13, 24, 35, 39]], [False, False, True, False, False])
-    assert error[0, sure].max() <= 1e-6 * (HIGH - LOW)
 
 
 def test_out_of_reach_and_invalid_samples():

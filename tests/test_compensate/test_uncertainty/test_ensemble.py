@@ -9,9 +9,10 @@ import pytest
 
 from compensate import Status, calibrated, invert
 from compensate.internal import CalibratedCompensator
-from hysteresis import AbstractModel, Burgers, InputError, LinearSponge, Preisach, Record
+from hysteresis import AbstractModel, Burgers, LinearSponge, Preisach, Record
 from hysteresis.preisach import GridDensity
 from tests.problems import HIGH, LOW, SAMPLES, random_histories, weights, without
+from tests.refusals import raises
 from tests.thorough import rest_thorough
 
 DRAWS = 9
@@ -87,10 +88,6 @@ def test_a_stream_equals_the_batch_and_holes_leave_no_trace(make: Any):
         np.testing.assert_allclose(alone, whole.draws[:, ~hole], rtol=0, atol=1e-8)
 
 
-def refused(code: str):
-    return pytest.raises(InputError, match=rf"\[{code}\]")
-
-
 def wrong(seed: int, cycles: int = 8) -> tuple[AbstractModel, Record]:
     """A line, and a record whose readings it misses by a wave per cycle: larger on the way up."""
     rng = np.random.default_rng(seed)
@@ -118,5 +115,5 @@ def test_the_error_is_added_in_quadrature_and_carried_over():
 
 def test_no_row_to_learn_from_is_refused():
     model, record = wrong(0, 4)
-    with refused("no-rows"):
+    with raises("no-rows"):
         calibrated(invert(model), record.split_rows(record.cycle >= 9)[1])

@@ -13,7 +13,6 @@ from typing import Any
 import pytest
 
 from hysid.commands._console import Left
-from identify.internal import read_json, write_json
 from tests.test_hysid.command import COLUMNS, ENVIRONMENT, run, sponge, text
 
 KEYS = {"code", "message", "where", "cause", "fix"}
@@ -131,13 +130,6 @@ def test_a_terminal_without_unicode():
     done = subprocess.run(LIST, env=environment, capture_output=True)
     assert (done.returncode, done.stderr) == (0, b"")
     assert done.stdout.isascii()
-
-
-def test_a_name_that_is_not_utf8_is_kept(tmp_path: Path):
-    """Linux's names are bytes: Python reads those that are not UTF-8 as halves of characters."""
-    document = {"source": "run\udcff.csv", "é": "é"}
-    write_json(tmp_path / "fit.json", document)
-    assert read_json(tmp_path / "fit.json") == document
 
 
 def test_nowhere_to_write_the_details(monkeypatch: pytest.MonkeyPatch):

@@ -20,6 +20,7 @@ import hysid
 import identify
 from hysid.cli._app import app
 from hysteresis import InputError
+from tests.refusals import raises
 from tests.test_hysid.command import refused, run
 from tests.test_hysid.test_studio.served import ask, entered, serving, studio_of
 
@@ -213,9 +214,8 @@ def test_a_command_is_cancelled_and_another_one_about_the_file_waits(studio, tmp
     (tmp_path / "json.py").write_text("raise SystemExit('code of the folder was run')")
     jobs = studio.jobs
     job = jobs.start("fit", "run.csv", ["fit", "run.csv", *COLUMNS])
-    with pytest.raises(InputError) as caught:
+    with raises("would-overwrite"):
         jobs.start("fit", "run.csv", ["fit", "run.csv"])
-    assert caught.value.code == "would-overwrite"
     jobs.cancel(job.number)
     for _ in range(100):
         if job.state != "running":

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 import hysid
 from hysteresis import InputError, Record, read_csv, read_table
+from tests.refusals import refuses
 
 X, F, T = "Disp (mm)", "Force (N)", "Time (s)"
 ROWS = [(0.1 * k, k % 7, 2.5 * (k % 7)) for k in range(20)]
@@ -28,16 +29,6 @@ def read(tmp_path):
         return read_csv(path, input, output, **options)
 
     return _read
-
-
-def refused(code: str, call: Any, *words: str) -> None:
-    with pytest.raises(InputError) as caught:
-        call()
-    text = str(caught.value)
-    assert caught.value.code == code, text
-    for word in words:
-        assert word in text
-    assert "\n" not in text
 
 
 def with_cell(line: int, cells: str) -> str:
@@ -70,10 +61,10 @@ def test_03_unit_row(read):
     assert any(note in sentence for sentence in record.history)
     confirmed = read(text, "x", "F", units_row=2)
     assert not any("Confirm" in sentence for sentence in confirmed.history)
-    refused("bad-units-row", lambda: read(text, "x", "F", units_row=5), "Line 5", "--units-row 2")
+    refuses("bad-units-row", lambda: read(text, "x", "F", units_row=5), "Line 5", "--units-row 2")
     below = read(f"# rig 3\n{text}", "x", "F")
     assert any("Row 3 is units" in s and "units_row=3" in s for s in below.history)
-    refused("text-cell", lambda: read(text, "x", "F", units_row=0), "line 2", "'mm'", "units_row=2")
+    refuses("text-cell", lambda: read(text, "x", "F", units_row=0), "line 2", "'mm'", "units_row=2")
     # A specimen called A is no ampere.
     named = "sample;x;F\nA;1,5;2,5\nA;;\nA;2,5;3,5\n"
     assert len(read(named, "x", "F", decimal=",", nan="interpolate")) == 3
@@ -82,15 +73,15 @@ def test_03_unit_row(read):
 def test_05_text_cell(read):
     text = with_cell(9, "0.7,0,OVLD")
     words = ("line 9", f"'{F}'", "'OVLD'", "overload", "na_values", "--na-values OVLD")
-    refused("text-cell", lambda: read(text), *words)
+    refuses("text-cell", lambda: read(text), *words)
     record = read(text, na_values=["OVLD"], nan="omit")
     assert np.flatnonzero(~record.mask).tolist() == [7]
     coded = read(with_cell(9, "0.7,0,-999.0"), na_values=["-999"], nan="omit")
     assert coded.mask.sum() == 19
     other = text.replace("0.8,1,2.5", "0.8,1,stop")
-    refused("text-cell", lambda: read(other, na_values=["OVLD"], nan="omit"), "line 10", "'stop'")
+    refuses("text-cell", lambda: read(other, na_values=["OVLD"], nan="omit"), "line 10", "'stop'")
     endless = with_cell(9, f"0.7,0,{'9' * 300}")  # no number is that long
-    refused("text-cell", lambda: read(endless), "line 9", f"'{F}'", "'999")
+    refuses("text-cell", lambda: read(endless), "line 9", f"'{F}'", "'999")
 
 
 # 6: series
@@ -153,10 +144,10 @@ def test_groups_where_and_keep(read):
     some = read(text, "x_mm", "f_N", group="sample", where={"run": ["2", "10.0"]})
     assert len(some) == 16
     assert some.labels == ("a", "b")
-    refused("no-match", lambda: read(text, "x_mm", "f_N", where={"run": ["3"]}), "run=3", "10")
-    refused("bad-option", lambda: read(table(), time=T, dt=0.1), "--dt")
-    refused("bad-option", lambda: read(table(), dt=0.0), "--dt")
-    refused("bad-option", lambda: read(table(), decimal=";"), "--decimal")
+    refuses("no-match", lambda: read(text, "x_mm", "f_N", where={"run": ["3"]}), "run=3", "10")
+    refuses("bad-option", lambda: read(table(), time=T, dt=0.1), "--dt")
+    refuses("bad-option", lambda: read(table(), dt=0.0), "--dt")
+    refuses("bad-option", lambda: read(table(), decimal=";"), "--decimal")
 
 
 def test_conditions(tmp_path):
@@ -181,9 +172,9 @@ def test_conditions(tmp_path):
     }.items():
         assert held_out(text) == [bool(x) for x in expected], text
     for text in ("run", "=4", "run=", "run=4,"):
-        refused("bad-condition", lambda text=text: held_out(text), "COL=VALUE")
-    refused("no-column", lambda: held_out("runs=4"), "'run'")
-    refused("no-match", lambda: held_out("name=z"))
+        refuses("bad-condition", lambda text=text: held_out(text), "COL=VALUE")
+    refuses("no-column", lambda: held_out("runs=4"), "'run'")
+    refuses("no-match", lambda: held_out("name=z"))
 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])

@@ -10,8 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hysteresis import InputError, Note, Record, read_csv
+from hysteresis import Note, Record, read_csv
 from hysteresis.internal import check_identifiable, loop_direction
+from tests.refusals import raises, refuses
 
 
 def rig(n_cycles: int = 4, samples: int = 25, lag: float = 0.2, **names: Any) -> Record:
@@ -21,17 +22,8 @@ def rig(n_cycles: int = 4, samples: int = 25, lag: float = 0.2, **names: Any) ->
     return Record.from_arrays(u, y, 0.01 * k, **names)
 
 
-def refused(code: str, call: Any, *words: str) -> InputError:
-    with pytest.raises(InputError) as caught:
-        call()
-    assert caught.value.code == code
-    for word in words:
-        assert word in str(caught.value)
-    return caught.value
-
-
 def test_length_mismatch_names_both():
-    refused(
+    refuses(
         "length-mismatch",
         lambda: Record.from_arrays(np.zeros(200), np.zeros(199), np.arange(200.0)),
         "time has 200 values, output 199",
@@ -42,36 +34,36 @@ def test_nan_input_needs_interpolation_and_nan_output_may_be_masked():
     u, y, t = np.arange(10.0), np.arange(10.0), 0.002 * np.arange(10.0)
     y[3:6] = np.nan
     words = ("3 NaN in output", "rows 4 to 6 (4 ms)", 'nan="omit"', "--nan omit")
-    refused("nan-output", lambda: Record.from_arrays(u, y, t), *words)
+    refuses("nan-output", lambda: Record.from_arrays(u, y, t), *words)
     omitted = Record.from_arrays(u, y, t, nan="omit")
     assert omitted.mask.sum() == 7
     assert len(omitted) == 10
     filled = Record.from_arrays(u, y, t, nan="interpolate")
     assert np.allclose(filled.output, u)
     assert "Filled 3 NaN" in filled.history[-1]
-    refused("nan-input", lambda: Record.from_arrays(y, u, t, nan="omit"), '"interpolate"')
+    refuses("nan-input", lambda: Record.from_arrays(y, u, t, nan="omit"), '"interpolate"')
     assert np.allclose(Record.from_arrays(y, u, t, nan="interpolate").input, u)
 
 
 def test_clock_faults_name_their_lines():
     t = np.arange(10.0)
     t[5] = t[4]
-    refused(
+    refuses(
         "time-repeated",
         lambda: Record.from_arrays(t, t, t, source="a.csv", line=np.arange(2, 12)),
         "lines 6 to 7",
         "average",
     )
     two = np.tile(np.arange(5.0), 2)
-    refused("time-backwards", lambda: Record.from_arrays(two, two, two), "row 6", "segments")
+    refuses("time-backwards", lambda: Record.from_arrays(two, two, two), "row 6", "segments")
     record = Record.from_arrays(two, two, two, segments="auto")
     assert record.labels == ("all", "all#2")
     assert record.starts.tolist() == [0, 5]
-    refused("nan-time", lambda: Record.from_arrays(t, t, t * np.nan), "--dt")
+    refuses("nan-time", lambda: Record.from_arrays(t, t, t * np.nan), "--dt")
 
 
 def test_infinite_values_are_refused():
-    refused("not-finite", lambda: Record.from_arrays([0, np.inf], [0, 1]), "row 2")
+    refuses("not-finite", lambda: Record.from_arrays([0, np.inf], [0, 1]), "row 2")
 
 
 def test_arrays_are_frozen_and_the_callers_are_not():
@@ -111,8 +103,8 @@ def test_split_cycles_holds_out_the_last_of_each_sequence():
     assert set(test.cycle[test.mask]) == {4}
     assert len(train) == len(test) == len(record)
     assert len(train.history) == len(record.history) + 1
-    refused("too-few-cycles", lambda: record.split_cycles(4), "'a' has 4", "1 more", "--test-tail")
-    refused("too-few-cycles", lambda: record.split_cycles(0))
+    refuses("too-few-cycles", lambda: record.split_cycles(4), "'a' has 4", "1 more", "--test-tail")
+    refuses("too-few-cycles", lambda: record.split_cycles(0))
 
 
 @given(st.floats(0.01, 0.99), st.lists(st.integers(2, 30), min_size=1, max_size=5))
@@ -121,7 +113,7 @@ def test_splits_are_disjoint_and_complete(fraction, lengths):
     u = np.arange(len(groups), dtype=float)
     record = Record.from_arrays(u, u, groups=groups)
     if all(np.ceil(fraction * n) == n for n in lengths):
-        refused("no-rows", lambda: record.split_tail(fraction))
+        refuses("no-rows", lambda: record.split_tail(fraction))
         return
     train, test = record.split_tail(fraction)
     assert np.array_equal(train.mask, ~test.mask)
@@ -138,8 +130,8 @@ def test_split_groups_and_take_sequences():
     assert train.starts.tolist() == [0, 3]
     assert test.time.tolist() == [3, 4, 5]
     assert record.split_groups(lambda x: x == "b")[1].digest() == test.digest()
-    refused("bad-condition", lambda: record.take_sequences(["d"]), "'d'")
-    refused("no-rows", lambda: record.split_groups(["a", "b", "c"]))
+    refuses("bad-condition", lambda: record.take_sequences(["d"]), "'d'")
+    refuses("no-rows", lambda: record.split_groups(["a", "b", "c"]))
 
 
 def test_rows_taken_one_after_the_other_are_the_record():
@@ -151,7 +143,7 @@ def test_rows_taken_one_after_the_other_are_the_record():
     for name in ("input", "output", "time", "line", "mask"):
         together = np.concatenate([getattr(part, name) for part in parts])
         np.testing.assert_array_equal(together, getattr(record, name))
-    refused("no-rows", lambda: record.take_rows(9, 12))
+    refuses("no-rows", lambda: record.take_rows(9, 12))
 
 
 def test_split_rows_and_select_narrow_the_mask_alone():
@@ -165,7 +157,7 @@ def test_split_rows_and_select_narrow_the_mask_alone():
     assert np.all((loading.cycle[loading.mask] >= 2) & (loading.cycle[loading.mask] <= 3))
     assert "loading" in loading.history[-1]
     assert record.select() is record
-    refused("no-rows", lambda: record.select(cycle=17))
+    refuses("no-rows", lambda: record.select(cycle=17))
 
 
 def test_resample_is_linear_within_each_sequence():
@@ -181,8 +173,8 @@ def test_resample_is_linear_within_each_sequence():
     assert np.allclose(even.output, -even.input)
     assert even.mask.tolist() == [True, False] + [True] * 8
     assert "Resampled 7 rows to a step of 0.25 s" in even.history[-1]
-    refused("no-time", lambda: Record.from_arrays(u, u).resample(0.1))
-    refused("no-time", lambda: record.resample(0.0))
+    refuses("no-time", lambda: Record.from_arrays(u, u).resample(0.1))
+    refuses("no-time", lambda: record.resample(0.0))
 
 
 @pytest.mark.parametrize("lag", [0.3, -0.3])
@@ -206,9 +198,9 @@ def test_no_excitation_and_constant_input():
     rng = np.random.default_rng(2)
     u, y = rng.normal(0, 0.002, 500), rng.normal(size=500)
     record = Record.from_arrays(u, y, input_unit="mm")
-    refused("no-excitation", lambda: check_identifiable(record), "mm is about the noise")
+    refuses("no-excitation", lambda: check_identifiable(record), "mm is about the noise")
     flat = Record.from_arrays(np.full(500, 3.0), y, input_unit="N")
-    refused("constant-input", lambda: check_identifiable(flat), "3 N", "--input")
+    refuses("constant-input", lambda: check_identifiable(flat), "3 N", "--input")
     # Independent steps look like noise; an output that follows them tells otherwise.
     assert check_identifiable(Record.from_arrays(y, 2 * y + u)) == []
 
@@ -292,16 +284,14 @@ ROW = np.arange(6.0)
     ],
 )
 def test_what_is_no_row_of_real_numbers(values):
-    with pytest.raises(InputError) as caught:
+    with raises("not-numbers"):
         Record.from_arrays(ROW, values)
-    assert caught.value.code == "not-numbers"
 
 
 def test_a_mask_of_numpy_counts():
     masked = np.ma.masked_array(ROW, mask=ROW > 3)
-    with pytest.raises(InputError) as caught:
+    with raises("nan-output"):
         Record.from_arrays(ROW, masked)
-    assert caught.value.code == "nan-output"
     np.testing.assert_array_equal(Record.from_arrays(ROW, masked, nan="omit").mask, ROW <= 3)
 
 
@@ -315,9 +305,8 @@ def test_dates_are_seconds_and_columns_may_be_numbered():
 
 @pytest.mark.parametrize("cycles", [True, False])
 def test_cycles_are_whole(cycles):
-    with pytest.raises(InputError) as caught:
+    with raises("bad-option"):
         Record.from_arrays(ROW, ROW).split_cycles(cycles)
-    assert caught.value.code == "bad-option"
 
 
 @pytest.mark.parametrize(
@@ -329,17 +318,15 @@ def test_numbers_whose_squares_are_no_numbers_are_refused(tmp_path, value, code,
     good, odd = np.linspace(0.0, 1.0, 9), np.zeros(9)
     odd[4] = value
     given = {"input": good, "output": good} | {role: odd}
-    with pytest.raises(InputError) as caught:
+    with raises(code):
         Record.from_arrays(**given)
-    assert caught.value.code == code
     file = tmp_path / "run.csv"
     rows = "".join(
         f"{u!r},{y!r}\n" for u, y in zip(*(x.tolist() for x in given.values()), strict=True)
     )
     file.write_text(f"u (N),y (mm)\n{rows}")
-    with pytest.raises(InputError) as caught:
+    with raises(code):
         read_csv(file, "u (N)", "y (mm)")
-    assert caught.value.code == code
 
 
 def test_an_angle_that_turns_over_is_told_and_commands_that_leap_are_not():

@@ -13,6 +13,7 @@ from hysteresis import InputError, Record
 from identify.dynamics._linear_approximation import LinearApproximation, linear_approximation
 from identify.dynamics._measured_motion import measured_motion, period_of
 from identify.fitting._oscillator import misfit_of, warnings_of
+from tests.refusals import raises
 
 SAMPLES = 2048
 TRUTH = [2.0, 10.0, 5e4, 5e4, 800.0, -1100.0]
@@ -135,9 +136,8 @@ def test_a_design_predicts_the_errors_of_a_fit_and_prefers_what_moves_more():
         ({"bands": [(300.0, 400.0)]}, "bad-option"),
         ({"rows": 10}, "bad-option"),
     ):
-        with pytest.raises(InputError) as caught:
+        with raises(code):
             identify.design_excitation(fit, **({"bands": band} | options | bad))
-        assert caught.value.code == code
 
 
 def test_coloured_noise_is_estimated_from_the_periods():
@@ -189,10 +189,8 @@ def test_the_period_is_found_and_a_wrong_one_is_refused():
     assert period_of(u + 0.005 * u.std() * np.random.default_rng(0).normal(size=len(u))) == SAMPLES
     assert period_of(u[: int(1.5 * SAMPLES)]) == 0
     assert period_of(np.cumsum(np.random.default_rng(1).normal(size=500))) == 0
-    with pytest.raises(InputError) as caught:
+    with raises("not-periodic", str(SAMPLES)):
         measured_motion(record(), SAMPLES + 3)
-    assert caught.value.code == "not-periodic"
-    assert str(SAMPLES) in str(caught.value)
 
 
 def test_a_settling_period_is_left_out():
@@ -215,25 +213,22 @@ def test_clocks_and_forces_that_cannot_be_used_are_refused():
         ({"input": np.ones(len(record()))}, "constant-input"),
         ({"time": None}, "no-time"),
     ):
-        with pytest.raises(InputError) as caught:
+        with raises(code):
             identify.fit(replace(record(), **change), "Oscillator")
-        assert caught.value.code == code
 
 
 def test_a_resonance_that_is_not_excited_is_said_to_be():
     period = multisine(np.random.default_rng(3), SAMPLES, low=80.0, high=150.0)
     u, y = steady(Plant(), period, 2)
-    with pytest.raises(InputError) as caught:
+    with raises("no-excitation"):
         identify.fit(recorded(u, y + 1e-8), "Oscillator")
-    assert caught.value.code == "no-excitation"
 
 
 def test_a_spring_without_a_mass_is_said_to_be():
     u = np.asarray(record().input)
     noise = 1e-9 * np.random.default_rng(0).normal(size=len(u))
-    with pytest.raises(InputError) as caught:
+    with raises("no-excitation"):
         identify.fit(recorded(u, u / 5e4 + noise), "Oscillator")
-    assert caught.value.code == "no-excitation"
 
 
 def test_coarse_records_are_warned_of():
@@ -261,6 +256,5 @@ def test_coarse_records_are_warned_of():
     ],
 )
 def test_options_that_do_not_fit_are_refused(model: str, options: dict[str, int], code: str):
-    with pytest.raises(InputError) as caught:
+    with raises(code):
         identify.fit(record(), model, **options)
-    assert caught.value.code == code

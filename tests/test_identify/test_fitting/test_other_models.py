@@ -19,6 +19,7 @@ from hysteresis import InputError, Record, load_model, register, save_model
 from hysteresis._registry import OURS, class_of, find_model, known_models, model_names, registered
 from identify import fit, fit_many, load, save
 from tests.other_models import Gain, Line, Preisach, Unregistered, Weighted
+from tests.refusals import raises
 
 OUR_MODELS = [one for one in known_models() if one.kind.__module__.startswith(OURS)]
 
@@ -111,9 +112,8 @@ def test_an_unregistered_model_is_refused_before_anything_is_written(tmp_path: P
     made = fit(record(), Unregistered(1.0), **QUICK)
     before = save(fit(record(), "LinearSponge", **QUICK), tmp_path / "fit")
     kept = {file.name: file.read_bytes() for file in before.iterdir()}
-    with pytest.raises(InputError, match=r"register\(Unregistered\)") as error:
+    with raises("unregistered-class", "register(Unregistered)"):
         save(made, tmp_path / "fit", overwrite=True)
-    assert error.value.code == "unregistered-class"
     assert {file.name: file.read_bytes() for file in before.iterdir()} == kept
 
 
