@@ -19,7 +19,7 @@ from hysteresis import (
     Sum,
 )
 from tests.c_harness import COMPILERS, Compiled
-from tests.refusals import raises
+from tests.refusals import refuses
 from tests.test_compensate.test_inverses.test_conditioned import model, walk
 from tests.thorough import rest_thorough
 
@@ -116,5 +116,4 @@ def test_a_step_without_the_condition_is_refused_and_a_bad_one_leaves_no_trace(t
     bad = compensator.step(0.01, float(y[1]), float("nan"))
     assert (bad.value, bad.status) == (before.value, Status.INVALID)
     assert compensator.step(0.01, float(y[1]), float(c[1])).value == pytest.approx(u[1], abs=1e-7)
-    with raises("wrong-shape"):
-        export_runtime(model(), tmp_path / "other.json", y)
+    refuses("wrong-shape", lambda: export_runtime(model(), tmp_path / "other.json", y))

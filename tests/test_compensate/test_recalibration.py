@@ -30,7 +30,7 @@ from hysteresis import (
 from hysteresis.laws import adaptive as law
 from hysteresis.preisach import GridDensity
 from tests.c_harness import COMPILERS, Compiled
-from tests.refusals import raises
+from tests.refusals import raises, refuses
 from tests.thorough import rest_thorough
 
 ROWS = 40
@@ -276,8 +276,7 @@ def test_what_cannot_be_recalibrated_is_refused():
     pair = Conditioned([relays(), relays()], np.array([0.0, 1.0]), "temperature")
     with pytest.raises(InputError):
         adaptive(pair, record)
-    with raises("length-mismatch"):
-        made("sum").follow(found.t, found.y, [1.0])
+    refuses("length-mismatch", lambda: made("sum").follow(found.t, found.y, [1.0]))
 
 
 def test_it_runs_in_any_loop():

@@ -34,7 +34,7 @@ from tests.problems import (
     variants_thorough,
     weights,
 )
-from tests.refusals import raises
+from tests.refusals import raises, refuses
 from tests.thorough import rest_thorough
 
 ROWS = 200
@@ -359,14 +359,10 @@ def test_a_density_is_tabulated_and_its_error_told(tmp_path: Path):
 
 def test_what_cannot_be_exported_is_refused(tmp_path: Path):
     model, y = relays()
-    with raises("bad-name"):
-        export_c(model, tmp_path / "3 d.h", y)
-    with raises("bad-option"):
-        export_c(model, tmp_path / "it.h", y, real="half")
-    with raises("no-rows"):
-        export_c(model, tmp_path / "it.h", [np.nan, 1.0])
-    with raises("no-time"):
-        export_c(Burgers(1.0, 1.0, 1.0, 1.0), tmp_path / "it.h", y)
+    refuses("bad-name", lambda: export_c(model, tmp_path / "3 d.h", y))
+    refuses("bad-option", lambda: export_c(model, tmp_path / "it.h", y, real="half"))
+    refuses("no-rows", lambda: export_c(model, tmp_path / "it.h", [np.nan, 1.0]))
+    refuses("no-time", lambda: export_c(Burgers(1.0, 1.0, 1.0, 1.0), tmp_path / "it.h", y))
     with raises("bad-option"):
         demagnetised = Preisach(model.density, initial="demagnetised")
         export_c(demagnetised, tmp_path / "it.h", y, depth=8)

@@ -18,7 +18,7 @@ import hysteresis
 import identify
 from hysteresis import AbstractModel, InputError, LinearSponge, Record, Series, Sum
 from identify.internal import train
-from tests.refusals import raises
+from tests.refusals import refuses
 
 U = np.concatenate([np.linspace(0, 20, 60), np.linspace(20, 0, 60)] * 3)
 Y = 2.0 * U + 1 + 0.01 * np.sin(np.arange(len(U)) * 7.0)
@@ -60,8 +60,7 @@ def test_fit_takes_arrays_frames_mappings_and_files(tmp_path: Path):
     ],
 )
 def test_fit_says_how_to_call_it(call: Any, code: str):
-    with raises(code):
-        call()
+    refuses(code, call)
 
 
 def test_a_record_called_wrongly_says_what_to_call():

@@ -11,7 +11,7 @@ import pytest
 from hysteresis import Record
 from identify import fit, load, save
 from identify import load as load_fit
-from tests.refusals import raises
+from tests.refusals import raises, refuses
 from tests.thorough import rest_thorough
 
 CYCLES, SAMPLES = 6, 60
@@ -83,8 +83,7 @@ def test_a_channel_that_lags_and_creeps_has_a_memory(runs: int, tmp_path: Path):
     off, worse = (np.std(one.predict(record) - record.output) for one in (found, without))
     assert off < 0.5 * worse
     untimed = replace(record, columns={k: v for k, v in columns.items() if k != "time"}, time=None)
-    with raises("no-time"):
-        found.predict(untimed)
+    refuses("no-time", lambda: found.predict(untimed))
 
 
 @pytest.mark.parametrize("runs", [1, 3])

@@ -14,7 +14,7 @@ from hysid import plots
 from hysteresis import LinearSponge, Record
 from identify import FitResult, fit, load, save
 from identify.internal import sealed
-from tests.refusals import raises
+from tests.refusals import refuses
 
 
 @pytest.fixture(scope="module")
@@ -58,8 +58,7 @@ def test_an_entry_of_another_type_is_named(both: FitResult, tmp_path, change, wo
     document = json.loads(file.read_text())
     change(document)
     file.write_text(json.dumps(sealed(document)))
-    with raises("damaged-file", words):
-        load(file.parent)
+    refuses("damaged-file", lambda: load(file.parent), words)
 
 
 FOLDER = Path(__file__).parent / "fit_of_0_1_0"

@@ -8,11 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import norm
 
-from hysteresis import InputError, Record, read_csv
+from hysteresis import Record, read_csv
 from identify import everett_surface, fit, forc_curves, forc_diagram, load, sample, save
 from identify.internal import Forc
 from tests.problems import HIGH, LOW, histories
-from tests.refusals import raises
+from tests.refusals import refuses
 from tests.thorough import rest_thorough
 
 RANGE = HIGH - LOW
@@ -63,8 +63,7 @@ def test_every_curve_found_is_one(history: np.ndarray):
     record = Record.from_arrays(u, y)
     descent = u[np.argmax(u < HIGH) :]
     if HIGH not in descent and u[-1] == u.min():  # one descent that ends where it is lowest
-        with pytest.raises(InputError, match="too-few-curves"):
-            forc_curves(record)
+        refuses("too-few-curves", lambda: forc_curves(record))
         return
     curves = forc_curves(record)
     assert min(curve.reversal for curve in curves) <= np.min(u[u < HIGH], initial=HIGH)
@@ -87,8 +86,7 @@ def test_a_record_of_reversal_curves_is_read_off(tmp_path: Path):
     again = load(save(found, tmp_path / "fit"))
     assert again.detail.words() == found.detail.words() == {"reversal_curves": 14}
     np.testing.assert_array_equal(again.predict(record), found.predict(record))
-    with pytest.raises(InputError, match="no-posterior"):
-        sample(found)
+    refuses("no-posterior", lambda: sample(found))
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 4))
@@ -182,5 +180,4 @@ def with_ties() -> tuple[Forc, ...]:
     ],
 )  # fmt: skip
 def test_bad_input_is_answered(code: str, call):
-    with raises(code):
-        call()
+    refuses(code, call)

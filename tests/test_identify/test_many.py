@@ -12,6 +12,7 @@ import pytest
 
 import identify
 from hysteresis import Burgers, InputError, LinearSponge, Record
+from tests.refusals import refuses
 from tests.thorough import rest_thorough
 
 SAME = {"conditioning": "keep", "clocks": "keep", "noise": "gaussian"}
@@ -125,8 +126,7 @@ def test_what_is_done_is_not_done_again(tmp_path):
     assert list(second.fits) == ["run-0", "run-1", "run-2"]
     np.testing.assert_array_equal(second.fits["run-1"].train.output, sponge(7).output)
     assert {p.name for p in tmp_path.iterdir()} == {*records, "batch.json", "batch.csv"}
-    with pytest.raises(InputError, match=r"other-settings"):
-        identify.fit_many(records, SPONGE, out=tmp_path, seed=3)
+    refuses("other-settings", lambda: identify.fit_many(records, SPONGE, out=tmp_path, seed=3))
     again = identify.fit_many(records, SPONGE, out=tmp_path, seed=3, resume=False)
     assert again.skipped == []
     odd = identify.fit_many({"../away": sponge(1)}, SPONGE, out=tmp_path, seed=3)

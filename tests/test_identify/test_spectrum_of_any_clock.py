@@ -8,6 +8,7 @@ import pytest
 
 from hysteresis import GeneralizedKelvinVoigt, GeneralizedMaxwell, InputError
 from identify import Response, master_curve, spectrum
+from tests.refusals import refuses
 
 SOLID = GeneralizedMaxwell(0.5, [1.0, 4.0, 2.0], [0.1, 2.0, 30.0])
 T, W = np.geomspace(0.01, 300.0, 120), np.geomspace(0.003, 100.0, 80)
@@ -172,8 +173,7 @@ def test_arrhenius_and_what_superposition_leaves_over():
     turned = parts[1]._replace(y=np.asarray(parts[1].y) * (1 + 0.3 * np.linspace(-1, 1, 13)))
     odd = master_curve([parts[0], turned, *parts[2:]], temperatures, 20.0).shifts
     assert odd.left.max() > 3 * shifts.left.max()
-    with pytest.raises(InputError, match=r"\[too-few-rows\]"):
-        master_curve(parts[:1], temperatures[:1])
+    refuses("too-few-rows", lambda: master_curve(parts[:1], temperatures[:1]))
     with pytest.raises(InputError, match=r"\[too-few-rows\]"):  # a ramp of the temperature
         master_curve(
             [Response(x[:1], np.asarray(one.y)[:1], "modulus") for one in parts], temperatures

@@ -5,6 +5,7 @@ import pytest
 
 from compensate.internal import gains_in_use
 from hysteresis import InputError
+from tests.refusals import refuses
 
 KNOWN = np.array([[1.0, 0.6], [0.5, 1.0]])
 TRUE = np.array([[1.1, 0.5], [0.4, 1.1]])
@@ -40,8 +41,7 @@ def test_the_directions_are_found(seed):
 
 
 def test_places_never_pressed_alone_are_refused():
-    with pytest.raises(InputError, match="no-excitation"):
-        gains_in_use(read(signals(0, alone=False)), KNOWN)
+    refuses("no-excitation", lambda: gains_in_use(read(signals(0, alone=False)), KNOWN))
 
 
 @pytest.mark.parametrize(

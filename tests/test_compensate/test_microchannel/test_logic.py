@@ -10,8 +10,8 @@ from hypothesis.extra.numpy import arrays
 
 from compensate.internal import LogicStatus
 from compensate.microchannel import LogicTable
-from hysteresis import InputError
 from hysteresis.rigs import MicrochannelRig
+from tests.refusals import refuses
 
 OK, COLLISION, CLOSE, UNKNOWN, NO_PRESS, INVALID = LogicStatus
 
@@ -141,5 +141,4 @@ def test_readings_of_nothing_and_of_no_combination():
     ],
 )
 def test_bad_arguments_are_refused(call):
-    with pytest.raises(InputError, match=r"\[bad-option\]"):
-        call()
+    refuses("bad-option", call)

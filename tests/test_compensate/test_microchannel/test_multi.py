@@ -8,7 +8,6 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import pytest
 
 from compensate import Quantity, Status
 from compensate.internal import (
@@ -20,9 +19,10 @@ from compensate.internal import (
 )
 from compensate.microchannel import export_contacts
 from compensate.runtime import load
-from hysteresis import InputError, PrandtlIshlinskii
+from hysteresis import PrandtlIshlinskii
 from hysteresis.internal import StaircaseNetwork
 from hysteresis.rigs import MicrochannelRig
+from tests.refusals import refuses
 
 GAINS = np.array([[1.0, 0.5], [0.6, 1.0]])
 MODELS = (
@@ -109,16 +109,11 @@ def test_readings_that_no_forces_make_are_told():
 
 
 def test_bad_settings_are_answered():
-    with pytest.raises(InputError, match="wrong-channels"):
-        ChannelSensor(MODELS, np.ones((2, 3)))
-    with pytest.raises(InputError, match="bad-deviation"):
-        MultiContactEstimator(SENSOR, [0.0], MotionFilter(8.0))
-    with pytest.raises(InputError, match="parameter-out-of-bounds"):
-        MotionFilter(8.0, turn=0.0)
-    with pytest.raises(InputError, match="wrong-channels"):
-        ESTIMATOR.simulate(T, READ[0][:, :1])
-    with pytest.raises(InputError, match="bad-option"):
-        SearchEstimator([])
+    refuses("wrong-channels", lambda: ChannelSensor(MODELS, np.ones((2, 3))))
+    refuses("bad-deviation", lambda: MultiContactEstimator(SENSOR, [0.0], MotionFilter(8.0)))
+    refuses("parameter-out-of-bounds", lambda: MotionFilter(8.0, turn=0.0))
+    refuses("wrong-channels", lambda: ESTIMATOR.simulate(T, READ[0][:, :1]))
+    refuses("bad-option", lambda: SearchEstimator([]))
 
 
 def test_without_jax_it_is_the_same_where_readings_surprise(tmp_path: Path):

@@ -8,7 +8,7 @@ import pytest
 from compensate import calibrated, estimate, export_c, export_runtime, guaranteed, invert
 from compensate.runtime import load
 from hysteresis import InputError, MonotoneCurve, Record
-from tests.refusals import raises
+from tests.refusals import raises, refuses
 
 MODEL = MonotoneCurve(np.array([0.0, 10.0]), np.array([20.0]))
 
@@ -61,5 +61,4 @@ def test_files_give_the_band(shaped: bool, tmp_path: Path):
     text = export_c(MODEL, tmp_path / "it.h", y, **options).path.read_text("utf-8")
     assert "it_band(const it_state *s, it_real *low, it_real *high)" in text
     if shaped:
-        with raises("not-exportable"):
-            export_runtime(MODEL, tmp_path / "no.json", y, band=band)
+        refuses("not-exportable", lambda: export_runtime(MODEL, tmp_path / "no.json", y, band=band))

@@ -16,7 +16,7 @@ import pytest
 import identify
 from hysteresis import LinearSponge, Record
 from identify.internal import sealed
-from tests.refusals import raises
+from tests.refusals import refuses
 from tests.test_hysid.command import COLUMNS, HEADER, F, T, X, put, refused, run, sponge, text, tree
 from tests.test_hysid.test_cli.test_bad_inputs import CLEAN, FIT, ROWS, Bad, cell, column
 
@@ -356,5 +356,4 @@ PYTHON: dict[str, tuple[Callable[[], Any], str, tuple[str, ...]]] = {
 
 @pytest.mark.parametrize(("call", "code", "words"), PYTHON.values(), ids=PYTHON.keys())
 def test_what_python_is_given_is_answered_alike(call, code, words):
-    with raises(code, *words):
-        call()
+    refuses(code, call, *words)

@@ -20,7 +20,7 @@ import hysid
 import identify
 from hysid.cli._app import app
 from hysteresis import InputError
-from tests.refusals import raises
+from tests.refusals import refuses
 from tests.test_hysid.command import refused, run
 from tests.test_hysid.test_studio.served import ask, entered, serving, studio_of
 
@@ -214,8 +214,7 @@ def test_a_command_is_cancelled_and_another_one_about_the_file_waits(studio, tmp
     (tmp_path / "json.py").write_text("raise SystemExit('code of the folder was run')")
     jobs = studio.jobs
     job = jobs.start("fit", "run.csv", ["fit", "run.csv", *COLUMNS])
-    with raises("would-overwrite"):
-        jobs.start("fit", "run.csv", ["fit", "run.csv"])
+    refuses("would-overwrite", lambda: jobs.start("fit", "run.csv", ["fit", "run.csv"]))
     jobs.cancel(job.number)
     for _ in range(100):
         if job.state != "running":

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from hysteresis import BoucWenForce, Feedback, GeneralizedPlays
-from tests.refusals import raises
+from tests.refusals import refuses
 
 LINKS = BoucWenForce(4e4, 700.0, -900.0), BoucWenForce(2e4, 300.0, -400.0)
 PLAYS = GeneralizedPlays([0.0, 2e-4], [2e-3] * 2, np.linspace(1, -1, 8).reshape(2, 4) * 20)
@@ -75,5 +75,4 @@ def test_a_link_without_hysteresis_has_no_channel():
     ],
 )  # fmt: skip
 def test_bad_arguments_are_refused(arguments: tuple, code: str):
-    with raises(code):
-        Feedback.of_masses(*arguments)
+    refuses(code, lambda: Feedback.of_masses(*arguments))

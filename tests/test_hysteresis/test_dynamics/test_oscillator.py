@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 import hysteresis
 from hysteresis import BoucWenForce, DuhemForce, GeneralizedPlays, InputError, Oscillator, Sum
-from tests.refusals import raises
+from tests.refusals import refuses
 
 MIXED = BoucWenForce(alpha=4e4, beta_gamma=700.0, beta_delta=-900.0)
 T = np.arange(300) / 750
@@ -97,8 +97,7 @@ def test_interpolation_is_exact_for_what_is_limited_in_band():
     ],
 )
 def test_bad_arguments_are_refused(make, code: str):
-    with raises(code):
-        make()
+    refuses(code, lambda: make())
 
 
 def test_the_linear_limit_has_the_analytic_frequency_response():

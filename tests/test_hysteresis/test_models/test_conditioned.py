@@ -26,7 +26,7 @@ from hysteresis.curves import Clip
 from hysteresis.internal import extended
 from hysteresis.preisach import GridDensity
 from hysteresis.testing import check_model
-from tests.refusals import raises
+from tests.refusals import raises, refuses
 
 KNOTS = [1.0, 2.0, 5.0]
 
@@ -106,10 +106,8 @@ def test_what_is_no_conditioned_model_is_refused():
             Conditioned(parts, knots)
     with pytest.raises(InputError, match="above 0"):
         Conditioned((line, line), [-1.0, 1.0], axis="logarithmic")
-    with raises("bad-option"):
-        replace(three(), axis="cubic")
-    with raises("wrong-shape"):
-        three().simulate(None, np.zeros(5))
+    refuses("bad-option", lambda: replace(three(), axis="cubic"))
+    refuses("wrong-shape", lambda: three().simulate(None, np.zeros(5)))
 
 
 CHANNELS, CELLS, SAMPLES = 3, 4, 30
@@ -159,8 +157,7 @@ def test_a_map_is_the_sum_of_its_curves(seed: int):
 def test_bad_arguments_are_refused(changes: dict[str, Any], code: str):
     good = made(0)
     arguments = {k: getattr(good, k) for k in ("nodes", "values", "offset", "names", "units")}
-    with raises(code):
-        ChannelMap(**(arguments | changes))
+    refuses(code, lambda: ChannelMap(**(arguments | changes)))
 
 
 def rig(**options: Any) -> Record:
@@ -198,5 +195,4 @@ def test_a_gap_in_a_channel_is_named_or_filled():
     # The clock's steps differ in their last digits.
     np.testing.assert_allclose(filled.columns["a (mT)"], np.arange(240.0), rtol=1e-12)
     short = columns | {"a (mT)": np.zeros(5)}
-    with pytest.raises(InputError, match="length-mismatch"):
-        rig(columns=short, groups=None)
+    refuses("length-mismatch", lambda: rig(columns=short, groups=None))

@@ -15,7 +15,7 @@ from hysteresis.curves import Clip, MonotoneSpline, PolynomialCurve
 from hysteresis.internal import extended
 from hysteresis.preisach import GridDensity, Preisach
 from tests.problems import histories
-from tests.refusals import raises
+from tests.refusals import refuses
 from tests.thorough import rest_thorough
 
 sizes = st.floats(0.01, 100.0)
@@ -120,8 +120,7 @@ def test_curves_keep_the_contract(model: Any):
     ],
 )
 def test_bad_arguments_are_refused(make, code: str, words: str):
-    with raises(code, words):
-        make()
+    refuses(code, lambda: make(), words)
 
 
 @given(

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from hysteresis import InputError, Preisach
 from hysteresis.preisach import GridDensity, input_noise
 from tests.problems import CELLS, HIGH, LOW, histories, weights
+from tests.refusals import refuses
 
 seeds = st.integers(0, 2**32 - 1)
 HALF_WIDTH = 0.3
@@ -61,8 +62,7 @@ def test_input_noise_of_a_smooth_path(seed: int, sigma: float):
 
 
 def test_what_is_refused():
-    with pytest.raises(InputError, match="too-few-rows"):
-        input_noise(np.array([1.0, 2.0]))
+    refuses("too-few-rows", lambda: input_noise(np.array([1.0, 2.0])))
     for wrong in (-0.1, np.nan, np.inf):
         with pytest.raises(InputError, match="bad-option"):
             model(0, wrong)

@@ -14,7 +14,7 @@ from hysteresis.internal import SumDensity
 from hysteresis.preisach import GaussianDensity, GridDensity, LorentzianDensity
 from tests.densities import DENSITIES, plain_everett
 from tests.problems import HIGH, LOW, histories
-from tests.refusals import raises
+from tests.refusals import raises, refuses
 from tests.thorough import rest_thorough
 
 every = pytest.mark.parametrize(
@@ -132,15 +132,11 @@ def test_densities_that_are_refused():
     w = np.ones((2, 2))
     with raises("length-mismatch", "2 nodes for 2 cells"):
         GridDensity(0.0, 1.0, w, nodes=(0.0, 1.0))
-    with raises("out-of-range", "from 0 to 2"):
-        GridDensity(0.0, 1.0, w, nodes=(0.0, 0.5, 2.0))
-    with raises("not-increasing"):
-        GridDensity(0.0, 1.0, w, nodes=(0.0, 0.0, 1.0))
+    refuses("out-of-range", lambda: GridDensity(0.0, 1.0, w, nodes=(0.0, 0.5, 2.0)), "from 0 to 2")
+    refuses("not-increasing", lambda: GridDensity(0.0, 1.0, w, nodes=(0.0, 0.0, 1.0)))
     with raises("parameter-out-of-bounds", "bias_width is 0"):
         GaussianDensity(0.0, 1.0, 1.0, 0.1, 0.1, 0.5, 0.0)
     with raises("parameter-out-of-bounds", "order"):
         LorentzianDensity(0.0, 1.0, 1.0, 0.1, 0.1, 0.5, 0.1, order=0)
-    with raises("zero-range"):
-        LorentzianDensity(1.0, 1.0, 1.0, 0.1, 0.1, 0.5, 0.1)
-    with raises("bad-parts"):
-        SumDensity(())
+    refuses("zero-range", lambda: LorentzianDensity(1.0, 1.0, 1.0, 0.1, 0.1, 0.5, 0.1))
+    refuses("bad-parts", lambda: SumDensity(()))

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from hysteresis import Preisach
 from hysteresis.preisach import GridDensity
 from tests.problems import HIGH, LOW, SAMPLES, histories, weights
-from tests.refusals import raises
+from tests.refusals import raises, refuses
 from tests.thorough import rest_thorough
 
 seeds = st.integers(0, 2**32 - 1)
@@ -123,10 +123,8 @@ def test_relays_up_at_first_stay_up_until_they_are_visited(nodes: np.ndarray, se
 def test_relays_that_cannot_be_up_at_first():
     w = weights(np.random.default_rng(0))
     density = GridDensity(LOW, HIGH, w)
-    with raises("bad-state"):
-        Preisach(density, up=w, initial="positive")
-    with raises("wrong-shape", "(2, 2)", "(7, 7)"):
-        Preisach(density, up=np.ones((2, 2)))
+    refuses("bad-state", lambda: Preisach(density, up=w, initial="positive"))
+    refuses("wrong-shape", lambda: Preisach(density, up=np.ones((2, 2))), "(2, 2)", "(7, 7)")
     for factor in (1.5, -0.5):
         wrong = w.copy()
         wrong[5, 1] *= factor
@@ -147,13 +145,11 @@ def test_a_staircase_is_a_past(seed: int, past: np.ndarray, u: np.ndarray):
 def test_initial_states_that_are_refused():
     density = uniform(4)
     assert Preisach(density, initial=[1, 0.5]).initial == (1.0, 0.5)  # as a file gives it
-    with raises("bad-option", "'virgin'", "demagnetised"):
-        Preisach(density, initial="virgin")
+    refuses("bad-option", lambda: Preisach(density, initial="virgin"), "'virgin'", "demagnetised")
     for u in (1.5, np.nan):
         with raises("out-of-range", str(u)):
             Preisach(density, initial=(0.5, u))
-    with raises("bad-option"):
-        Preisach(density, capacity=2)
+    refuses("bad-option", lambda: Preisach(density, capacity=2))
 
 
 def forgotten_loops(u: np.ndarray, capacity: int) -> np.ndarray:
@@ -204,22 +200,17 @@ def test_densities_that_are_refused():
     with raises("parameter-out-of-bounds", "cell (4, 2) is -0.25", "leading=True", "signed=True"):
         GridDensity(LOW, HIGH, wrong)
     assert GridDensity(LOW, HIGH, wrong, signed=True).cells == len(w)
-    with raises("zero-range"):
-        GridDensity(1.0, 1.0, w)
-    with raises("wrong-shape"):
-        GridDensity(LOW, HIGH, w[:3])
-    with raises("not-finite"):
-        GridDensity(LOW, HIGH, np.where(w > 0.9, np.nan, w))
+    refuses("zero-range", lambda: GridDensity(1.0, 1.0, w))
+    refuses("wrong-shape", lambda: GridDensity(LOW, HIGH, w[:3]))
+    refuses("not-finite", lambda: GridDensity(LOW, HIGH, np.where(w > 0.9, np.nan, w)))
     # What is above the diagonal is no cell.
     assert GridDensity(LOW, HIGH, w - 1 + np.tril(np.ones_like(w))).cells == len(w)
 
 
 def test_reversible_parts_that_are_refused():
     density = uniform(4)
-    with raises("length-mismatch", "3 increments for 4 cells"):
-        Preisach(density, np.ones(3))
-    with raises("parameter-out-of-bounds"):
-        Preisach(density, np.array([1.0, -0.1, 1.0, 1.0]))
+    refuses("length-mismatch", lambda: Preisach(density, np.ones(3)), "3 increments for 4 cells")
+    refuses("parameter-out-of-bounds", lambda: Preisach(density, np.array([1.0, -0.1, 1.0, 1.0])))
 
 
 @pytest.mark.parametrize("seed", rest_thorough(range(4), 1))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hysteresis import Record, read_csv
-from tests.refusals import raises
+from tests.refusals import refuses
 
 U, Y, C, T = "force (N)", "strain (percent)", "temperature (K)", "time (s)"
 
@@ -75,8 +75,7 @@ def test_two_clean_channels_of_one_run_stay_channels():
 def test_a_condition_must_be_complete():
     columns = table()
     columns[C][4] = np.nan
-    with raises("nan-condition"):
-        of(columns, input=U, condition=C)
+    refuses("nan-condition", lambda: of(columns, input=U, condition=C))
     filled = of(columns, input=U, condition=C, nan="interpolate")
     assert np.isfinite(filled.columns[C]).all()
 
@@ -88,5 +87,4 @@ def test_a_file_gives_the_same_record(tmp_path):
     for record in (by_name, by_itself):
         assert record.conditions == {C: "K"}
         assert record.digest() == of(table(), input=U, condition=C).digest()
-    with raises("no-column"):
-        read_csv(file, U, Y, T, group="run", condition=("humidity",))
+    refuses("no-column", lambda: read_csv(file, U, Y, T, group="run", condition=("humidity",)))

@@ -9,7 +9,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from hysteresis import Record
-from tests.refusals import raises
+from tests.refusals import refuses
 
 ROWS = 4000
 
@@ -170,8 +170,7 @@ def test_what_a_loop_does_not_tell_has_a_reason():
     assert unknown.kind == "plain"
     assert "loop area" in unknown.names
     assert unknown.summary[-1].name == "softening"
-    with raises("bad-option"):
-        field.loops("electric")
+    refuses("bad-option", lambda: field.loops("electric"))
 
 
 def legs(*ends: float) -> np.ndarray:

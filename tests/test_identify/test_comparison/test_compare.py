@@ -11,7 +11,7 @@ import scipy.stats
 from hysteresis import InputError, LinearSponge
 from identify import FitResult, compare, fit, save
 from identify.internal import Compared, Comparison, compare_candidates, target
-from tests.refusals import raises
+from tests.refusals import raises, refuses
 from tests.test_identify.lines import line, pressed
 
 
@@ -56,8 +56,7 @@ def steep() -> tuple[FitResult, FitResult]:
 def test_fits_of_other_data_or_other_rows_are_refused(steep) -> None:
     free, given = steep
     other = line(*pressed(1.3, 6.0, seed=1))
-    with raises("not-comparable", "do not compare"):
-        compare({"one": free, "two": other})
+    refuses("not-comparable", lambda: compare({"one": free, "two": other}), "do not compare")
     renamed = replace(free, train=replace(free.train, output_name="height"))
     with pytest.raises(InputError, match="one predicts displacement, two height"):
         compare({"one": free, "two": renamed})

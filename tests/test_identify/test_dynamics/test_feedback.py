@@ -15,7 +15,7 @@ from hysteresis import (
 )
 from identify import distortion, fit_feedback, periodic_test
 from identify.internal import PeriodicTest
-from tests.refusals import raises
+from tests.refusals import refuses
 from tests.test_hysid.command import run
 
 PERIOD, DT = 512, 0.1
@@ -130,22 +130,15 @@ def test_nothing_stays_nothing():
 
 def test_what_cannot_be_used_is_refused():
     u = multisine(0, 1.0)
-    with raises("not-periodic"):
-        periodic_test(u, u, DT, settling=1)
-    with raises("length-mismatch"):
-        periodic_test(u, u[1:], DT)
+    refuses("not-periodic", lambda: periodic_test(u, u, DT, settling=1))
+    refuses("length-mismatch", lambda: periodic_test(u, u[1:], DT))
     one = PeriodicTest(u, u[None], DT)
-    with raises("too-few-runs"):
-        fit_feedback([one])
-    with raises("length-mismatch"):
-        distortion([one, PeriodicTest(u[:100], u[None, :100], DT)])
-    with raises("parameter-out-of-bounds"):
-        Feedback([0.1 + 1j], [[1.0]], [[1.0]], [[0.0]])
+    refuses("too-few-runs", lambda: fit_feedback([one]))
+    refuses("length-mismatch", lambda: distortion([one, PeriodicTest(u[:100], u[None, :100], DT)]))
+    refuses("parameter-out-of-bounds", lambda: Feedback([0.1 + 1j], [[1.0]], [[1.0]], [[0.0]]))
     strong = mass_and_stop(0.3, -500.0)
-    with raises("diverged"):
-        strong.steady(u, DT)
-    with raises("bad-option"):
-        replace(strong, levels=np.array([1.0])).simulate(u, DT)
+    refuses("diverged", lambda: strong.steady(u, DT))
+    refuses("bad-option", lambda: replace(strong, levels=np.array([1.0])).simulate(u, DT))
 
 
 def test_command_tells_distortion(tmp_path):

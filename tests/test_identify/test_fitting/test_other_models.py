@@ -19,7 +19,7 @@ from hysteresis import InputError, Record, load_model, register, save_model
 from hysteresis._registry import OURS, class_of, find_model, known_models, model_names, registered
 from identify import fit, fit_many, load, save
 from tests.other_models import Gain, Line, Preisach, Unregistered, Weighted
-from tests.refusals import raises
+from tests.refusals import raises, refuses
 
 OUR_MODELS = [one for one in known_models() if one.kind.__module__.startswith(OURS)]
 
@@ -91,8 +91,7 @@ def test_a_class_named_as_ours_is_theirs():
 
 
 def test_a_name_is_given_once():
-    with pytest.raises(InputError, match="name-taken"):
-        register(Preisach, name="burgers")
+    refuses("name-taken", lambda: register(Preisach, name="burgers"))
     assert registered(Preisach) == find_model("theirpreisach")
     assert class_of("hysteresis:Preisach") is hysteresis.Preisach
     assert "TheirPreisach" not in names()  # nothing says where its fit starts
@@ -160,8 +159,7 @@ def test_what_is_read_is_checked(tmp_path: Path):
 
 @pytest.mark.parametrize("key", ["os:system", "os.system", "builtins:eval", "hysteresis:Nothing"])
 def test_nothing_but_what_is_registered_is_made(key: str, tmp_path: Path):
-    with pytest.raises(InputError, match="unknown-model"):
-        read({"class": key, "fields": {}}, {}, tmp_path)
+    refuses("unknown-model", lambda: read({"class": key, "fields": {}}, {}, tmp_path))
 
 
 def test_fits_of_earlier_versions_are_read(tmp_path: Path):
@@ -205,8 +203,7 @@ def test_a_model_of_another_distribution_is_imported_when_it_is_named(plugged: P
     known = find_model("acme")
     assert known.name == "Acme"
     assert registered(known.kind) == known
-    with pytest.raises(InputError, match="broken-plug-in"):
-        find_model("broken")
+    refuses("broken-plug-in", lambda: find_model("broken"))
 
 
 @pytest.mark.thorough

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from benchmarks._identification.sums import noisy, truth
-from hysteresis import InputError, Preisach, Record
+from hysteresis import Preisach, Record
 from hysteresis.preisach import GridDensity
 from identify import design, fit, identifiability
+from tests.refusals import refuses
 
 
 def test_under_noise_no_sum_is_far_from_the_truth():
@@ -76,5 +77,4 @@ def test_a_design_tells_the_rest() -> None:
 
 @pytest.mark.parametrize("keywords", [{"cells": 0}, {"noise": 0.0}, {"noise": float("inf")}])
 def test_bad_options(keywords: dict) -> None:
-    with pytest.raises(InputError, match="bad-option"):
-        identifiability(record_of([0.0, 1.0]), **keywords)
+    refuses("bad-option", lambda: identifiability(record_of([0.0, 1.0]), **keywords))

@@ -13,7 +13,7 @@ from hysteresis import InputError, Record
 from hysteresis.rigs import SpongeRig
 from identify import fit, load_posterior, sample, save, save_posterior
 from identify.internal import target
-from tests.refusals import raises
+from tests.refusals import refuses
 
 
 def line(noise: float = 0.1, n: int = 200) -> Record:
@@ -120,8 +120,7 @@ def test_chains_are_only_gone_on_from_where_all_is_the_same(line_fit, kept, what
     ],
 )  # fmt: skip
 def test_bad_settings_are_refused(line_fit, options, code) -> None:
-    with raises(code):
-        sample(line_fit, **options)
+    refuses(code, lambda: sample(line_fit, **options))
 
 
 def test_what_was_drawn_before_ctrl_c_is_the_result(line_fit, tmp_path) -> None:
@@ -144,8 +143,7 @@ def test_what_was_drawn_before_ctrl_c_is_the_result(line_fit, tmp_path) -> None:
 
 def test_nothing_free_is_nothing_to_sample(line_fit) -> None:
     fixed = asked_of(K={"fixed": True}) | asked_of(b={"fixed": True})
-    with raises("nothing-free"):
-        sample(replace(line_fit, settings=fixed))
+    refuses("nothing-free", lambda: sample(replace(line_fit, settings=fixed)))
 
 
 def test_draws_of_every_row_are_those_of_the_target(line_fit, line_posterior) -> None:

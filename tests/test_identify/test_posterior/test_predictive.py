@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from hysteresis import InputError
 from identify import LEVELS, predictive, profile
 from identify.internal import profiles
 from identify.noise._model import NoiseModel
+from tests.refusals import refuses
 from tests.test_identify.lines import THRESHOLD, line, pressed
 
 
@@ -90,5 +90,4 @@ def test_the_profile_of_a_line_is_the_analytic_one() -> None:
 
 def test_a_parameter_that_is_not_free_has_no_profile() -> None:
     fitted = line(*pressed(1.5, 2.0, 0))
-    with pytest.raises(InputError, match="unknown-parameter"):
-        profile(fitted, "threshold")
+    refuses("unknown-parameter", lambda: profile(fitted, "threshold"))
