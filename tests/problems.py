@@ -96,6 +96,14 @@ def random_histories(rng: np.random.Generator, low: float, high: float, shape: t
     return np.stack(walks)
 
 
+def play(u: np.ndarray, radius: float) -> np.ndarray:
+    """A play of this radius, row by row, from the first input."""
+    found, at = np.empty(len(u)), u[0]
+    for k, x in enumerate(u):
+        found[k] = at = min(max(at, x - radius), x + radius)
+    return found
+
+
 def without(hole: np.ndarray, t: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Times and readings of a record that never had the samples of `hole`.
 

@@ -150,9 +150,8 @@ def test_equations_of_docstrings_are_typeset():
             tex = tool("equations").tex(text)
             unread += tex is None
             if tex is not None and "sqrt" not in text:
-                plain = re.sub(
-                    r"[_^]\(([^()]*)\)|[<>]=|\+-(?=\d)", r"\1", text
-                )  # braces and a sign in TeX
+                # Braces and a sign in TeX.
+                plain = re.sub(r"[_^]\(([^()]*)\)|[<>]=|\+-(?=\d)", r"\1", text)
                 assert kept.sub("", tex) == kept.sub("", plain), text
             if tex is not None:
                 tool("mathematics").displayed(tex)

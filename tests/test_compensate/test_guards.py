@@ -128,9 +128,8 @@ def test_no_start_within_the_past_gives_another_ok_estimate(name: str):
         known = np.asarray(found.status) == Status.OK
         worst = max(worst, float(np.abs(np.asarray(found.value) - u)[known].max(initial=0.0)))
         ok += int(known[120:].sum())
-    assert (
-        worst <= 1.5 * deviation
-    )  # the truth lies between the starts, but for branches that cross
+    # The truth lies between the starts, but for branches that cross.
+    assert worst <= 1.5 * deviation
     assert ok > 0.9 * 4 * 120
 
 

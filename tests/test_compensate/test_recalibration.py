@@ -285,6 +285,3 @@ def test_it_runs_in_any_loop():
     steps = jax.jit(jax.vmap(own.step, in_axes=(None, None, 0)))
     _, found = steps(own.init(), 0.0, np.array([[1.0, np.nan], [2.0, 1.0]]))
     assert found.value.shape == (2,)
-
-
-every = pytest.mark.parametrize("name", MODELS)

@@ -6,8 +6,8 @@ import math
 import os
 import shlex
 import sys
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from collections.abc import Iterable
+from contextlib import redirect_stderr, redirect_stdout
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -22,6 +22,8 @@ from hysteresis.rigs import SpongeRig
 T, F, X = "time (s)", "force (N)", "displacement (mm)"
 HEADER = (T, F, X, "cycle")
 COLUMNS = ("--input", F, "--output", X, "--time", T)
+LINE = ("--model", "LinearSponge", "--noise", "gaussian", "--starts", 2)
+"""A fit of no time, where the kind of the noise and far starts are nobody's question."""
 
 ENVIRONMENT = os.environ | {"PYTHONPATH": str(Path(hysid.__file__).parents[1])}
 """In which another process finds this hysid from any folder."""
@@ -93,16 +95,6 @@ def put(content: str | bytes, name: str = "run.csv") -> Path:
     file = Path(name)
     file.write_bytes(content if isinstance(content, bytes) else content.encode())
     return file
-
-
-@contextmanager
-def coarse_pictures() -> Iterator[None]:
-    """Pictures of an eighth of their density: drawn as ever, a tenth of a second less each to pack."""
-    from matplotlib.figure import Figure
-
-    save = Figure.savefig
-    with patch.object(Figure, "savefig", lambda *to, **how: save(*to, **how | {"dpi": 24})):
-        yield
 
 
 def refused(result: Result, *words: str) -> None:

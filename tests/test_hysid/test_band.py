@@ -14,7 +14,7 @@ from compensate.runtime import load as load_runtime
 from hysteresis import BoucWen, LinearSponge, Record
 from hysteresis.internal import Units
 from identify import FitResult
-from tests.test_hysid.command import run
+from tests.test_hysid.command import LINE, run
 from tests.test_hysid.test_reporting.test_report import write_report
 
 RANDOM = np.random.default_rng(8)
@@ -31,9 +31,14 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     lines = [f"{t:.2f},{u},{y}" for t, u, y in zip(TIME, FORCE, READING, strict=True)]
     file = folder / "run.csv"
     file.write_text("\n".join(["time (s),force (N),reading (mm)", *lines]) + "\n")
-    chosen = ("--model", "LinearSponge", "--noise", "gaussian", "--test-cycles", 2)
-    assert run("fit", file, *COLUMNS, *chosen, "--out", folder / "fit").code == 0
+    chosen = (*LINE, "--test-cycles", 2, "--out", folder / "fit")
+    assert run("fit", file, *COLUMNS, *chosen).code == 0
     return file, folder / "fit"
+
+
+@pytest.fixture(scope="module")
+def fit(place: tuple[Path, Path]) -> FitResult:
+    return hysid.load(place[1])
 
 
 def test_every_consumer_tells_the_same_coverage(place: tuple[Path, Path], tmp_path, monkeypatch):
@@ -54,9 +59,7 @@ def test_every_consumer_tells_the_same_coverage(place: tuple[Path, Path], tmp_pa
     assert f"deviations hold {100 * known:#.3g} %" in write_report(folder).read_text("utf-8")
 
 
-def test_a_model_that_a_line_beats_backwards_is_exported_with_a_verdict_that_says_so(tmp_path):
-    record = Record.from_arrays(FORCE, READING, TIME, input_unit="N", output_unit="mm")
-    fit = hysid.fit(record, "LinearSponge", noise="gaussian", test_cycles=2)
+def test_a_model_that_a_line_beats_backwards_is_exported_with_a_verdict_that_says_so(fit, tmp_path):
     worse = replace(fit, model=LinearSponge(K=0.4, b=2.0))
     hysid.save(worse, tmp_path / "fit")
     written = run("export", tmp_path / "fit", "--runtime", tmp_path / "it.json", "--json").json()
@@ -79,31 +82,21 @@ def test_a_cycle_that_alone_tells_a_parameter_does_not_widen_the_band():
     assert 0.6 < half.mean() / np.quantile(off, 0.9) < 2
 
 
-U = 10 + 9 * np.sin(2 * np.pi * np.arange(600) / 100)
-Y = 0.5 * U + 1 + 0.1 * RANDOM.normal(size=600)
-RECORD = Record.from_arrays(U, Y, input_unit="N", output_unit="mm")
-
-
-@pytest.fixture(scope="module")
-def fit() -> FitResult:
-    return hysid.fit(RECORD, "LinearSponge", noise="gaussian", test_cycles=2)
-
-
 def test_the_default_band_holds_and_says_so(fit: FitResult):
     compensator = hysid.invert(fit)
     found = compensator.simulate(None, fit.test.output)
-    held = np.abs(np.asarray(found.value) - U) <= 1.645 * np.asarray(found.deviation)
+    held = np.abs(np.asarray(found.value) - FORCE) <= 1.645 * np.asarray(found.deviation)
     # 200 rows give 0.9 to 0.021, and so do the residuals that the band was learnt from.
     assert compensator.coverage == pytest.approx(held[fit.test.mask].mean())
     assert compensator.coverage == pytest.approx(0.9, abs=0.06)
     assert np.median(found.deviation) == pytest.approx(0.1 / 0.5, rel=0.3)
     assert found.draws is None  # 200 numbers a sample would fill the memory
-    assert compensator.units == Units("mm", "N", "1")
+    assert compensator.units == Units("mm", "N", "s")
 
 
 def test_guards_are_those_that_are_asked_for(fit: FitResult):
     far = [30.0, 1.0]
-    assert float(hysid.invert(fit).simulate(None, far).value.max()) == pytest.approx(U.max())
+    assert float(hysid.invert(fit).simulate(None, far).value.max()) == pytest.approx(FORCE.max())
     free = hysid.invert(fit, beyond="free").simulate(None, far)
     assert float(free.value.max()) > 50
     assert free.status[0] == Status.EXTRAPOLATED
@@ -114,9 +107,10 @@ def test_guards_are_those_that_are_asked_for(fit: FitResult):
 def test_the_longest_sequence_may_be_held_out_as_a_whole(tmp_path: Path):
     """Its clock is not that of the rows that were trained, and its readings are no golden ones."""
     t, name = 0.01 * np.arange(600.0), np.repeat(["a", "b"], [200, 400])
-    record = Record.from_arrays(U, Y, np.where(name == "a", t, 50 * t), groups=name, input_unit="N")
+    times = np.where(name == "a", t, 50 * t)
+    record = Record.from_arrays(FORCE, READING, times, groups=name, input_unit="N")
     train, test = record.split_rows(name == "b")
     found = hysid.fit(train, "LinearSponge", noise="gaussian", test=test)
-    hysid.invert(found).simulate(t[:200], Y[:200])
+    hysid.invert(found).simulate(t[:200], READING[:200])
     hysid.save(found, tmp_path / "fit")
     assert run("export", tmp_path / "fit", "--runtime", tmp_path / "inverse.json").code == 0

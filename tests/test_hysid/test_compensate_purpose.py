@@ -12,6 +12,7 @@ from compensate import estimate, invert
 from hysteresis import LinearSponge, Record
 from hysteresis.curves import PolynomialCurve
 from identify import FitResult
+from tests.problems import play
 from tests.test_hysid.command import run
 
 QUICK: dict[str, Any] = {"noise": "gaussian", "starts": 1}
@@ -20,11 +21,8 @@ TIME = np.arange(241) / 60
 
 def record(loop: float) -> Record:
     u = 10 * (1 - np.cos(2 * np.pi * TIME)) / 2
-    play, p = np.empty(len(u)), u[0]
-    for k, x in enumerate(u):
-        play[k] = p = min(max(p, x - 2.0), x + 2.0)
     noise = np.random.default_rng(0).normal(0, 0.01, len(u))
-    return Record.from_arrays(u, 0.5 * u + loop * play + noise, TIME)
+    return Record.from_arrays(u, 0.5 * u + loop * play(u, 2.0) + noise, TIME)
 
 
 @pytest.fixture(scope="module")

@@ -7,20 +7,12 @@ import pytest
 
 from hysteresis import LinearSponge, Record
 from identify import fit, fit_step
+from tests.problems import play
 
 ROWS = 401
 TIME = np.arange(ROWS) / 80
 U = 10 * (1 - np.abs(2 * (TIME % 1.0) - 1))
 """Five triangles from 0 up and back."""
-
-
-def play(u: np.ndarray, radius: float) -> np.ndarray:
-    """The slow oracle: row by row."""
-    found, p = [], u[0]
-    for x in u:
-        p = max(x - radius, min(x + radius, p))
-        found.append(p)
-    return np.array(found)
 
 
 def baselines(output: np.ndarray) -> dict[str, Any]:

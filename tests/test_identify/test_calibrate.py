@@ -74,9 +74,8 @@ def test_linear_systems_have_the_posterior_of_linear_algebra():
     assert np.array([p.deviation for p in found.parameters]) == pytest.approx(deviations, rel=1e-9)
     drawn = found.draws(4000, 1)
     spread = np.concatenate([np.asarray(drawn.matrix).reshape(-1, 4).std(0), [drawn.offset.std()]])
-    assert spread == pytest.approx(
-        deviations, rel=0.06
-    )  # of 4,000 draws: 1 % each, five times that
+    # Of 4,000 draws: 1 % each, five times that.
+    assert spread == pytest.approx(deviations, rel=0.06)
 
 
 def test_what_the_data_do_not_tell_keeps_its_prior_and_what_is_fixed_its_value():

@@ -6,7 +6,6 @@ import threading
 from pathlib import Path
 
 import pytest
-from hypothesis import strategies as st
 
 from identify.internal import read_json, whole_files, write_set
 from identify.storage import _file_set
@@ -119,16 +118,3 @@ def test_two_writers_take_turns(tmp_path: Path):
         (tmp_path / "first").touch()
     second.join()
     assert seen == [True]
-
-
-values = st.recursive(
-    st.none()
-    | st.booleans()
-    | st.integers(-9, 9)
-    | st.floats(allow_nan=False)
-    | st.text(max_size=5),
-    lambda inner: (
-        st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=3), inner, max_size=3)
-    ),
-    max_leaves=8,
-)

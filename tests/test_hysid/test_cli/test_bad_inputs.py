@@ -15,6 +15,7 @@ from tests.test_hysid.command import (
     COLUMNS,
     ENVIRONMENT,
     HEADER,
+    LINE,
     F,
     Result,
     T,
@@ -30,9 +31,8 @@ from tests.test_hysid.command import (
 ROWS = sponge()
 CLEAN = text(ROWS)
 LINES = CLEAN.splitlines(keepends=True)
-# The kind of the noise and far starts are nobody's question here, and records of one length share what
-# is compiled for them.
-FIT = ("--model", "LinearSponge", "--noise", "gaussian", "--starts", "2", "--out", "out")
+# Records of one length share what is compiled for them.
+FIT = (*LINE, "--out", "out")
 SWAPPED = text([[t, x, f, c] for t, f, x, c in ROWS])
 TURNED = text([[t, f, f"{-float(x):g}", c] for t, f, x, c in ROWS])
 CLIPPED_X = text([[t, f, f"{min(float(x), 10):g}", c] for t, f, x, c in ROWS])
@@ -219,21 +219,6 @@ def test_a_file_that_may_not_be_read(monkeypatch):
     put(CLEAN)
     monkeypatch.setattr(Path, "read_bytes", denied)
     refused(run("fit", "run.csv", *COLUMNS, *FIT), "run.csv", "may not read", "[permission-denied]")
-
-
-@pytest.mark.parametrize(
-    ("content", "options", "rows"),
-    [
-        (COMMA, ("--decimal", ","), 101),
-        (OVERLOAD, ("--na-values", "OVLD", "--nan", "interpolate"), 101),
-        (NO_OUTPUT, ("--nan", "omit"), 91), (NO_OUTPUT, ("--nan", "interpolate"), 101),
-        (NO_INPUT, ("--nan", "interpolate"), 101), (RESET, ("--segments", "auto"), 202),
-    ],
-)  # fmt: skip
-def test_the_fix_that_the_message_names_works(content, options, rows):
-    put(content)
-    found = run("fit", "run.csv", *COLUMNS, *FIT, *options, "--json").json()
-    assert found["data"]["rows_train"] == rows
 
 
 @pytest.mark.parametrize(

@@ -18,6 +18,7 @@ from hysteresis import LinearSponge, Record
 from identify.internal import sealed
 from tests.refusals import refuses
 from tests.test_hysid.command import COLUMNS, HEADER, F, T, X, put, refused, run, sponge, text, tree
+from tests.test_hysid.test_cli import test_bad_inputs as others
 from tests.test_hysid.test_cli.test_bad_inputs import CLEAN, FIT, ROWS, Bad, cell, column
 
 N = ("time", "force", "displacement", "cycle")
@@ -99,8 +100,12 @@ def test_a_bad_file_is_refused_by_check_and_by_fit(bad):
         (cell(F, "-3e301"), (*COLUMNS, "--na-values", "-3e301", "--nan", "interpolate")),
         (cell(X, "1e200"), (*COLUMNS, "--na-values", "1e200", "--nan", "omit")),
         (cell(X, "OVLD", 3), (*COLUMNS, "--where", "cycle=2,3,4,5")),
+        (others.COMMA, (*COLUMNS, "--decimal", ",")),
+        (others.OVERLOAD, (*COLUMNS, "--na-values", "OVLD", "--nan", "interpolate")),
+        (others.NO_OUTPUT, (*COLUMNS, "--nan", "omit")),
+        (others.NO_INPUT, (*COLUMNS, "--nan", "interpolate")),
+        (others.RESET, (*COLUMNS, "--segments", "auto")),
     ],
-    ids=["3", "3 found", "9", "10", "12", "29", "29 large", "5 elsewhere"],
 )  # fmt: skip
 def test_the_fix_that_the_message_names_is_accepted(content, options):
     put(content)
@@ -133,11 +138,10 @@ def test_a_sequence_of_one_row_is_said():
 def fitted(tmp_path_factory) -> Path:
     """A line and its chains, and the same of other readings."""
     place = tmp_path_factory.mktemp("fitted")
-    options = ("--model", "LinearSponge", "--noise", "gaussian", "--starts", 2)
     for name, noise in (("good", 0.02), ("other", 0.3)):
         (place / f"{name}.csv").write_text(text(sponge(noise=noise)))
         keep = ("--conditioning", "keep", "--out", place / name)
-        assert run("fit", place / f"{name}.csv", *COLUMNS, *options, *keep).code == 0
+        assert run("fit", place / f"{name}.csv", *COLUMNS, *FIT[:-2], *keep).code == 0
     assert run("sample", place / "good", "--steps", 40, "--ensembles", 2).code == 0
     shutil.copy(place / "good" / "chains.npz", place / "other")
     return place

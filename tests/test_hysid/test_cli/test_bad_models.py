@@ -12,12 +12,9 @@ import pytest
 import hysid
 from hysteresis import Burgers
 from identify.internal import read_document, sealed
-from tests.test_hysid.command import COLUMNS, put, refused, run, sponge, text
+from tests.test_hysid.command import COLUMNS, LINE, put, refused, run, sponge, text
 
-# What kind the noise is, and far starts, are nobody's question here.
-QUICK = ("--noise", "gaussian", "--starts", 2, "--out", "out")
-BURGERS = ("--model", "Burgers", *QUICK, "--json")
-LINE = ("--model", "LinearSponge", *QUICK)
+BURGERS = ("--model", "Burgers", *LINE[2:], "--out", "out", "--json")
 NAMES = ("time", "force", "displacement", "cycle")
 PLAIN = ("--input", "force", "--output", "displacement", "--time", "time", "--units-row", 2)
 
@@ -30,7 +27,7 @@ def line(tmp_path_factory) -> Path:
     """The folder of a line through the sponge, in N and mm."""
     place = tmp_path_factory.mktemp("line")
     (place / "run.csv").write_text(text([["s", "N", "mm", "1"], *sponge()], NAMES))
-    assert run("fit", place / "run.csv", *PLAIN, *LINE[:-1], place / "out").code == 0
+    assert run("fit", place / "run.csv", *PLAIN, *LINE, "--out", place / "out").code == 0
     return place
 
 

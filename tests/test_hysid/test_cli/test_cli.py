@@ -14,7 +14,7 @@ import hysid
 import identify
 from hysid.cli._app import app
 from hysid.commands import _demo
-from tests.test_hysid.command import COLUMNS, ENVIRONMENT, HEADER, F, T, X, run, sponge, text
+from tests.test_hysid.command import COLUMNS, ENVIRONMENT, HEADER, LINE, F, T, X, run, sponge, text
 
 METRICS = dict.fromkeys(("rmse", "nrmse_percent", "max_abs", "r2"), float)
 PARAMETER = {"name": str, "value": float, "unit": str, "stderr": float | NoneType, "status": str}
@@ -29,10 +29,6 @@ FIT = CANDIDATE | {
 DRAWN = {"name": str} | dict.fromkeys(("mean", "sd", "q05", "q95", "rhat", "ess"), float)
 POSTERIOR = {"parameters": [DRAWN], "draws": int, "seconds": float}
 PREDICTED = METRICS | {"flagged": int, "file": str}
-
-# The kind of the noise and far starts are nobody's question here.
-QUICK = ("--noise", "gaussian", "--starts", 2)
-LINE = ("--model", "LinearSponge", *QUICK)
 
 
 def fits(value: Any, shape: Any) -> bool:
@@ -72,7 +68,7 @@ def folder(tmp_path_factory) -> Path:
 @pytest.fixture(scope="module")
 def fitted(folder) -> dict[str, Any]:
     models = ("--model", "LinearSponge,Preisach", "--test-cycles", 1, "--out", folder / "out")
-    return run("fit", folder / "run.csv", *COLUMNS, *models, *QUICK, "--json").json()
+    return run("fit", folder / "run.csv", *COLUMNS, *models, *LINE[2:], "--json").json()
 
 
 @pytest.fixture(scope="module")
@@ -216,7 +212,6 @@ def test_demo_speaks_before_it_loads_jax(tmp_path):
     with subprocess.Popen(
         command, cwd=tmp_path, env=ENVIRONMENT, stderr=subprocess.PIPE, text=True
     ) as process:
-        assert process.stderr is not None
         for line in process.stderr:
             if line.startswith("hysid demo"):
                 break

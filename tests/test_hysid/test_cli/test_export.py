@@ -16,7 +16,7 @@ from compensate.export._export import Origin
 from compensate.runtime import load
 from hysteresis import LinearSponge
 from tests.c_harness import COMPILERS, Compiled
-from tests.test_hysid.command import COLUMNS, refused, run, sponge, text
+from tests.test_hysid.command import COLUMNS, LINE, refused, run, sponge, text
 from tests.thorough import rest_thorough
 
 
@@ -26,17 +26,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (place / "run.csv").write_text(text(sponge()))
     written = datetime(2023, 5, 3, 12, tzinfo=UTC).timestamp()
     os.utime(place / "run.csv", (written, written))
-    done = run(
-        "fit",
-        place / "run.csv",
-        *COLUMNS,
-        "--model",
-        "LinearSponge",
-        "--noise",
-        "gaussian",
-        "--out",
-        place / "fit",
-    )
+    done = run("fit", place / "run.csv", *COLUMNS, *LINE, "--out", place / "fit")
     assert done.code == 0, done.err
     return place / "fit"
 

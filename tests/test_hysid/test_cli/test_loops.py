@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import hysid
-from tests.test_hysid.command import COLUMNS, run, sponge, text
+from tests.test_hysid.command import COLUMNS, LINE, run, sponge, text
 
 
 def test_a_file_alone_gives_the_loops_of_its_record(tmp_path):
@@ -68,7 +68,7 @@ def test_two_groups_of_specimens_are_compared(tmp_path):
             for row in sponge()
         ]
         (tmp_path / f"{name}.csv").write_text(text(rows))
-        asked = ("--each", "cycle", "--model", "LinearSponge", "--noise", "gaussian", "--starts", 2)
+        asked = ("--each", "cycle", *LINE)
         assert run("fit", tmp_path / f"{name}.csv", *COLUMNS, *asked).code == 0
     found = run("compare", tmp_path / "new", tmp_path / "old", "--loops", "--json").json()
     figures = {row["name"]: row for row in found["figures"]}

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from compensate.runtime import load
-from tests.test_hysid.command import COLUMNS, F, T, X, refused, run, text
+from tests.test_hysid.command import COLUMNS, LINE, F, T, X, refused, run, text
 
 CYCLES, ROWS = 16, 40
 
@@ -38,8 +38,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (place / "few.csv").write_text(text(rows(seed=4)[: 5 * ROWS]))
     bare = [[t, x] for t, _, x, _ in rows(seed=5)]
     (place / "bare.csv").write_text(text(bare, (T, X)))
-    line = ("--model", "LinearSponge", "--noise", "gaussian", "--starts", 2, "--test-cycles", 2)
-    done = run("fit", place / "run.csv", *COLUMNS, *line, "--out", place / "fit")
+    line = (*LINE, "--test-cycles", 2, "--out", place / "fit")
+    done = run("fit", place / "run.csv", *COLUMNS, *line)
     assert done.code == 0, done.err
     return place
 

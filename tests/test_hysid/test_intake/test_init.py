@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hysid.intake._own_config import read_config
-from tests.test_hysid.command import F, T, X, put, refused, run, sponge, text
+from tests.test_hysid.command import LINE, F, T, X, put, refused, run, sponge, text
 
 ROWS = sponge()
 CLEAN = text(ROWS)
@@ -47,8 +47,7 @@ def test_fit_takes_what_init_wrote():
     assert document["selection"] == {"input": F, "output": X, "time": T, "test_cycles": 1}
     command = said.out.splitlines()[-1].split()
     assert command == ["hysid", "fit", "run.csv", "--config", "run.toml", "--out", "run"]
-    line = ("--model", "LinearSponge", "--noise", "gaussian", "--starts", 2)
-    fitted = run(*command[1:], *line, "--json").json()
+    fitted = run(*command[1:], *LINE, "--json").json()
     assert fitted["selection"]["test_cycles"] == 1
     assert fitted["metrics"]["test"]["nrmse_percent"] < 10
     looked = run("check", "run.csv", "--config", "run.toml")

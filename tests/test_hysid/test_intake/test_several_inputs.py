@@ -7,13 +7,12 @@ import numpy as np
 import pytest
 
 import hysid
-from tests.test_hysid.command import T, X, run, sponge, text
+from tests.test_hysid.command import LINE, T, X, run, sponge, text
 
 A, B, STILL = "near (mT)", "far (V)", "temperature (K)"
 HEADER = (T, A, B, STILL, X, "cycle")
 COLUMNS = ("--input", A, "--input", B, "--output", X, "--time", T)
 # The kind of the noise and far starts are nobody's question here.
-LINE = ("--model", "LinearSponge", "--noise", "gaussian", "--starts", 2)
 
 
 @pytest.fixture(scope="module")

@@ -62,11 +62,7 @@ def test_the_model_alone_would_draw_another_prediction(fit: FitResult):
 
 
 def test_figures_of_a_fit_are_of_its_prediction(fit: FitResult, document: dict[str, Any]):
-    for part, record, rows in (
-        ("train", fit.train, fit.used),
-        ("test", fit.test, fit.test.mask if fit.test is not None else None),
-    ):
-        assert rows is not None
+    for part, record, rows in (("train", fit.train, fit.used), ("test", fit.test, fit.test.mask)):
         error = (fit.predict(record) - record.output)[rows]
         found = document["metrics"][part]
         assert found["rmse"] == pytest.approx(np.sqrt(np.mean(error**2)), rel=1e-9)
@@ -109,7 +105,6 @@ def test_predict_says_the_same_of_the_same_rows(folder: Path, fit: FitResult):
     found = run("predict", folder / "fit", folder / "run.csv", "--json").json()
     lines = Path(found["file"]).read_text().splitlines()[1:]
     predicted = np.array([float(line.split(",")[3]) for line in lines])
-    assert fit.test is not None
     assert predicted == pytest.approx(fit.predict(fit.test), abs=1e-9)
 
 

@@ -205,8 +205,7 @@ def test_a_hostile_file_is_shown_as_text(browser, tmp_path):
         page.get_by_role("button", name="noise.csv").click()
         page.get_by_role("alert").first.wait_for()
         assert page.get_by_role("button", name="Fit", exact=True).is_disabled()
-        assert (
-            page.get_by_role("button", name="Zoom in").count() == 0
-        )  # there is nothing to look at
+        # There is nothing to look at.
+        assert page.get_by_role("button", name="Zoom in").count() == 0
         page.context.close()
     assert [fault for fault in faults if "422" not in fault] == []

@@ -15,13 +15,12 @@ import pytest
 
 from hysid.studio import _server
 from hysteresis import InputError
-from tests.test_hysid.command import COLUMNS, ENVIRONMENT, run
+from tests.test_hysid.command import COLUMNS, ENVIRONMENT, LINE, run
 from tests.test_hysid.test_studio.attempts import lost_changes, snapshot, usable_elsewhere
 from tests.test_hysid.test_studio.malformed import READ, tried
 from tests.test_hysid.test_studio.served import ask, entered, serving, studio_of
 
 SPONGE = Path(__file__).parents[3] / "datasets" / "sponge-50mm-cycles.csv"
-FIT = ("--model", "LinearSponge", "--noise", "gaussian", "--starts", 2)
 
 
 @pytest.fixture
@@ -36,7 +35,7 @@ def folder(tmp_path: Path) -> Path:
 @pytest.fixture
 def fitted(folder: Path) -> Path:
     """A folder with `run.csv` and its fit."""
-    assert run("fit", folder / "run.csv", *COLUMNS, *FIT, "--out", folder / "run").code == 0
+    assert run("fit", folder / "run.csv", *COLUMNS, *LINE, "--out", folder / "run").code == 0
     return folder
 
 
@@ -54,9 +53,8 @@ def test_a_wrong_request_is_answered_with_words(fitted):
 def test_changes_at_the_same_time_all_arrive(folder):
     with serving([folder]) as ready:
         secret = entered(ready.address)
-        assert (
-            lost_changes(ready, secret) == 0
-        )  # there is no configuration before the first of them
+        # There is no configuration before the first of them.
+        assert lost_changes(ready, secret) == 0
 
         def brush(k: int) -> int:
             asked = {"name": "run.csv", "action": "exclude", "low": 60 * k, "high": 60 * k + 10}
@@ -85,9 +83,8 @@ def test_an_address_opens_one_session_and_a_used_one_makes_another(folder):
         assert said == [ready.address]
         token = urlsplit(ready.address).query.removeprefix("token=")
         assert ask(ready.address, "/api/enter", {"token": "wrong"}).status == 403
-        assert (
-            ask(ready.address, "/?token=" + token).status == 200
-        )  # to look at it is not to use it
+        # To look at it is not to use it.
+        assert ask(ready.address, "/?token=" + token).status == 200
         secret = entered(ready.address)
         assert secret != token
         assert ask(ready.address, "/api/state", X_Hysid=secret).status == 200

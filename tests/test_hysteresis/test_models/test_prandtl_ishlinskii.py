@@ -66,7 +66,7 @@ def play_loop(model: PrandtlIshlinskii, t: np.ndarray, u: np.ndarray) -> np.ndar
     return y
 
 
-@settings(max_examples=100)
+@settings(max_examples=40)
 @given(seed=seeds, u=paths, leading=flags, bent=flags, rates=flags)
 def test_equal_to_a_loop_over_plays(seed, u, leading, bent, rates):
     model, t = draw(seed, leading, bent, rates), clock(seed)

@@ -9,20 +9,11 @@ from hypothesis import strategies as st
 
 from hysteresis import InputError, Preisach
 from hysteresis.preisach import GridDensity, input_noise
-from tests.problems import CELLS, HIGH, LOW, histories, weights
+from tests.problems import CELLS, HIGH, LOW, histories, play, weights
 from tests.refusals import refuses
 
 seeds = st.integers(0, 2**32 - 1)
 HALF_WIDTH = 0.3
-
-
-def play_loop(u: np.ndarray, half_width: float, v: float) -> np.ndarray:
-    """The slow oracle."""
-    found = []
-    for x in u:
-        v = x if np.isnan(v) else min(max(v, x - half_width), x + half_width)
-        found.append(v)
-    return np.array(found)
 
 
 def model(seed: int, dead_band: float) -> Preisach:
@@ -42,7 +33,7 @@ def output(model: Preisach, u: np.ndarray) -> np.ndarray:
 
 @given(seed=seeds, u=histories(LOW - 1, HIGH + 1))
 def test_relays_see_the_play_and_the_reversible_part_the_input(seed: int, u: np.ndarray):
-    v = play_loop(u, HALF_WIDTH, np.nan)
+    v = play(u, HALF_WIDTH)
     plain, banded = model(seed, 0.0), model(seed, HALF_WIDTH)
     memoryless = Preisach(GridDensity(LOW, HIGH, np.zeros((CELLS, CELLS))), plain.reversible)
     wanted = output(plain, v) + output(memoryless, u) - output(memoryless, v)

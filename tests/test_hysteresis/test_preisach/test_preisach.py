@@ -76,7 +76,7 @@ def relay_loop(w: np.ndarray, nodes: np.ndarray, start: Literal[-1, 1] = -1) -> 
     return np.array(y)
 
 
-@settings(max_examples=100)
+@settings(max_examples=40)
 @given(data=st.data(), seed=seeds, start=st.sampled_from(["negative", "positive"]))
 def test_equal_to_relays_at_every_third_of_a_cell(data: st.DataObject, seed: int, start: str):
     """On a grid three times finer the inputs are nodes, so the relay loop is exact there."""
@@ -108,7 +108,7 @@ def test_leading_is_the_reversible_part_minus_the_lagging_relays(seed: int, u: n
 nodes_of_thirds = st.lists(st.integers(0, 12), min_size=SAMPLES, max_size=SAMPLES).map(np.array)
 
 
-@settings(max_examples=100)
+@settings(max_examples=40)
 @given(nodes=nodes_of_thirds, seed=seeds)
 def test_relays_up_at_first_stay_up_until_they_are_visited(nodes: np.ndarray, seed: int):
     """Against relays, some of each cell up at first: at thirds of cells, half cells included."""

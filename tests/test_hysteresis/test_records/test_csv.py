@@ -90,21 +90,6 @@ def test_05_text_cell(read):
 # 9, 10: units
 
 
-@pytest.mark.parametrize(
-    ("header", "unit"),
-    [
-        ("Force (N)", "N"), ("Force [kN]", "kN"), ("force_N", "N"), ("force_pos", "1"),
-        ("x_location", "1"), ("Force", "1"), ("Stiffness (N/mm)", "N/mm"), ("Angle (°)", "deg"),
-        ("Load (%)", "percent"), ("Signal [-]", "1"), ("Moment_emu", "emu"),
-    ],
-)  # fmt: skip
-def test_units_from_headers(read, header, unit):
-    record = read(table(header=f"{T},{X},{header}"), output=header)
-    assert record.output_unit == unit
-    noted = any(repr(header) in s and "taken as 1" in s for s in record.history)
-    assert noted == (unit == "1" and "-" not in header)
-
-
 # 27: dialects
 
 

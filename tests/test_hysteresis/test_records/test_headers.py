@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from hysteresis import InputError, read_csv, read_table
+from hysteresis import InputError, read_table
 
 T = 0.5 * np.arange(12)
 X = np.abs((np.arange(12) % 8) - 4.0) / 4
@@ -212,10 +212,3 @@ def test_notes_tell_the_units_of_columns(notes, units, table):
 def test_units_behind_blanks_where_most_names_have_one(names, units, table):
     found = table(f"{names}\n" + rows(F, X, F, sep=","))
     assert [found.units.get(name) for name in names.split(",")] == units
-
-
-@pytest.mark.parametrize("name", ["P1 uC_per_cm2", "P_uC_per_cm2", "P_uC/cm2", "P, µC/cm²"])
-def test_units_of_ratios_behind_names(name, tmp_path):
-    file = tmp_path / "run.tsv"
-    file.write_text(f"x (V)\t{name}\n" + rows(X, F), encoding="utf-8")
-    assert read_csv(file, "x (V)", name).output_unit in ("uC/cm^2", "µC/cm²")

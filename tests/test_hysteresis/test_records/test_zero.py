@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from hysteresis import InputError, Record, read_csv
 from hysteresis.internal import check_identifiable
+from tests.problems import play
 from tests.thorough import rest_thorough
 
 ZEROS = {"zero-jump", "zero-moves", "lost-contact"}
@@ -21,14 +22,6 @@ def motion(seed: int, cycles: int = 6) -> np.ndarray:
     """Triangles from 0 to peaks of 70 to 100."""
     peaks = np.random.default_rng(seed).uniform(70, 100, cycles)
     return np.concatenate([peak * (1 - np.abs(np.linspace(-1, 1, CYCLE))) for peak in peaks])
-
-
-def play(u: np.ndarray, width: float) -> np.ndarray:
-    """A play operator."""
-    found, at = np.empty(len(u)), u[0]
-    for k, x in enumerate(u):
-        at = found[k] = min(max(at, x - width), x + width)
-    return found
 
 
 def loop(u: np.ndarray, seed: int) -> np.ndarray:
@@ -89,9 +82,8 @@ def test_lost_contact_is_placed(seed: int, place: float, regained: bool, zero: f
     notes = said(u, y)
     assert notes.keys() == {"lost-contact"}
     found = notes["lost-contact"]
-    assert (
-        abs(found["first"] - first) <= 0.15 * CYCLE
-    )  # what is read in contact may be the zero, too
+    # What is read in contact may be the zero, too.
+    assert abs(found["first"] - first) <= 0.15 * CYCLE
     assert abs(found["last"] - last) <= 0.15 * CYCLE
     assert found["zero"] == pytest.approx(zero, abs=0.02)
     assert found["stretches"] == 1

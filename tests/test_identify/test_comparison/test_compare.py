@@ -112,7 +112,6 @@ def test_candidates_and_folders_of_real_fits(tmp_path) -> None:
     save(both, tmp_path / "both")
     kept = compare_candidates(tmp_path / "both")
     again = kept.pair("LinearSponge", "from 8 N").held_out
-    assert again is not None
     assert again == pytest.approx(pair.held_out)
     assert [m.bic for m in kept.models] == pytest.approx([m.bic for m in found.models])
     assert "figures alone" in kept.notes[0]

@@ -77,7 +77,6 @@ def test_held_out_periods_are_predicted_in_their_phase():
     cut = int(2.5 * SAMPLES)
     train, test = record().split_tail(1 - cut / len(record()))
     fit = identify.fit(train, "Oscillator(BoucWen)", test=test)
-    assert fit.metrics["test"] is not None
     assert fit.metrics["test"].rmse == pytest.approx(NOISE, rel=0.05)
     assert fit.verdict.level == "PASS", fit.verdict
 

@@ -84,8 +84,6 @@ def test_of_one_loop_the_simpler_kind_of_model_is_taken() -> None:
     assert found.name == "Preisach" != best.name
     assert by_name["Preisach"].score < 1.1 * best.score
     test, other = (one.metrics["test"] for one in (found, best))
-    assert test is not None
-    assert other is not None
     assert test.rmse < 0.75 * other.rmse
 
 

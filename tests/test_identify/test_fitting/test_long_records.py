@@ -38,9 +38,8 @@ def test_a_long_record_is_fitted_on_fewer_rows_along_the_same_path() -> None:
     rows = train.line - 1
     np.testing.assert_array_equal(train.output, record.output[rows])
     assert 0.4 * MOST < train.mask.sum() <= 0.5 * MOST  # those for the path do not count
-    assert (
-        len(np.unique(rows[train.mask] % (2 * ROWS // MOST))) == 2 * ROWS // MOST
-    )  # at every phase
+    # At every phase.
+    assert len(np.unique(rows[train.mask] % (2 * ROWS // MOST))) == 2 * ROWS // MOST
     for (_, kept), (_, whole) in zip(train.sequences(), record.sequences(), strict=True):
         path = np.interp(record.time[whole], train.time[kept], train.input[kept])
         # To two steps of the input, which its uneven clock makes, or eight times what looks like noise.

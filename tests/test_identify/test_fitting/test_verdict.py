@@ -13,6 +13,7 @@ from identify import FitResult, fit, fit_step
 from identify.fitting._verdict import judge
 from identify.internal import Verdict, estimate_noise, members_and_questions, root_difference
 from identify.noise._model import NoiseModel
+from tests.problems import play
 from tests.refusals import refuses
 
 QUICK: dict[str, Any] = {"model": LinearSponge(K=1.0, b=0.0), "noise": "gaussian", "starts": 1}
@@ -23,10 +24,7 @@ NORMAL_95 = 1.6448536269514722
 def record(amplitudes: tuple[float, ...], loop: float, noise: float = 0.02) -> Record:
     """Four cycles of these amplitudes: a line, a play of radius 1 with weight `loop`, and noise."""
     u = np.array(amplitudes)[np.minimum(TIME.astype(int), 3)] * (1 - np.abs(2 * (TIME % 1.0) - 1))
-    play, p = np.empty(len(u)), u[0]
-    for k, x in enumerate(u):
-        play[k] = p = min(max(p, x - 1.0), x + 1.0)
-    y = 0.5 * u + 1 + loop * play + np.random.default_rng(0).normal(0, noise, len(u))
+    y = 0.5 * u + 1 + loop * play(u, 1.0) + np.random.default_rng(0).normal(0, noise, len(u))
     return Record.from_arrays(u, y, TIME, input_unit="N", output_unit="mm")
 
 

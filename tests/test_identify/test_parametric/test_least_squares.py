@@ -28,9 +28,8 @@ def test_a_fit_of_another_length_finds_its_programs():
     fitted(190)
     searches = ("levenberg_marquardt", "likeliest")
     assert not [one for one in compiled if "compile" in one and any(s in one for s in searches)]
-    assert any(
-        "compile" in one for one in compiled
-    )  # the listener hears: the prediction is compiled
+    # The listener hears: the prediction is compiled.
+    assert any("compile" in one for one in compiled)
 
 
 def creep(rows: int) -> Record:

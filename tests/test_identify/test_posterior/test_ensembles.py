@@ -14,12 +14,6 @@ from identify.storage._checkpoint import Checkpoint
 KEEPS_NOTHING = Checkpoint(None)
 
 
-def normal(points: np.ndarray) -> np.ndarray:
-    """Correlated by 0.9, of deviations 1 and 10."""
-    x, y = points[:, 0], points[:, 1] / 10
-    return -(x**2 - 1.8 * x * y + y**2) / (2 * (1 - 0.9**2))
-
-
 def two_places(points: np.ndarray) -> np.ndarray:
     """Half each at -4 and 4 in the first number, deviation 1."""
     x = points[:, 0]

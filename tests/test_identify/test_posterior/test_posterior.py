@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from hysteresis import InputError, Record
-from hysteresis.rigs import SpongeRig
 from identify import fit, load_posterior, sample, save, save_posterior
 from identify.internal import target
 from tests.refusals import refuses
@@ -39,7 +38,7 @@ def line_posterior(line_fit):
 
 def test_emcee_on_a_line_is_the_analytic_posterior(line_fit) -> None:
     """Flat priors, unknown sigma: a Student-t about the least-squares line."""
-    posterior = sample(line_fit, steps=2000, seed=1)
+    posterior = sample(line_fit, steps=1000, seed=1)
     assert posterior.converged
     u, y = line_fit.train.input, line_fit.train.output
     A = np.stack([u, np.ones_like(u)], 1)
@@ -186,10 +185,3 @@ def test_arviz_reads_the_groups(line_fit, line_posterior, tmp_path) -> None:
     np.testing.assert_array_equal(data.observed_data["output"], line_fit.train.output)
     assert data.posterior_predictive["output"].shape == data.log_likelihood["output"].shape
     data.close()
-
-
-@pytest.fixture(scope="module")
-def grid_fit():
-    cycles = SpongeRig().five_cycles(noise=0.05, seed=0)
-    record = Record.from_arrays(cycles.force, cycles.displacement, cycles.time, input_unit="N")
-    return fit(record, "Preisach", test_cycles=1, seed=0)
