@@ -15,6 +15,7 @@ from hysteresis import Burgers, PrandtlIshlinskii, Preisach, Record
 from hysteresis.internal import with_units
 from hysteresis.preisach import GridDensity
 from tests.problems import HIGH, INVERTIBLE, KINDS, LOW, Problem, random_histories, weights
+from tests.refusals import refuses
 from tests.thorough import rest_thorough
 
 BURGERS = Burgers(2.0, 40.0, 1.0, 5.0)
@@ -69,8 +70,7 @@ def test_without_a_clock_and_without_rows():
     u = np.linspace(0, 1, 5)
     found = estimate(invert(GRID), Record.from_arrays(u, u))
     assert found.value.shape == (5,)
-    with pytest.raises(InputError, match="no rows"):
-        estimate(invert(GRID), Record.from_arrays([], []))
+    refuses("no-rows", lambda: estimate(invert(GRID), Record.from_arrays([], [])), "no rows")
 
 
 FIRST, LAST, ROWS = 50, 90, 120

@@ -106,3 +106,8 @@ def refused(result: Result, *words: str) -> None:
     assert "Traceback" not in result.err
     for word in words:
         assert word in result.err
+
+
+def answered(result: Result, *words: str) -> None:
+    """The command said what it was at, and then one line with these words."""
+    refused(result._replace(err=result.err.splitlines(keepends=True)[-1]), *words)

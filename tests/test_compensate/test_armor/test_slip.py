@@ -9,6 +9,7 @@ from compensate.armor import Armor, Box, ContactSolver, Cover, Presses, WristSen
 from compensate.internal import Slip, with_slip
 from hysteresis import InputError, LinearSponge
 from hysteresis.rigs import INWARD, ArmorRig
+from tests.refusals import refuses
 
 FULL = np.repeat([200.0, 20.0], 3)
 
@@ -53,8 +54,7 @@ def test_slip_is_found_where_no_axis_has_a_play_of_its_own(rig, armor, presses):
 
 
 def test_what_cannot_be(armor: Armor, presses: Presses, tmp_path):
-    with pytest.raises(InputError, match="full_scale"):
-        Slip(np.full(3, 50.0))
+    refuses("wrong-shape", lambda: Slip(np.full(3, 50.0)), "full_scale")
     plays = [LinearSponge(K=1.0, b=0.0, threshold=0.0)] * 6
     played = eqx.tree_at(
         lambda a: a.sensor, armor, WristSensor(hysteresis=plays), is_leaf=lambda x: x is None

@@ -9,7 +9,7 @@ import pytest
 
 import identify
 from hysteresis import LinearSponge, Record
-from tests.test_hysid.command import run
+from tests.test_hysid.command import refused, run
 from tests.test_hysid.test_reporting.test_report import Page
 
 SLOPES = (2.0, 2.05, 1.95, 2.1, 1.9, 3.5)
@@ -108,6 +108,4 @@ def test_the_command_takes_folders_and_folders_of_folders(batch: Path, tmp_path:
     assert below["specimens"] == two["specimens"]
     empty = tmp_path / "empty"
     empty.mkdir()
-    refused = run("report", empty)
-    assert refused.code == 2
-    assert "file-not-found" in refused.err
+    refused(run("report", empty), "file-not-found")

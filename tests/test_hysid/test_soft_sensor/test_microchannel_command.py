@@ -10,7 +10,7 @@ import pytest
 
 from compensate.runtime import load
 from hysid.soft_sensor._sensor import load_sensor
-from tests.test_hysid.command import Result, example, refused, run
+from tests.test_hysid.command import Result, answered, example, refused, run
 
 TIME, ONE, TWO, FORCE, PLACE, X = (
     "time (s)", "layer 1 (V)", "layer 2 (V)", "force (N)", "place", "x (mm)",
@@ -53,11 +53,6 @@ def read(file: str | Path) -> dict[str, np.ndarray]:
     with Path(file).open(newline="") as handle:
         header, *rows = csv.reader(handle)
     return dict(zip(header, np.array(rows).T, strict=True))
-
-
-def answered(done: Result, *words: str) -> None:
-    """It said what it was at, and then one line with these words."""
-    refused(done._replace(err=done.err.splitlines(keepends=True)[-1]), *words)
 
 
 class Trained:

@@ -228,8 +228,7 @@ def test_a_command_is_cancelled_and_another_one_about_the_file_waits(studio, tmp
 def test_every_command_of_the_page_is_one_of_the_command_line(studio, tmp_path, monkeypatch):
     studio.measurement("run.csv").configured()
     shutil.copy(tmp_path / "run.csv", tmp_path / "-other.csv")
-    with pytest.raises(InputError, match="no fit yet"):
-        studio.start("export", "run.csv", {})
+    refuses("file-not-found", lambda: studio.start("export", "run.csv", {}), "no fit yet")
     (tmp_path / "run").mkdir()
     (tmp_path / "run" / "fit.json").touch()
     given: list[list[str]] = []

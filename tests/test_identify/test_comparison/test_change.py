@@ -13,6 +13,7 @@ from hysteresis.rigs import SpongeRig
 from identify import FitResult, change, pool
 from identify.comparison._pooling import population_draws
 from identify.internal import repeatability
+from tests.refusals import refuses
 from tests.test_identify.lines import line, pressed
 
 NEW, AGED = (1.2, 5.4), (1.298, 6.186)
@@ -44,16 +45,14 @@ def test_what_cannot_be_compared_is_refused() -> None:
     assert change(before, fixed).left_out == {"K": "fixed", "threshold": "fixed"}
     with pytest.raises(InputError, match="same rows"):
         change(before, before)
-    with pytest.raises(InputError, match="below 1"):
-        change(before, after, margin=5)
+    refuses("bad-option", lambda: change(before, after, margin=5), "below 1")
     with pytest.raises(InputError, match="2 fits but 1 posteriors"):
         change(before, after, posteriors=[None])
     with pytest.raises(InputError, match="no fit has a parameter 'E1'; they have K, b, threshold"):
         pool([before, after], ["E1"])
     with pytest.raises(InputError, match="no parameter is known in every fit"):
         pool([before, after], ["threshold"])
-    with pytest.raises(InputError, match="give two or more"):
-        pool([before])
+    refuses("too-few-fits", lambda: pool([before]), "give two or more")
 
 
 # Several specimens
