@@ -49,9 +49,13 @@ def rig(
     )  # fmt: skip
 
 
-def test_channels_whose_loops_cancel_give_the_output():
+@pytest.fixture(scope="module")
+def found() -> Any:
+    return line(rig())
+
+
+def test_channels_whose_loops_cancel_give_the_output(found: Any):
     record = rig()
-    found = line(record)
     map, combined = found.channels, found.train
     error = combined.input - combined.output
     # Its channels carry a thousandth of noise each, and count up to five times the output's slope.
@@ -142,15 +146,15 @@ def test_a_fit_is_saved_with_its_map(tmp_path: Path):
     assert found.metrics["test"].nrmse_percent < 1.0
 
 
-def test_other_inputs_than_those_of_the_fit_are_refused():
+def test_other_inputs_than_those_of_the_fit_are_refused(found: Any):
     record, plain = rig(), Record.from_arrays(rig().input, rig().output, rig().time)
-    with_channels, without = line(record), line(plain)
+    with_channels, without = found, line(plain)
     turned = rig(names=tuple(reversed(CHANNELS)))
     np.testing.assert_allclose(with_channels.predict(turned), with_channels.predict(record))
-    for found, wrong in (
+    for one, wrong in (
         (with_channels, plain),
         (with_channels, rig(names=("rises", "falls"))),
         (without, record),
     ):
         with raises("wrong-channels"):
-            found.predict(wrong)
+            one.predict(wrong)
