@@ -106,7 +106,7 @@ def open_inputs(u: np.ndarray) -> tuple[np.ndarray, Any]:
 
 
 @given(st.lists(st.floats(0, 10), min_size=1, max_size=12))
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=10)
 def test_the_input_is_within_the_interval_where_flat(stops: list[float]):
     u = np.resize(stops, 12)
     flat, interval = open_inputs(u)

@@ -12,10 +12,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks._identification.cases import constructed_cases, shown
 from hysteresis import LinearSponge, Record, read_csv
 from identify import fit, load, sample, save, save_posterior
 from identify.internal import sealed
 from tests.test_hysid.command import run
+from tests.thorough import rest_thorough
 
 HEADINGS = ["Loops", "Residuals", "Parameters", "Posterior", "Compensator", "Candidates", "Data"]
 VOID = {"meta", "img", "br", "hr", "link", "input"}
@@ -220,3 +222,12 @@ def test_of_a_long_record_some_rows_are_sent_through_the_compensator(preisach: P
     held = test.mask[first : first + half].sum()
     assert f"uses rows {first - half:,} to {first + half - 1:,} of {len(test):,}." in page.text
     assert f"From the measured displacement of {held} held-out rows" in page.text
+
+
+@pytest.mark.parametrize(
+    "case",
+    rest_thorough(constructed_cases(), lambda case: case.name == "at bound"),
+    ids=lambda case: case.name,
+)
+def test_what_cannot_be_believed_is_shown_everywhere(case, tmp_path: Path) -> None:
+    assert all(shown(case, tmp_path))

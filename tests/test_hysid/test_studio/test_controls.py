@@ -67,7 +67,7 @@ def test_controls_stand_in_place_of_options(text, shown):
     assert on_page(text) == shown
 
 
-@settings(max_examples=20)
+@settings(max_examples=10)
 @given(st.dictionaries(st.sampled_from(["name", "columns", "command"]), st.text()))
 def test_names_are_left_as_they_are(document):
     assert worded(document) == document

@@ -173,7 +173,7 @@ def forgotten_loops(u: np.ndarray, capacity: int) -> np.ndarray:
     return np.array(found)
 
 
-@settings(max_examples=30)
+@settings(max_examples=15)
 @given(u=histories(0.0, 1.0), noise=seeds)
 def test_a_full_stack_forgets_the_smallest_loop(u: np.ndarray, noise: int):
     """Let a be the youngest reversal the stack keeps and b the oldest one it forgot.
