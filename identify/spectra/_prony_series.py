@@ -261,7 +261,7 @@ class Problem:
 
         x, jac = np.clip(log_tau, *bounds), cast(Any, jacobian)
         if len(x):
-            found: Any = least_squares(residuals, x, jac, bounds, ftol=1e-9, max_nfev=most)
+            found: Any = least_squares(residuals, x, jac, bounds, ftol=1e-7, max_nfev=most)
             x = np.sort(found.x)
         return self.at(x)._replace(times_known=False)
 
