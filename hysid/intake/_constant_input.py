@@ -99,7 +99,8 @@ def with_moduli(table: Table, frequency: str, asked: SelectionOptions) -> Table:
     """The rows with their storage moduli, and again with their loss moduli, as sequences.
 
     A loss without a unit beside a storage modulus that has one is tan delta, a part of it. Rows without a
-    frequency above 0 or without a modulus are left out. Raises `InputError` `wrong-unit`.
+    frequency above 0 or without a modulus are left out, and counted in the note; noise may turn the sign of
+    a small loss. Raises `InputError` `wrong-unit`.
     """
     storage, loss = asked.output, asked.loss
     f, values = table.number(frequency), [table.number(storage)]
@@ -117,13 +118,16 @@ def with_moduli(table: Table, frequency: str, asked: SelectionOptions) -> Table:
         values.append(table.number(loss) * (values[0] if is_ratio else factor))
     run, parts = _runs(table, f, asked), []
     for part, y in zip(PARTS, values, strict=False):
-        at = np.flatnonzero(np.isfinite(y) & (y > 0) & (f > 0))
+        there = y > 0 if part == PARTS[0] else y != 0
+        at = np.flatnonzero(np.isfinite(y) & there & (f > 0))
         parts.append((at, y[at], [f"{part} {k}".strip() for k in run[at]]))
     at, y, names = (np.concatenate([part[k] for part in parts]) for k in range(3))
     if not len(at):
         raise InputError("no-rows", "No row has a frequency and a modulus.", place=str(table.path))
     beside = "" if loss is None else f" and the loss of {loss!r}"
-    note = Note(MODULI, f"The storage of {storage!r}{beside} over {frequency!r}: {len(at)} moduli.")
+    said = f"The storage of {storage!r}{beside} over {frequency!r}: {len(at)} moduli"
+    left = len(f) * len(values) - len(at)
+    note = Note(MODULI, f"{said}; {left} cells hold none and are left out." if left else f"{said}.")
     long = replace(rows_of(table, at), notes=(*table.notes, note))
     long = replace(long, columns={**long.columns, storage: y})
     return with_column(long, RUN, np.array(names))

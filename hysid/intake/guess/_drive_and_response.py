@@ -26,7 +26,7 @@ from ._column_pairs import (
     pairs,
     unsteadiness,
 )
-from ._commanded import STANDS, commanded
+from ._commanded import STANDS, commanded, is_sine
 from ._quantities import OSCILLATION, words_of
 
 MISSING = 0.05
@@ -239,13 +239,16 @@ def _votes(seen: Seen, a: Column, b: Column, record: Record, other: Record) -> l
             return [_Vote(sign * SURELY, f"{one.name!r} {how}, so the rig commanded it")]
     if b.kind.name not in DEFORMED:
         return []
+    # Specimens differ: of one sequence.
+    rows = max((rows for _, rows in record.sequences()), key=lambda rows: rows.stop - rows.start)
+    for sign, one, rest in ((1, b, a), (-1, a, b)):
+        if is_sine(*_together(seen, one, rest, rows)):
+            return [_Vote(sign * SURELY, f"{one.name!r} moves as a sine, so the rig commanded it")]
     found = []
     turns = [np.ptp(r.branch) > 0 for r in (record, other)]
     if turns[0] != turns[1]:
         sign, one, rest = (1, b, a) if turns[0] else (-1, a, b)
         found.append(_Vote(sign * 2.0, f"{one.name!r} goes one way while {rest.name!r} turns back"))
-    # Specimens differ: of one sequence.
-    rows = max((rows for _, rows in record.sequences()), key=lambda rows: rows.stop - rows.start)
     ours, theirs = (
         max(leftover(r.input[rows], r.output[rows], r.branch[rows]), EXPLAINED)
         for r in (record, other)
@@ -264,9 +267,15 @@ def _votes(seen: Seen, a: Column, b: Column, record: Record, other: Record) -> l
 
 def _driven(seen: Seen, column: Column, other: Column) -> str:
     """How the rig drove a column and not the other one, in words; "" where that does not show."""
-    good = np.isfinite(column.x) & np.isfinite(other.x)
-    clock = seen.table.columns[seen.time][good][:MOST] if seen.time else None
-    return commanded(column.x[good][:MOST], other.x[good][:MOST], clock)
+    return commanded(*_together(seen, column, other))
+
+
+def _together(
+    seen: Seen, column: Column, other: Column, rows: slice = slice(MOST)
+) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """Those of the rows where both are numbers, of both, and their clock."""
+    at = np.flatnonzero(np.isfinite(column.x) & np.isfinite(other.x))[rows]
+    return column.x[at], other.x[at], seen.table.columns[seen.time][at] if seen.time else None
 
 
 def _record(seen: Seen, a: Column, b: Column) -> Record:

@@ -28,7 +28,7 @@ from ._column_pairs import (
 )
 from ._drive_and_response import FOLLOWS, SPECTRUM, Choice, Seen, choose
 from ._hold_out import hold_out
-from ._moduli_columns import moduli_of, runs_of
+from ._moduli_columns import RESPONSES, moduli_of, runs_of
 from ._quantities import OSCILLATION, kind_of, words_of
 from ._remedies import HEAD, reading, settle
 from ._sequence_columns import (
@@ -324,6 +324,8 @@ def _with_aside(
         and not counts_rows(column.x)
     ]  # fmt: skip
     if len(found) != 2 or abs(rank_correlation(found[0].x, found[1].x)) < FOLLOWS:
+        return []
+    if any(column.kind.name in RESPONSES for column in found):  # with its standard deviation
         return []
     return [c._replace(kind=kind_of(c.name, c.unit, aside=False)) for c in found]
 

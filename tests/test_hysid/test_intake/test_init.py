@@ -247,6 +247,13 @@ def test_several_columns_that_change_are_named_where_none_is_an_input():
     )
 
 
+def test_a_modulus_over_time_answers_a_unit_step_and_is_no_pair_with_its_error():
+    t = np.geomspace(0.01, 100, 60)
+    rows = [[f"{a:.5g}", f"{2 + 3 * np.exp(-a):.6g}", f"{0.1 + np.exp(-a):.4g}"] for a in t]
+    found = guessed(text(rows, ("t (s)", "E (MPa)", "sd (MPa)")))["selection"]
+    assert (found["time"], found["output"], found["step"]) == ("t (s)", "E (MPa)", 1.0)
+
+
 def test_creep_has_a_step():
     t = np.geomspace(0.01, 100, 60)
     strain = 0.1 + 0.05 * (1 - np.exp(-t))
@@ -324,6 +331,8 @@ def pressed(x: np.ndarray, seed: int = 0, noise: float = 0.02) -> np.ndarray:
 
 SMOOTH = 5 - 5 * np.cos(2 * np.pi * np.arange(400) / 100)
 DEAD = np.maximum(pressed(SMOOTH - 4), 0.0) + 0.01 * np.random.default_rng(1).normal(size=400)
+SINE = 2 * np.sin(np.arange(800) * np.pi / 50)
+SOFTER = (3 - np.arange(800) / 2000) * SINE + np.clip(0.8 * np.gradient(SINE) / 0.02, -1.5, 1.5)
 TORN = np.concatenate([np.linspace(0, 60, 280) ** 0.5, np.linspace(7.7, 2.0, 120)])
 
 
@@ -332,6 +341,7 @@ TORN = np.concatenate([np.linspace(0, 60, 280) ** 0.5, np.linspace(7.7, 2.0, 120
     ("x", "force"),
     [
         (SMOOTH, pressed(SMOOTH, noise=0.1)),  # read with less noise
+        (SINE + 0.01 * np.random.default_rng(2).normal(size=800), SOFTER),  # moves as a sine
         (SMOOTH, DEAD),  # moves on while the force rests
         (np.cumsum(1.5 + np.sin(np.arange(400) / 9)), TORN),  # goes one way in a test to failure
     ],
