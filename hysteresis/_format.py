@@ -25,7 +25,8 @@ def with_error(x: float, error: float) -> str:
         >>> with_error(30.7042, 0.181)
         '30.70 ± 0.18'
     """
-    value = f"{x:#.{digits_of(x, error, 4)}g}".rstrip(".") if x else "0"
+    nothing = not x or abs(x) < error / 200 < math.inf
+    value = "0" if nothing else f"{x:#.{digits_of(x, error, 4)}g}".rstrip(".")
     return f"{value} ± {error:.2g}"
 
 

@@ -52,8 +52,8 @@ class LoopSummary(NamedTuple):
 
     - `value`, `error`: mean, and its standard error from the noise. `scatter`: standard deviation from loop
       to loop, None of one.
-    - `loops`: how many. `first`, `later`: of each run's first loop, and of the later ones, where runs have
-      both. `reason`: why there is no value.
+    - `loops`: how many. `first`, `later`: of each run's first full loop, and of the later ones, where runs
+      have both. `reason`: why there is no value.
     """
 
     name: str
@@ -114,7 +114,9 @@ class LoopTable:
             return none._replace(reason=str(why[0]) if len(why) else "no loop")
         x, n = one.value[told], int(told.sum())
         scatter = float(np.std(x, ddof=1)) if n > 1 else None
-        begins = self.cycle[told] == 1
+        # A run that begins in the middle of its range has an open loop first.
+        starts = np.unique(self.run[self.full], return_index=True)[1]
+        begins = np.isin(np.flatnonzero(told), np.flatnonzero(self.full)[starts])
         both = begins.any() and not begins.all()
         first, later = (float(x[w].mean()) if both else None for w in (begins, ~begins))
         error = float(np.sqrt(np.sum(one.error[told] ** 2)) / n)
@@ -192,7 +194,7 @@ class LoopTable:
             rows.append((f"  {self.run[k]}", str(self.cycle[k]), lines, *told))
         yield from ("", *aligned(rows))
         if len(self) > SHOWN:
-            yield f"  ... and {len(self) - SHOWN} more loops"
+            yield f"  ... and {len(self) - SHOWN} more loops (--csv FILE, or columns(), has all)"
 
     def __str__(self) -> str:
         return "\n".join(at_most([*self.lines()], 80))

@@ -160,7 +160,11 @@ def column_unit(
         raise InputError(
             "unknown-unit", f"Unit {shown!r} is unknown.", place=place, cause=cause, fix=mend
         )
-    if unit in MASSES and re.match(r"force|load|f[xyz]?\b", name, re.IGNORECASE):
+    if (
+        unit in MASSES
+        and role != "condition"
+        and re.match(r"force|load|f[xyz]?\b", name, re.IGNORECASE)
+    ):
         problem = f"{unit} is mass, not force."
         mend = f"{option} with {MASSES[unit]} (1 gf is 0.00981 N)."
         raise InputError("wrong-unit", problem, place=place, fix=mend)

@@ -342,7 +342,7 @@ def _log_covariance(
     sign = -1 if creep else 1
     for row, k in enumerate(at):
         way[row, k] = 1.0 if memoryless[k].startswith("offset") else sign / c[k]
-    for k in range(count):
+    for k in np.flatnonzero(c[n:]).tolist():
         row = len(at) + 2 * k
         way[row, n + k] = sign / c[n + k]
         way[row + 1, len(c) + k] = 1.0

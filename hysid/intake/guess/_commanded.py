@@ -1,4 +1,4 @@
-"""What a rig was told to do: a column that is held, goes in steps, moves at a constant rate, or as a sine."""
+"""What a rig was told to do: a column that is held, goes in steps, at a constant rate, or as a sine."""
 
 from itertools import pairwise
 
@@ -62,14 +62,16 @@ def _stands(x: np.ndarray) -> float:
 def _bend(x: np.ndarray, t: np.ndarray, wave: bool = False) -> float:
     """The largest deviation of x from a straight line over t between its reversals, relative to its range.
 
-    Of a `wave` from a sine, between reversals that are as far apart as usual. A column that never goes far, or
-    has no such reversals, counts as bent.
+    Of a `wave` from a sine, between reversals that are as far apart as usual. A column that never goes far,
+    or has no such reversals, counts as bent.
     """
     span = float(np.ptp(x)) if x.size else 0.0
     if not span:
         return np.inf
     at = turning_points(x, 0.1 * span)
-    legs = [slice(a, b + 1) for a, b in pairwise(at) if abs(x[b] - x[a]) >= LONG * span and b > a + 3]
+    legs = [
+        slice(a, b + 1) for a, b in pairwise(at) if abs(x[b] - x[a]) >= LONG * span and b > a + 3
+    ]
     legs = legs[1:-1] if wave else legs
     clocks = [t[rows] - t[rows][0] for rows in legs]
     if not legs or not all(np.all(np.isfinite(clock)) and np.ptp(clock) > 0 for clock in clocks):

@@ -27,6 +27,7 @@ from ._column_pairs import (
     unsteadiness,
 )
 from ._commanded import STANDS, commanded, is_sine
+from ._moduli_columns import RESPONSES
 from ._quantities import OSCILLATION, words_of
 
 MISSING = 0.05
@@ -296,7 +297,7 @@ def _step(seen: Seen, columns: list[Column], still: list[Column]) -> Choice:
     found = [c for c in columns if given.get("output") in (None, c.name)]
     found = [c for c in found if c.kind.name != "unknown"] or found
     every = columns_of(table)
-    sides = {"unknown", *chain(*PAIRS)} - {"temperature"}
+    sides = {"unknown", *RESPONSES, *chain(*PAIRS)} - {"temperature"}
     aside = len(every) > 2 and not sides & {column.kind.name for column in every.values()}
     if time is not None and not given and aside:
         raise NothingDrivenError("no column beside the clock drives or answers another")
@@ -337,7 +338,7 @@ def _step(seen: Seen, columns: list[Column], still: list[Column]) -> Choice:
         value, unit = float(np.nanmax(kept.x)), None if kept.unit == "1" else kept.unit
         said = f"{kept.name!r} is {value:g} in every row"
         why["step"] = f"{said}, so this is a creep or relaxation test"
-    elif output.kind.name in ("compliance", "modulus"):
+    elif output.kind.name in RESPONSES:
         value, sure = 1.0, "likely"
         why["step"] = f"a {output.kind.name} is the response to a unit step"
     else:

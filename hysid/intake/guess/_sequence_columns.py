@@ -122,7 +122,10 @@ def condition_of(columns: Mapping[str, Column], record: Record, line: np.ndarray
     `columns`: of a table whose rows are on these lines of the file, `line` (n,).
     """
     rows = np.searchsorted(line, record.line)
-    held = {name: c.x[rows] for name, c in columns.items() if c.kind.name in CONDITIONS}
+    # A weight that hangs on an actuator; beside a force that is read it would be the size of the test.
+    weight = ("force",) if sum(c.kind.name == "force" for c in columns.values()) == 1 else ()
+    kinds = (*CONDITIONS, *weight)
+    held = {name: c.x[rows] for name, c in columns.items() if c.kind.name in kinds}
     name = channel_within(held, record.starts)
     if name is None:
         return None

@@ -235,6 +235,9 @@ def test_what_a_rig_held_in_each_run_is_a_condition(name, values):
         ]
     found = guessed("\n".join(lines))["selection"]
     assert found["condition"] == [name]
+    # The weight on an actuator is one as well.
+    muscle = [line.replace("F (N)", "p (bar)").replace(name, "load (kg)") for line in lines]
+    assert guessed("\n".join(muscle), "--overwrite")["selection"]["condition"] == ["load (kg)"]
     # Two values tell no course between them.
     assert "condition" not in guessed("\n".join(lines[:481]), "--overwrite")["selection"]
 
