@@ -127,7 +127,7 @@ def with_moduli(table: Table, frequency: str, asked: SelectionOptions) -> Table:
     beside = "" if loss is None else f" and the loss of {loss!r}"
     said = f"The storage of {storage!r}{beside} over {frequency!r}: {len(at)} moduli"
     left = len(f) * len(values) - len(at)
-    note = Note(MODULI, f"{said}; {left} cells hold none and are left out." if left else f"{said}.")
+    note = Note(MODULI, f"{said}; cells without one: {left}, left out." if left else f"{said}.")
     long = replace(rows_of(table, at), notes=(*table.notes, note))
     long = replace(long, columns={**long.columns, storage: y})
     return with_column(long, RUN, np.array(names))

@@ -98,7 +98,10 @@ def write_report(
 
 def answers(case: Case) -> list[tuple[str, str, str]]:
     """What the specimen does: name, value with error or why there is none, and what it is told from."""
-    return [(one.name, measured(one), one.reason or one.basis) for one in case.fit.characteristics]
+    # Moduli and steps have no cycles whose absence would tell anything.
+    cycles = not isinstance(case.fit.detail, DiscreteSpectrum)
+    found = (one for one in case.fit.characteristics if cycles or one.value is not None)
+    return [(one.name, measured(one), one.reason or one.basis) for one in found]
 
 
 def facts(case: Case) -> list[tuple[str, str]]:

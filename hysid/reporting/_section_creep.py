@@ -93,7 +93,9 @@ def spectrum(case: Case) -> Section:
             " an element there acts as a spring or a dashpot, and its time constant is unknown."
         )
         section.draw(figure, "Strengths over time constants", caption)
-    section.text.append("In a few numbers, with the ranges that the rows leave:")
+    stiff = next(p.unit for name, p in known.items() if name.startswith("E"))
+    told = f"E in {stiff}, tau in {unit}, V in {stiff} {unit}^alpha"
+    section.text.append(f"In a few numbers, with the ranges that the rows leave ({told}):")
     section.text += [f"A {one}." for one in found.fractional()]
     least = min(row.evidence for row in found.table)
     tests = {c.name: c.metrics["test"] for c in case.fit.candidates}

@@ -346,7 +346,7 @@ class _Sheet(NamedTuple):
                 name, changes[at], noise, f"{number_of(len(own), 'hold')}, over {length}"
             )
         of_input = quantity(self.resolution * span / abs(self.scale), record.input_unit, 3)
-        yield self.row("resolution", self.resolution, None, f"{of_input} of the input")
+        yield self.row("resolution", self.resolution, None, f"the input moved by {of_input}")
         if not self.held:
             yield self.none("settling", why, record.time_unit)
             return

@@ -43,8 +43,8 @@ ALIKE = 0.99
 NEAR = 0.97
 """The share of the best pair's score from which another transducer follows the input as well."""
 SPECTRUM = (
-    "each row is the result of an oscillation, with its storage and loss modulus (a spectrum over frequency"
-    " or temperature), and no sample over time"
+    "each row is the result of an oscillation, with its storage and loss modulus (a sweep over frequency,"
+    " temperature or amplitude), and no sample over time"
 )
 HELD = ("force", "stress", "strain", "displacement", "torque")
 """Kinds of columns that a creep or relaxation test holds constant."""

@@ -57,13 +57,27 @@ def test_from_a_file_to_constants_in_two_commands(loss: str):
     predicted = run("predict", "out", "sweep.csv", "--json").json()
     assert predicted["rmse"] < 0.1
     assert predicted["flagged"] == 0
-    assert "Moduli" in Path(run("report", "out", "--json").json()["file"]).read_text()
+    page = Path(run("report", "out", "--json").json()["file"]).read_text()
+    assert "Moduli" in page
+    assert "E in MPa, tau in s" in page
+    assert "no complete cycle" not in page
     assert run("check", "sweep.csv", "--config", "sweep.toml", "--json").json()["decades"] == 4
     card = run("export", "out", "--to", "abaqus", "card.inp", "--shear", "--poisson", 0.49)
     assert card.code == 0
     at_once = float(Path("card.inp").read_text().split("INSTANTANEOUS\n")[1].split(",")[0])
     assert at_once == pytest.approx(44.0 * 2 * 1.49, rel=0.01)
     assert isinstance(hysid.load(Path("out")).model, GeneralizedMaxwell)
+
+
+def test_a_loss_that_noise_turned_counts_and_cells_without_one_are_told():
+    loss = moduli().imag
+    loss[0], loss[1] = -0.01, 0.0
+    write(Path("sweep.csv"), {"f (Hz)": F, "G' (MPa)": moduli().real, "G'' (MPa)": loss})
+    options = {"frequency": "f (Hz)", "output": "G' (MPa)", "loss": "G'' (MPa)"}
+    record, _ = hysid.records("sweep.csv", **options)[""]
+    assert -0.01 in record.output
+    assert len(record) == 2 * len(F) - 1
+    assert "cells without one: 1" in record.history[-1].text
 
 
 @pytest.mark.parametrize("way", [1, -1])
