@@ -100,7 +100,10 @@ def field_figures(
     high, saturation = _saturation(loops, HIGH)
     _, further = _saturation(loops, HIGHER)
     off = np.abs(further[0] - saturation[0]) - 3 * np.hypot(further[1], saturation[1])
-    unsettled = np.where(off > SETTLED * np.abs(saturation[0]), NOT_SATURATED, "")
+    # What saturates keeps no more than it had; of minor loops the line may pass anywhere.
+    more = np.abs(remanence[0]) - np.abs(saturation[0]) - 3 * np.hypot(remanence[1], saturation[1])
+    open_ends = (off > SETTLED * np.abs(saturation[0])) | (more > 0)
+    unsettled = np.where(open_ends, NOT_SATURATED, "")
     square = remanence[0] / saturation[0]
     parts = remanence[1] / remanence[0], saturation[1] / saturation[0]
     squareness = square, np.abs(square) * np.hypot(*parts)

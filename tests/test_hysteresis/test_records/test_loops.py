@@ -155,6 +155,11 @@ def test_what_a_loop_does_not_tell_has_a_reason():
     weak = field.input, field.input**3 / 1e4 + np.where(np.diff(field.input, append=0) > 0, -5, 5)
     table = record_of(*weak, ("kA/m", "kA/m")).loops()
     assert "saturate" in table["saturation"].reason[0]
+    few = 20 * np.cos(np.arange(601) * np.pi / 100)
+    minor = 50 * np.tanh((few - np.where(np.gradient(few) < 0, -8, 12)) / 15)
+    minor += 2 * np.random.default_rng(0).normal(size=601)  # hides that the slope still changes
+    less = record_of(few, minor, ("kA/m", "kA/m")).loops()
+    assert all("saturate" in reason for reason in less["saturation"].reason)
     above = record_of(field.input, field.output + 200, ("kA/m", "kA/m")).loops()
     assert "cross zero" in above["coercive field"].reason[0]
     ramp = record_of(np.linspace(0, 1, 50), np.linspace(0, 1, 50)).loops()
