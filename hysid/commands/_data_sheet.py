@@ -6,11 +6,12 @@ import numpy as np
 
 import identify
 from hysteresis import InputError, Record
+from hysteresis.records._excitation import suspicions
 
 from ..intake._selection import Selection, all_of
 from ..reporting._report import write_data_sheet
 from ._asked_more import Datasheet
-from ._console import Done
+from ._console import Done, warnings
 
 SUFFIXES = (".html", ".pdf")
 
@@ -35,9 +36,10 @@ def run(asked: Datasheet) -> Done:
     sheet = identify.data_sheet(_joined(runs))
     for place in places:
         write_data_sheet(sheet, place)
+    said = [f"{name}: {note.text}" for name, run in runs.items() for note in suspicions(run)]
     return Done(
-        sheet.document() | {"files": [str(place) for place in places]},
-        [*str(sheet).split("\n"), f"Pages: {', '.join(map(str, places))}"],
+        sheet.document() | {"files": [str(place) for place in places], "warnings": said},
+        [*str(sheet).split("\n"), *warnings(said), f"Pages: {', '.join(map(str, places))}"],
     )
 
 

@@ -8,12 +8,13 @@ import numpy as np
 
 from hysteresis._atomic_file import telling, write_table
 from hysteresis._show import aligned
+from hysteresis.records._excitation import suspicions
 from hysteresis.records._loop_table import MAIN, LoopTable
 
 from ..intake._selection import Selection, all_of
 from ..reporting._specimens import FAR, FEW, deviations
 from ._asked_more import Loops
-from ._console import Done
+from ._console import Done, warnings
 
 
 def run(asked: Loops) -> Done:
@@ -28,12 +29,15 @@ def run(asked: Loops) -> Done:
     if asked.csv is not None:
         _write(asked.csv, found, each)
         wrote = [f"Table: {asked.csv}"]
+    said = {value: [note.text for note in suspicions(r)] for value, (r, _) in records.items()}
     if "" in found:
-        return Done(found[""].document(), [*found[""].lines(), *wrote])
+        document = found[""].document() | {"warnings": said[""]}
+        return Done(document, [*found[""].lines(), *warnings(said[""]), *wrote])
     lines = [f"{each} = {v} cannot be used: {e}" for v, e in faults.items()]
     document, rows = _specimens(found, each)
     document |= {"each": {value: table.document() for value, table in found.items()}}
     document |= {"failed": {value: str(error) for value, error in faults.items()}}
+    lines += [one for v, own in said.items() for one in warnings(own, f"Warning, {each} = {v}")]
     if any(one["outliers"] for one in document["specimens"].values()):
         lines.append(f"* is further from the median than {FAR} robust standard deviations.")
     return Done(document, [*aligned(rows), *lines, *wrote])

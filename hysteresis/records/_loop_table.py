@@ -30,6 +30,7 @@ SHORT, FIRST, OTHER = (
     "too few rows there", "no loop before it", "the loop before it differs in range, rate or rest"
 )  # fmt: skip
 THIN = "the loop is no wider than its error"
+AGAINST = "energy lost and secant stiffness have opposite signs"
 SURE = 3.0
 """Standard errors from which on a loop has an area whose halves can be compared."""
 
@@ -387,8 +388,10 @@ def _of_energy(
     if kind == "plain":
         rise = np.abs(rise[0]), rise[1]
     ratio, off = _ratio(_ratio((2 / np.pi * lost, 2 / np.pi * error), size), rise)
-    yield "damping ratio", (ratio, off), "1", opened
-    yield "loss factor", (2 * ratio, 2 * off), "1", opened
+    # As of half a loop of a damper, whose load falls from end to end.
+    against = np.where((opened == "") & (ratio < -3 * off), AGAINST, opened)
+    yield "damping ratio", (ratio, off), "1", against
+    yield "loss factor", (2 * ratio, 2 * off), "1", against
     middle = (most[2][0] + least[2][0]) / 2
     above = np.empty_like(x)
     rows = loops.legs.at
