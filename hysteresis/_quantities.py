@@ -1,5 +1,6 @@
 """Units of a model's input, output and time, and their conversion."""
 
+import re
 from dataclasses import fields
 from fractions import Fraction
 from functools import cache
@@ -9,7 +10,6 @@ import numpy as np
 
 from ._errors import InputError
 from ._parameter import as_float, is_concrete
-from ._unit_grammar import is_within_grammar
 
 Module = TypeVar("Module")
 
@@ -28,6 +28,21 @@ _USUAL = {
     for unit, size in (pair.split() for pair in units.split(", "))
 }
 """Units that rigs write most, with what they measure: pint takes 0.6 s to load."""
+
+LONGEST, LARGEST_POWER = 64, 12
+"""Characters of a unit, and its largest exponent."""
+
+LIMITS = (
+    f"a unit is names with exponents up to {LARGEST_POWER}, such as N/mm or m/s^2, of at most {LONGEST}"
+    " characters."
+)
+
+_POWER = re.compile(
+    r"(?:\*\*|\^)\s*(?:[+-]?(?P<bare>\d+(?:\.\d+)?)(?![\w.])"
+    r"|\(\s*[+-]?(?P<top>\d+(?:\.\d+)?)\s*(?:/\s*[1-9]\d?\s*)?\))(?!\s*(?:\*\*|\^))"
+)
+_ODD = re.compile(r"\*\*|\^|[^\w\s*/·⋅()°%‰Ω℧″′µμ]|(?<![\w.])(?!1(?![\w.]))\d")
+"""What a unit does not hold beside small powers: another power, another sign, a number but 1."""
 
 FORCE, LENGTH, TIME = "N", "m", "s"
 """The units in which contacts are solved."""
@@ -55,6 +70,16 @@ class Units(NamedTuple):
     def are_known(self) -> bool:
         """Whether input and output have a unit."""
         return "1" not in (self.input, self.output)
+
+
+def is_within_grammar(unit: str) -> bool:
+    """Whether a text is names, known or not, with small exponents, multiplied and divided.
+
+    Units come from files, so this is asked before anything calculates with them.
+    """
+    small = lambda one: "" if float(one["bare"] or one["top"]) <= LARGEST_POWER else "^"  # noqa: E731
+    bare = _POWER.sub(small, unit)
+    return bool(unit.strip()) and len(unit) <= LONGEST and _ODD.search(bare) is None
 
 
 @cache

@@ -9,15 +9,16 @@ file is.
 import csv
 import io
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from mmap import mmap
 from typing import Any
 
 import numpy as np
 
 from ._cells import LONG_CELL, MISSING, MOST_TEXT, floats, parsed
-from .importers import Layout, Streamed
+from .importers import Layout
 
 BLOCK = 2**22
 """Bytes of a block; as strings and numbers its cells take some ten times as much memory."""
@@ -34,11 +35,11 @@ class OddRowsError(Exception):
 class CompiledRows:
     """The rows of `data` from byte `start` on, which is line `first`, laid out as `layout` says.
 
-    `numbers` reads all columns, `words` the cells of one. `careful` reads blocks that the compiled parser
+    `columns` reads all numbers, `words` the cells of one. `careful` reads blocks that the compiled parser
     does not; without it there may be none. Both raise `OddRowsError`.
     """
 
-    data: bytes | Streamed
+    data: bytes | mmap
     start: int
     first: int
     layout: Layout
@@ -55,48 +56,34 @@ class CompiledRows:
         end = f"\n{re.escape(self.layout.separator)}"
         return re.compile(rf"([{end}]) *(?:{words}) *(?=[{end}])", re.IGNORECASE)
 
-    def numbers(
-        self, begun: Mapping[str, np.ndarray], numeric: list[bool]
-    ) -> tuple[dict[str, np.ndarray], np.ndarray]:
-        """The columns (n,) float64, each behind the rows that have `begun` it, and the line (n,) of each
-        row, 0 of those begun.
+    def columns(self, numeric: list[bool]) -> tuple[list[list[np.ndarray]], list[np.ndarray]]:
+        """The numbers of each column, and the line of each row, block by block.
 
-        `numeric`: which columns hold numbers alone. One that turns out to hold words becomes False, and is
-        left out.
+        `numeric`: which columns hold numbers alone. One that turns out to hold words becomes False.
         """
         if self.layout.separator == self.decimal:
             raise OddRowsError
-        rows, first = len(next(iter(begun.values()))), self.first
-        # One array that every block is put into: blocks that are joined in the end need it twice.
-        pieces = (self.data[place] for place in _blocks(self.data, self.start))
-        room = rows + 1 + sum(max(p.count(b"\n"), p.count(b"\r")) for p in pieces)
-        columns = [np.append(x, np.empty(room - rows)) if n else None
-                   for x, n in zip(begun.values(), numeric, strict=True)]  # fmt: skip
-        lines = np.zeros(room, np.int32 if len(self.data) < 2**31 else np.int64)
+        columns, lines, first = (
+            [list[np.ndarray]() for _ in numeric],
+            list[np.ndarray](),
+            self.first,
+        )
         for place in _blocks(self.data, self.start):
             text = _text(self.data[place])
             count = text.count("\n")
             parts = self._compiled(text, count, numeric)
-            line = np.arange(first, first + count, dtype=lines.dtype)
+            line = np.arange(first, first + count, dtype=np.int32)
             self.blocks.append((place, first, parts is None))
             if parts is None:
                 parts, line = self._carefully(text, first, numeric)
-            if rows + len(line) > room:  # ends of lines of several kinds
-                raise OddRowsError
-            for k, (part, number) in enumerate(zip(parts, numeric, strict=True)):
-                if (column := columns[k]) is not None and number:
-                    column[rows : rows + len(line)] = part
-                else:
-                    columns[k] = None
-            lines[rows : rows + len(line)] = line
-            first, rows = first + count, rows + len(line)
-        for x in columns:
-            if x is not None:
-                x.flags.writeable = False  # so records need no copy
-        found = {name: x[:rows] for name, x in zip(begun, columns, strict=True) if x is not None}
-        if not found or all(np.isnan(x[-1]) for x in found.values()):
+            for column, part in zip(columns, parts, strict=True):
+                column.append(part)
+            lines.append(line)
+            first += count
+        ends = [x[-1][-1] for x, number in zip(columns, numeric, strict=True) if number]
+        if not ends or np.isnan(ends).all():
             raise OddRowsError  # perhaps empty rows at the end, which are no rows
-        return found, lines[:rows]
+        return columns, lines
 
     def words(self, at: int) -> np.ndarray:
         """The cells of column `at` (n,) str, without the blanks around each."""
@@ -173,7 +160,7 @@ class CompiledRows:
         return {"delimiter": self.layout.separator or None, "comments": None, "quotechar": quote}
 
 
-def _blocks(data: bytes | Streamed, start: int) -> Iterator[slice]:
+def _blocks(data: bytes | mmap, start: int) -> Iterator[slice]:
     """Pieces of whole lines."""
     while start < len(data):
         stop = len(data)

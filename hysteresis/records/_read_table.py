@@ -6,6 +6,7 @@ import re
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 from functools import partial
+from mmap import mmap
 from pathlib import Path
 from typing import NamedTuple
 
@@ -22,7 +23,6 @@ from ._units import are_units, bare_unit, named_unit, spelled
 from .importers import (
     Layout,
     Sheet,
-    Streamed,
     arranged,
     binary,
     clock_in,
@@ -33,9 +33,9 @@ from .importers import (
     file_bytes,
     json_lines,
     labview,
+    mapped,
     noted_units,
     splitter,
-    streamed,
     trimmed,
     units_behind_blanks,
     without_settings,
@@ -112,7 +112,7 @@ def read_table(
         raise InputError("bad-option", problem, fix='decimal is "." or "," (--decimal).')
     path = Path(path)
     asked = _Asked(path, decimal, separator, units_row, tuple(na_values), dialects, table)
-    large = streamed(path) if most is None else None
+    large = mapped(path) if most is None else None
     if large and (found := _by_its_head(asked, large, len(large))):
         return found
     data, size = file_bytes(path, most)
@@ -139,7 +139,7 @@ def _timed(table: Table, sheet: Sheet) -> Table:
     return with_column(replace(table, notes=(*table.notes, note)), "time", t, "s")
 
 
-def _by_its_head(asked: _Asked, data: bytes | Streamed, size: int) -> Table | None:
+def _by_its_head(asked: _Asked, data: bytes | mmap, size: int) -> Table | None:
     """A large text whose rows go on as they begin; None of any other file."""
     cut, length = 0, HEAD
     while data[:cut].count(b"\n") < LEAST_LINES:
@@ -269,7 +269,7 @@ def _plain(asked: _Asked, numbered: Sequence[tuple[int, str]]) -> Sheet:
     return Sheet(columns, line, units, tuple(notes), decimal, layout)
 
 
-def _table(asked: _Asked, data: bytes | Streamed, size: int, sheet: Sheet) -> Table:
+def _table(asked: _Asked, data: bytes | mmap, size: int, sheet: Sheet) -> Table:
     path, na_values = asked.path, asked.na_values
     decimal = sheet.decimal if asked.decimal == "." else asked.decimal
     check_room(path, sheet.columns, sheet.line)
@@ -287,7 +287,7 @@ def _table(asked: _Asked, data: bytes | Streamed, size: int, sheet: Sheet) -> Ta
         for name in sheet.columns
     }
     units = {name: unit and spelled(unit) for name, unit in sheet.units.items()}
-    digest = hashlib.sha256(data).hexdigest() if isinstance(data, bytes) else data.sha256()
+    digest = hashlib.sha256(data).hexdigest()
     return Table(
         columns, TextColumns(columns, words) if held else text, sheet.line, units, str(path), digest,
         sheet.notes, decimal, na_values, sheet.units, len(data) / size,

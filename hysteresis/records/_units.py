@@ -5,7 +5,7 @@ import unicodedata
 
 from .._errors import InputError
 from .._note import Note
-from .._unit_grammar import LIMITS, LONGEST, is_within_grammar
+from .._quantities import LIMITS, LONGEST, is_within_grammar
 
 # What a header's last word after an underscore may mean. `force_pos` and `x_location` mean none.
 _UNITS = """

@@ -6,10 +6,9 @@ MATLAB, HDF5, Parquet, ROS bags, the dialects of `dialects.toml`, any text with 
 
 from ._binary import binary as binary
 from ._encoding import decode as decode
-from ._file import Streamed as Streamed
 from ._file import fault as fault
 from ._file import file_bytes as file_bytes
-from ._file import streamed as streamed
+from ._file import mapped as mapped
 from ._json_lines import json_lines as json_lines
 from ._labview import labview as labview
 from ._notes import clock_in as clock_in

@@ -121,7 +121,7 @@ def blocks(rows: Rows) -> list[Block]:
     while k < len(rows):
         if head := begins.get(k):
             width = max(len(trimmed(rows[head.first][1])), len(head.names))
-            names, units = tuple(_padded(head.names, width)), tuple(_padded(head.units, width))
+            names, units = tuple(padded(head.names, width)), tuple(padded(head.units, width))
             found.append(Block(names, units, [], [], [row for _, row in above], []))
             k = head.first
         elif found and k not in titles and _belongs(rows[k][1], len(found[-1].header)):
@@ -133,7 +133,7 @@ def blocks(rows: Rows) -> list[Block]:
         above, block = [], found[-1]
         width = len(block.header)
         while k < len(rows) and k not in ends and _belongs(rows[k][1], width):
-            block.rows.append(_padded(rows[k][1], width))
+            block.rows.append(padded(rows[k][1], width))
             block.line.append(rows[k][0])
             k += 1
     for block in found:
@@ -270,7 +270,7 @@ def nameless(rows: Rows, dialect: Dialect, above: Sequence[str], text: str) -> l
     if len(names) != width or not all(names) or any(map(is_number, names)):
         known = dialect.names[:width]
         names = [*known, *(f"column {k}" for k in range(len(known) + 1, width + 1))]
-    units = _padded(units, width)
+    units = padded(units, width)
     return [
         Block(tuple(names), tuple(units), [r for _, r in run], [k for k, _ in run], [], [])
         for run in runs
@@ -328,7 +328,7 @@ def _belongs(cells: list[str], width: int) -> bool:
     return (_is_data(cells) and size <= width) or (size == width and any(map(is_number, cells)))
 
 
-def _padded(cells: Sequence[str], width: int) -> list[str]:
+def padded(cells: Sequence[str], width: int) -> list[str]:
     return [*cells[:width], *[""] * (width - len(cells))]
 
 

@@ -1,7 +1,6 @@
 """The bytes of a file and its text, or why there are none."""
 
-import hashlib
-import os
+import mmap
 import re
 from difflib import get_close_matches
 from pathlib import Path
@@ -17,7 +16,7 @@ LARGE = 32
 """A text up to so many times the head that is asked for is read whole: an excerpt shows few of its runs."""
 
 
-STREAMED, _HEAD = 2**25, 2**16
+MAPPED, _HEAD = 2**25, 2**16
 """Bytes of a text that is not kept in memory, and those that show whether it is one."""
 _UFF = re.compile(rb"\s*-1\s")
 
@@ -25,52 +24,18 @@ BAG = b"#ROSBAG V2.0"
 """The first bytes of a ROS bag."""
 
 
-class Streamed:
-    """The bytes of a large text, of which a piece at a time is in memory."""
-
-    def __init__(self, path: Path):
-        self._path = path.absolute()  # the current folder may be another one later
-        self._state = self._now()
-
-    def __len__(self) -> int:
-        return self._state.st_size
-
-    def __getitem__(self, place: slice) -> bytes:
-        begin, end, _ = place.indices(len(self))
-        now = self._now()
-        if (now.st_size, now.st_mtime_ns) != (self._state.st_size, self._state.st_mtime_ns):
-            raise fault(
-                "unreadable-file", self._path, "it was changed while it was read.", "try again."
-            )
-        with self._path.open("rb") as file:
-            file.seek(begin)
-            return file.read(end - begin)
-
-    def rfind(self, part: bytes, begin: int, end: int) -> int:
-        """As of bytes, within a piece."""
-        at = self[begin:end].rfind(part)
-        return at if at < 0 else at + begin
-
-    def sha256(self) -> str:
-        """Of the whole file."""
-        with self._path.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-
-    def _now(self) -> os.stat_result:
-        return self._path.stat()
-
-
-def streamed(path: Path) -> Streamed | None:
-    """A large file that begins as a text does; None of any other, and of one that cannot be read."""
+def mapped(path: Path) -> mmap.mmap | None:
+    """A large file that begins as a text does, of which the system reads what is asked for; None of any
+    other, and of one that cannot be read."""
     try:
-        if not path.is_file() or path.stat().st_size < STREAMED:
-            return None
-        found = Streamed(path)
-        head = found[:_HEAD]
+        with path.open("rb") as file:
+            head = file.read(_HEAD)
+            is_text = b"\0" not in head and b"\n" in head and head[:2] != b"PK"
+            if not is_text or _UFF.match(head) or path.stat().st_size < MAPPED:
+                return None
+            return mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
     except OSError:
         return None
-    is_text = b"\0" not in head and b"\n" in head and head[:2] != b"PK" and not _UFF.match(head)
-    return found if is_text else None
 
 
 def file_bytes(path: Path, most: int | None = None) -> tuple[bytes, int]:

@@ -12,15 +12,13 @@ from pathlib import Path
 import numpy as np
 
 from .._cells import floats
-from ._blocks import Block, sheet_of
+from ._blocks import Block, padded, sheet_of
 from ._dialects import OTHER
 from ._file import fault
 from ._sheet import Sheet, distinct, is_number
 
-MARK = "LabVIEW Measurement"
+MARK, CLOCK = "LabVIEW Measurement", "X_Value"
 _END = "***End_of_Header***"
-_KEYS = ("Channels", "Samples", "Date", "Time", "X_Dimension", "X0", "Delta_X", "Y_Unit_Label",
-         "Y_Dimension", "X_Unit_Label", "Test_Name", "Notes")  # fmt: skip
 
 
 def labview(path: Path, text: str) -> Sheet | None:
@@ -31,75 +29,61 @@ def labview(path: Path, text: str) -> Sheet | None:
     if not text.startswith(MARK):
         return None
     lines = re.split(r"\r\n|\r|\n", text)
-    comma = any(re.fullmatch(r"Separator,Comma\W*", x) for x in lines[:20])
-    separator = "," if comma else "\t"
-    rows = [[cell.strip() for cell in line.split(separator)] for line in lines]
-    ends = [k for k, row in enumerate(rows) if row[0] == _END]
+    separator = "," if any(re.match(r"Separator,Comma\b", x) for x in lines[:20]) else "\t"
+    rows = [(k, [c.strip() for c in line.split(separator)]) for k, line in enumerate(lines, 1)]
+    rows = [(k, row) for k, row in rows if any(row)]
+    ends = [at for at, (_, row) in enumerate(rows) if row[0] == _END]
     if not ends:
         raise fault("damaged-file", path, f"{_END} is missing.", "export the file again.")
-    said = {row[0]: row[1] for row in rows[: ends[0]] if len(row) > 1}
-    decimal = "," if said.get("Decimal_Separator") == "," else "."
+    about = {row[0]: row[1:] for _, row in rows[: ends[0]]}
+    decimal = "," if about.get("Decimal_Separator", [])[:1] == [","] else "."
     found: list[Block] = []
+    begin = ends[0]
     for number, end in enumerate(ends[1:] or ends, 1):
-        stop = next((k for k in range(end + 1, len(rows)) if rows[k][0] == "Channels"), len(rows))
-        about = {row[0]: row[1:] for row in rows[_start(rows, end) : end] if row[0] in _KEYS}
-        body = [(k + 1, rows[k]) for k in range(end + 1, stop) if any(rows[k])]
-        body = [(k, row) for k, row in body if row[0] != _END and row[0] not in _KEYS]
-        width = max((len(row) for _, row in body), default=0)
-        header = ["X_Value", *(f"channel {k}" for k in range(1, width))]
-        if body and not any(map(is_number, body[0][1])):
-            header, body = body[0][1], body[1:]
-        if not body:
-            continue
-        part, units = _segment(header, [r for _, r in body], about, said, decimal)
-        cells = [list(row) for row in zip(*part.values(), strict=True)]
-        line, own = [k for k, _ in body], tuple(units.get(name, "") for name in part)
-        found.append(Block(tuple(part), own, cells, line, [[str(number)]], []))
+        about |= {row[0]: row[1:] for _, row in rows[begin:end]}
+        inside = range(end + 1, len(rows))
+        begin = next((at for at in inside if rows[at][1][0] in ("Channels", _END)), len(rows))
+        if block := _block(rows[end + 1 : begin], about, decimal, str(number)):
+            found.append(block)
     dialect = OTHER._replace(name="a LabVIEW measurement file", column="segment", decimal=decimal)
     if (sheet := sheet_of(found, dialect, decimal)) is None:
         raise fault("no-rows", path, "headers and no rows.")
     return sheet
 
 
-def _start(rows: list[list[str]], end: int) -> int:
-    """Where the header that ends at `end` begins."""
-    return next((k for k in range(end - 1, -1, -1) if rows[k][0] in ("Channels", MARK)), 0)
-
-
-def _segment(
-    header: list[str], rows: list[list[str]], about: dict, said: dict, decimal: str
-) -> tuple[dict[str, list[str]], dict[str, str]]:
-    """Columns of one segment, and their units."""
-    kind = said.get("X_Columns", "One")
-    width = len(header)
-    rows = [[*row[:width], *[""] * (width - len(row))] for row in rows]
-    kept = [k for k, name in enumerate(header) if name and name != "Comment"]
-    clocks = [k for k in kept if header[k] == "X_Value"]
-    channels = [k for k in kept if k not in clocks]
+def _block(
+    rows: list[tuple[int, list[str]]], about: dict[str, list[str]], decimal: str, number: str
+) -> Block | None:
+    """One segment, None without rows; what `about` says of it is in its header or that of the file."""
+    width = max((len(row) for _, row in rows), default=0)
+    names = [CLOCK, *(f"channel {k}" for k in range(1, width))]
+    if rows and not any(map(is_number, rows[0][1])):
+        (_, names), *rows = rows
+    if not rows:
+        return None
+    clocks = [k for k, name in enumerate(names) if name == CLOCK]
+    channels = [k for k, name in enumerate(names) if name not in (CLOCK, "Comment", "")]
     labels = [x for x in about.get("Y_Unit_Label", []) if x]
-    whole = len(labels) == len(channels)
-    cells = {k: [row[k] for row in rows] for k in kept}
-    columns: dict[str, list[str]] = {}
-    units: dict[str, str] = {}
-    if kind == "No" or not clocks or not any(cells[clocks[0]]):
+    labels = labels if len(labels) == len(channels) else [""] * len(channels)
+    known = zip(channels, distinct([names[k] for k in channels]), labels, strict=True)
+    cells = list(zip(*(padded(row, len(names)) for _, row in rows), strict=True))
+    seconds = "s" if "Time" in about.get("X_Dimension", ["Time"]) else ""
+    found: list[tuple[str, str, tuple[str, ...]]] = []  # name, unit and cells of each column
+    if about.get("X_Columns", [])[:1] == ["No"] or not clocks or not any(cells[clocks[0]]):
         start, step = (_first(about.get(key, []), decimal) for key in ("X0", "Delta_X"))
         x = (start or 0.0) + (step or 1.0) * np.arange(len(rows))
-        columns["X_Value"] = [f"{v:.12g}".replace(".", decimal) for v in x]
+        found.append((CLOCK, seconds, tuple(f"{v:.12g}".replace(".", decimal) for v in x)))
         clocks = []
-    elif len({tuple(cells[k]) for k in clocks}) == 1:
-        columns["X_Value"] = cells[clocks[0]]
+    elif len({cells[k] for k in clocks}) == 1:
+        found.append((CLOCK, seconds, cells[clocks[0]]))
         clocks = []
-    if "X_Value" in columns and "Time" in about.get("X_Dimension", ["Time"]):
-        units["X_Value"] = "s"
-    for name, k in zip(distinct([header[k] for k in channels]), channels, strict=True):
-        own = max((c for c in clocks if c < k), default=None)
-        if own is not None:  # every channel has a clock of its own
-            columns[f"X_Value {name}"] = cells[own]
-            units[f"X_Value {name}"] = "s"
-        columns[name] = cells[k]
-        if whole:
-            units[name] = labels[channels.index(k)]
-    return columns, units
+    for k, name, unit in known:
+        # Of several clocks each channel has the one before it.
+        found += [(f"{CLOCK} {name}", "s", cells[c]) for c in clocks if c < k][-1:]
+        found.append((name, unit, cells[k]))
+    header, units, columns = zip(*found, strict=True)
+    table = [list(row) for row in zip(*columns, strict=True)]
+    return Block(header, units, table, [k for k, _ in rows], [[number]], [])
 
 
 def _first(cells: list[str], decimal: str) -> float | None:
