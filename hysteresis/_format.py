@@ -7,24 +7,12 @@ import numpy as np
 
 
 def quantity(x: float, unit: str, digits: int = 4) -> str:
-    """A value with its unit, which is left away where it is "1".
-
-    **Example:**
-
-        >>> quantity(0.123456, "mm")
-        '0.1235 mm'
-    """
+    """A value with its unit, which is left away where it is "1"."""
     return f"{x:.{digits}g}" if unit == "1" else f"{x:.{digits}g} {unit}"
 
 
 def with_error(x: float, error: float) -> str:
-    """A value with its error in two digits, rounded where that ends.
-
-    **Example:**
-
-        >>> with_error(30.7042, 0.181)
-        '30.70 ± 0.18'
-    """
+    """A value with its error in two digits, rounded where that ends."""
     nothing = not x or abs(x) < error / 200 < math.inf
     value = "0" if nothing else f"{x:#.{digits_of(x, error, 4)}g}".rstrip(".")
     return f"{value} ± {error:.2g}"

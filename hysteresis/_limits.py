@@ -29,7 +29,7 @@ ALWAYS_UNPACKED, LARGEST_RATIO, LARGEST_UNPACKED = 256_000_000, 50, 16_000_000_0
 
 DAMAGE: tuple[type[Exception], ...] = (
     ArithmeticError, AttributeError, EOFError, LookupError, MemoryError, OSError, RuntimeError,
-    TypeError, ValueError, struct.error, zipfile.BadZipFile, zlib.error,
+    TypeError, ValueError, struct.error, tokenize.TokenError, zipfile.BadZipFile, zlib.error,
 )  # fmt: skip
 """What readers of arrays, HDF5 and JSON raise where a file was damaged or made up."""
 
@@ -93,7 +93,7 @@ def _check_depth(marks: list[str]) -> None:
 
 
 def load_arrays(file: Path | BytesIO) -> dict[str, np.ndarray]:
-    """The arrays of a .npz file; no object among them, and none larger than what the file holds of it."""
+    """The arrays of a .npz file; no object among them, and no more than what the file holds."""
     with zipfile.ZipFile(file) as packed:
         check_packed(packed)
         return {m.filename.removesuffix(".npy"): _array(packed, m) for m in packed.infolist()}
@@ -115,37 +115,17 @@ def check_packed(packed: zipfile.ZipFile) -> None:
         )
 
 
-def unpacked(packed: zipfile.ZipFile, name: str) -> bytes:
-    """The content of a member, at most its declared size, because an archive can declare any size.
-
-    Without a limit `zipfile` unpacks the whole member before it cuts off what is beyond that size."""
-    member = packed.getinfo(name)
-    with _opened(packed, member) as opened:
-        return opened.read(member.file_size + 1)
-
-
-def _opened(packed: zipfile.ZipFile, member: zipfile.ZipInfo) -> zipfile.ZipExtFile:
+def _array(packed: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray:
     # Other ways are unpacked without bounds.
     if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
         raise ValueError(f"{member.filename} is packed in an unusual way")
-    return packed.open(member)  # type: ignore[return-value]
-
-
-def _array(packed: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray:
-    with _opened(packed, member) as opened:
-        version = np.lib.format.read_magic(opened)
-        read = {
-            (1, 0): np.lib.format.read_array_header_1_0,
-            (2, 0): np.lib.format.read_array_header_2_0,
-        }.get(version)
-        if read is None:
-            raise ValueError(f"{member.filename} has version {version} of the format")
-        try:
-            shape, by_column, dtype = read(opened)
-        except (SyntaxError, tokenize.TokenError) as error:  # as NumPy reads headers of Python 2
-            raise ValueError(f"the header of {member.filename} cannot be read: {error}") from None
+    form = np.lib.format
+    with packed.open(member) as opened:
+        is_first = form.read_magic(opened) == (1, 0)
+        read = form.read_array_header_1_0 if is_first else form.read_array_header_2_0
+        shape, by_column, dtype = read(opened)
         check_shape(shape, dtype, member.file_size)
-        content = opened.read(member.file_size + 1)
+        content = opened.read(member.file_size + 1)  # without a limit the whole of it is unpacked
     array = np.frombuffer(content, dtype, count=int(np.prod(shape, dtype=object)))
     return array.reshape(shape, order="F" if by_column else "C").copy()
 

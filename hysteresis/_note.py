@@ -53,15 +53,7 @@ def warning(code: str, text: str, values: dict[str, Any] | None = None) -> Note:
 
 
 class ProgressNote(Note):
-    """A note of a long run that says how far it is: `done` of `total` parts.
-
-    **Example:**
-
-        >>> from hysteresis._note import ProgressNote
-        >>> note = ProgressNote("candidate", "Burgers: held-out 2.9 %", 2, 5)
-        >>> note.done / note.total
-        0.4
-    """
+    """A note of a long run that says how far it is: `done` of `total` parts."""
 
     __slots__ = ("done", "total")
     done: int

@@ -3,7 +3,7 @@
 import numpy as np
 
 from ._model import needed_time
-from ._quantities import FORCE, LENGTH, Units, conversion
+from ._quantities import FORCE, Units, conversion
 from ._registry import register
 from .models._bouc_wen import BoucWen
 from .models._burgers import Burgers, StandardLinearSolid
@@ -14,6 +14,7 @@ from .models._linear_sponge import LinearSponge
 from .models._prandtl_ishlinskii import PrandtlIshlinskii
 from .models._prony import GeneralizedKelvinVoigt, GeneralizedMaxwell
 from .records._excitation import loop_direction
+from .records._loads import kind_of_units
 from .records._record import Record
 
 CONTACT_FORCE = 1.5
@@ -25,25 +26,14 @@ ENOUGH = 1000
 """Rows that tell which way a record lags."""
 
 
-def _is_load(unit: str) -> bool:
-    return any(conversion(unit, load) is not None for load in (FORCE, "Pa", "N*m"))
-
-
-def _is_deformation(unit: str) -> bool:
-    ratio = conversion(unit.partition("/")[0], LENGTH) and conversion(unit, "1")
-    return conversion(unit, LENGTH) is not None or unit in ("percent", "deg", "rad") or bool(ratio)
-
-
 def _leads(record: Record) -> bool:
     """Whether a viscoelastic element runs deformation -> load, so that the output leads.
 
     The units tell where one is that of a load and the other that of a deformation, since moduli are loads
     over deformations. Else the sign of what lags does, which an input that goes one way shows too.
     """
-    of_input, of_output = record.input_unit, record.output_unit
-    for leading, load, deformation in ((False, of_input, of_output), (True, of_output, of_input)):
-        if _is_load(load) and _is_deformation(deformation):
-            return leading
+    if (kind := kind_of_units(record)) is not None:
+        return kind == "relaxation"
     return _lag(record) < 0
 
 

@@ -67,11 +67,5 @@ class Verdict(NamedTuple):
 
 
 def worst_of(levels: Iterable[str]) -> Level:
-    """The worst of several levels; of none, "PASS".
-
-    **Example:**
-
-        >>> worst_of(["PASS", "FAIL", "CAUTION"])
-        'FAIL'
-    """
+    """The worst of several levels; of none, "PASS"."""
     return LEVELS[max(map(LEVELS.index, levels), default=0)]

@@ -44,15 +44,6 @@ class Change(NamedTuple):
     - `cycles`: how many were compared. `duration`: of one, NaN without time.
     - `moved`: the farthest that the zero has moved from one cycle to another; `first`, `last`: the numbers
       of those cycles.
-
-    **Example:**
-
-        >>> from hysteresis.records._change import change
-        >>> t = np.linspace(0, 6, 241)
-        >>> u = 1 - np.cos(2 * np.pi * t)
-        >>> found = change(hysteresis.Record.from_arrays(u, u + 0.1 * t, t))
-        >>> found.cycles, round(found.rate, 3), round(found.moved, 3)
-        (6, 0.1, 0.5)
     """
 
     rate: float

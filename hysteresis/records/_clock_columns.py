@@ -7,25 +7,25 @@ microcontroller count.
 """
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from datetime import date, datetime
+from datetime import date
 from typing import NamedTuple
 
 import numpy as np
 
 from .._note import Note
+from ._kinds import kind_of
 from ._table import Table
 from ._units import named_unit
 
 DAY = 86_400.0
-_TIME = re.compile(r"(\d{1,3}):(\d\d):(\d\d)(?:[.,:](\d{1,9}))?\s*([AaPp]\.?[Mm]\.?)?")
-_MINUTES = re.compile(r"(\d{1,4}):(\d\d)(?:[.,](\d{1,9}))?")
-_DATE = re.compile(
-    r"(?:(\d{1,2})([./-])(\d{1,2})\2(\d{4})|(\d{4})([./-])(\d{1,2})\6(\d{1,2}))[\sT,;]+"
+_STAMP = re.compile(
+    r"(?:(?P<a>\d{1,4})(?P<sign>[./-])(?P<b>\d{1,2})(?P=sign)(?P<c>\d{1,4})[\sT,;]+)?"
+    r"(?P<h>\d{1,4}):(?P<m>\d\d)(?::(?P<s>\d\d))?(?:(?:[.,]|(?<=:\d\d:\d\d):)(?P<f>\d{1,9}))?"
+    r"\s*(?:(?P<half>[AaPp])\.?[Mm]\.?)?(?P<zone>Z|[+-]\d\d:\d\d)?"
 )
-_HOUR = re.compile(r"^\d\d?:\d\d(?![:.,])")
-_NAMED = re.compile(r"time|stamp|zeit|clock|epoch|date|datum", re.IGNORECASE)
+"""A date, which begins with its year or ends with it, and a time of day; or minutes and seconds alone."""
 _DATED = re.compile(r"date|datum", re.IGNORECASE)
 _SINCE_1970 = {1e9: 1.0, 1e12: 1e-3, 1e15: 1e-6, 1e18: 1e-9}
 """Seconds since 1970 are between one and two thousand millions, from 2001 to 2033, in such steps."""
@@ -72,89 +72,63 @@ def with_clocks(table: Table) -> Table:
 
 
 def _stamps(cells: np.ndarray) -> _Clock | None:
-    """NaN where a cell is empty; None where one is neither date nor time."""
+    """NaN where a cell is empty; None where one is neither date nor time.
+
+    Behind a date hours and minutes are enough; without one these may be minutes and seconds, which they are
+    if some cell has a fraction. A spreadsheet's minutes begin again after an hour.
+    """
     filled = np.flatnonzero(cells != "")
     if len(filled) < 2 or ":" not in cells[filled[0]] or ":" not in cells[filled[-1]]:
         return None
-    words = cells[filled].tolist()
-    days, hour = "dates or times of day", "minutes and seconds"
-    for read, said in ((_iso, days), (_by_parts, days), (_by_minutes, hour)):
+    found = [_STAMP.fullmatch(word) for word in cells[filled].tolist()]
+    parts = [one.groupdict("") for one in found if one is not None]
+    dated, whole, fine = ([bool(one[key]) for one in parts] for key in "asf")
+    minutes = not (any(dated) or any(whole))
+    alone = any(fine) if minutes else all(whole) and not any(dated)
+    if len(parts) < len(filled) or not (alone or all(dated)):
+        return None
+    seconds = np.array([_seconds(one) for one in parts]) / (60 if minutes else 1)
+    if any(dated):
         try:
-            seconds = read(words)
-        except (ValueError, TypeError):  # no date, or one with a time zone and one without
-            continue
-        found = np.full(len(cells), np.nan)
-        found[filled] = np.round(seconds - seconds[0], 9)
-        return _Clock(found, said) if np.ptp(seconds) > 0 else None
-    return None
+            seconds += _days(parts)
+        except ValueError:  # no calendar has these dates
+            return None
+    else:
+        turn = 3600 if minutes else DAY
+        seconds += turn * np.cumsum(np.diff(seconds, prepend=seconds[0]) < -turn / 2)
+    times = np.full(len(cells), np.nan)
+    times[filled] = np.round(seconds - seconds[0], 9)
+    said = "minutes and seconds" if minutes else "dates or times of day"
+    return _Clock(times, said) if np.ptp(seconds) > 0 else None
 
 
-def _iso(words: Sequence[str]) -> np.ndarray:
-    first = datetime.fromisoformat(words[0])
-    return np.array([(datetime.fromisoformat(w) - first).total_seconds() for w in words])
+def _seconds(one: dict[str, str]) -> float:
+    hours, fraction = int(one["h"]), float(f"0.{one['f']}")
+    if one["half"]:
+        hours = hours % 12 + 12 * (one["half"] in "pP")
+    if not one["s"]:  # of minutes and seconds a sixtieth is meant
+        fraction *= 60
+    zone = one["zone"].replace("Z", "")
+    off = int(f"{zone[:1]}1") * (60 * int(zone[1:3]) + int(zone[4:])) if zone else 0
+    return 3600.0 * hours + 60 * (int(one["m"]) - off) + int(one["s"] or 0) + fraction
 
 
-def _by_parts(words: Sequence[str]) -> np.ndarray:
-    """A time of day, perhaps behind a date that begins with its year, its day or, with slashes, perhaps its
-    month; behind a date hours and minutes are enough."""
-    cut = [_DATE.match(word) for word in words]
-    rest = [w[c.end() :] if c else w for w, c in zip(words, cut, strict=True)]
-    rest = [_HOUR.sub(r"\g<0>:00", w) if c else w for w, c in zip(rest, cut, strict=True)]
-    of_day = np.array([_seconds(w) for w in rest])
-    dates = [c for c in cut if c is not None]
-    if dates and len(dates) < len(cut):
-        raise ValueError("a date is missing")
-    if len({c[0] for c in dates}) > 1:
-        parts = [(c[1] or c[8], c[3] or c[7], c[4] or c[5]) for c in dates]
-        return of_day + _days([(int(a), int(b), int(year)) for a, b, year in parts], dates[0][2])
-    if not dates:
-        of_day += DAY * np.cumsum(np.diff(of_day, prepend=of_day[0]) < -DAY / 2)
-    return of_day
-
-
-def _by_minutes(words: Sequence[str]) -> np.ndarray:
-    """Minutes and seconds, of which some cell has a fraction: without one they may be hours and minutes. A
-    spreadsheet's begin again after an hour."""
-    parts = [_MINUTES.fullmatch(word.strip()) for word in words]
-    if not any(found and found[3] for found in parts):
-        raise ValueError("hours and minutes, or minutes and seconds")
-    seconds = np.array(
-        [60.0 * int(m[1]) + float(f"{m[2]}.{m[3] or 0}") for m in parts if m is not None]
+def _days(parts: Sequence[dict[str, str]]) -> np.ndarray:
+    """Seconds of days from the first one; of two readings of a date the one that goes on, and then the
+    shorter one. Raises `ValueError` where no calendar has them."""
+    first = parts[0]
+    orders = (
+        ["abc"] if len(first["a"]) == 4 else ["cba", "cab"] if first["sign"] == "/" else ["cba"]
     )
-    if len(seconds) < len(words):
-        raise ValueError("no minutes and seconds")
-    return seconds + 3600 * np.cumsum(np.diff(seconds, prepend=seconds[0]) < -1800)
-
-
-def _days(parts: Sequence[tuple[int, int, int]], sign: str | None) -> np.ndarray:
-    """Seconds of days; of two readings of a date the one that goes on, and then the shorter one."""
-    orders: list[Callable[[int, int, int], date]] = [lambda a, b, year: date(year, b, a)]
-    if sign == "/":
-        orders.append(lambda a, b, year: date(year, a, b))
     found: list[tuple[bool, float, int, np.ndarray]] = []
     for k, order in enumerate(orders):
         try:
-            days = np.array([order(*one).toordinal() for one in parts], float)
+            days = [date(*(int(one[key]) for key in order)).toordinal() for one in parts]
         except ValueError:  # there is no month 13
             continue
-        back = bool((np.diff(days) < 0).any())
-        found.append((back, float(np.ptp(days)), k, days))
-    if not found:
-        raise ValueError("no calendar has these dates")
+        days = np.array(days, float) - days[0]
+        found.append((bool((np.diff(days) < 0).any()), float(np.ptp(days)), k, days))
     return DAY * min(found, key=lambda one: one[:3])[3]
-
-
-def _seconds(word: str) -> float:
-    found = _TIME.fullmatch(word.strip())
-    if found is None:
-        raise ValueError(word)
-    hours, minutes, seconds, fraction, half = found.groups()
-    h = int(hours)
-    if half:
-        h = h % 12 + (12 if half[0] in "pP" else 0)
-    return (
-        3600.0 * h + 60 * int(minutes) + int(seconds) + (float(f"0.{fraction}") if fraction else 0)
-    )
 
 
 def _unwrapped(x: np.ndarray) -> np.ndarray:
@@ -174,7 +148,7 @@ def _since_a_day(name: str, x: np.ndarray) -> _Clock | None:
     """A clock whose values are those of the years from 2001 to 2033 since 1970; or in days since 1900,
     where it is named a date, or moves by less than one: a clock in seconds may pass through such values."""
     good = np.isfinite(x)
-    if not _NAMED.search(name) or good.sum() < 2:
+    if kind_of(name, "1").name != "time" or good.sum() < 2:
         return None
     low, high = float(x[good].min()), float(x[good].max())
     step = next((s for least, s in _SINCE_1970.items() if least <= low < high < 2 * least), None)

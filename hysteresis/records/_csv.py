@@ -28,12 +28,6 @@ def with_known(record: Record, known: Any) -> Record:
 
     **Raises:** `InputError` `bad-option` for what is neither a number of rows nor a column, `no-rows` where
     nothing is left to predict.
-
-    **Example:**
-
-        >>> from hysteresis.records._csv import with_known
-        >>> int(record.mask.sum()), int(with_known(record, 20).mask.sum())
-        (101, 81)
     """
     name = str(known)
     if name in record.columns:
@@ -65,12 +59,6 @@ def turned(record: Record, names: str | Sequence[str]) -> Record:
     """The record with the sign of these columns turned: its input, output, channels or conditions.
 
     **Raises:** `InputError` `no-column` for a name that is none of them.
-
-    **Example:**
-
-        >>> from hysteresis.records._csv import turned
-        >>> turned(record, record.output_name).output[-1] == -record.output[-1]
-        np.True_
     """
     changes: dict[str, Any] = {"columns": dict(record.columns)}
     for name in (names,) if isinstance(names, str) else names:
@@ -103,13 +91,6 @@ def rezeroed(record: Record, jumps: Sequence[str]) -> Record:
       SIZE, in its unit. Lines that the record does not have change nothing.
 
     **Raises:** `InputError` `bad-option`.
-
-    **Example:**
-
-        >>> from hysteresis.records._csv import rezeroed
-        >>> tared = hysteresis.Record.from_arrays([0, 1, 2, 1], [0, 1, 7, 6])
-        >>> rezeroed(tared, ["3:5"]).output
-        array([0., 1., 2., 1.])
     """
     y, notes = record.output.copy(), []
     for jump in jumps:

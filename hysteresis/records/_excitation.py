@@ -13,7 +13,7 @@ from ._abstract_record import AbstractRecord
 from ._arrays import in_rows, pieces
 from ._change import change_warnings
 from ._cycles import LoopSums, default_dead_band, loop_sums, noise_level, turning_points
-from ._units import FORCES, LENGTHS
+from ._units import UNITS
 from ._zero import lost_contact, zero_jumps
 
 _Found = TypeVar("_Found")
@@ -183,8 +183,9 @@ def _zeros(record: AbstractRecord) -> list[Note]:
 def _created_energy(record: AbstractRecord) -> list[Note]:
     """Loops of force over displacement that give more energy than they take."""
     units = record.input_unit, record.output_unit
-    to_force = units[0] in LENGTHS and units[1] in FORCES
-    if not (to_force or (units[0] in FORCES and units[1] in LENGTHS)):
+    kinds = [[kind for kind in ("displacement", "force") if one in UNITS[kind]] for one in units]
+    to_force = kinds == [["displacement"], ["force"]]
+    if not to_force and kinds != [["force"], ["displacement"]]:
         return []
     loops = loops_of(record)
     u, y = in_rows(np.isfinite(record.output), record.input, record.output)

@@ -18,6 +18,7 @@ from ._cells import check_room, floats, long_cell, parsed
 from ._clock_columns import with_clocks
 from ._compiled_rows import CompiledRows, OddRowsError
 from ._dialect import header_of, made_square
+from ._kinds import kind_of
 from ._table import Table, TextColumns, followed, with_column
 from ._units import are_units, bare_unit, named_unit, spelled
 from .importers import (
@@ -44,10 +45,6 @@ from .importers import (
 
 _RULED, _RULE = "-=+|_ ", re.compile(r"[\s|+:]*(-{3,}|={3,}|_{3,})[-=_\s|+:]*")
 """A line drawn below a header, and the characters that it begins with."""
-CLOCK = re.compile(
-    r"(?i:time|zeit|stamp|clock|date|datum|temps\b|tiempo|czas|时间|時間|время)|^t\b"
-)
-"""The name of a column that is a clock."""
 MOST_NOTES = 200
 """Lines above a table that may tell of it."""
 HEAD, LEAST_LINES = 2**18, 1000
@@ -132,7 +129,7 @@ def _timed(table: Table, sheet: Sheet) -> Table:
     for name, x in table.columns.items():
         even = x.dtype.kind == "f" and np.allclose(np.diff(x), step, 0.01, 0)
         unit = named_unit(name, None, table.units.get(name))
-        if even or CLOCK.search(name) or unit in ("s", "ms", "us", "min", "h"):
+        if even or kind_of(name, "1").name == "time" or unit in ("s", "ms", "us", "min", "h"):
             return table
     t = first + step * np.arange(len(table.line))
     note = Note("clock", f"Column 'time' counts the rows by what the header says: {said}.")

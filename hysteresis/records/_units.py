@@ -1,40 +1,23 @@
 """Units of columns: from a header, a row of units, or the caller."""
 
 import re
+import tomllib
 import unicodedata
+from pathlib import Path
 
 from .._errors import InputError
 from .._note import Note
 from .._quantities import LIMITS, LONGEST, is_within_grammar
 
-# What a header's last word after an underscore may mean. `force_pos` and `x_location` mean none.
-_UNITS = """
-N mN uN kN gf kgf lbf mm um nm cm m inch s ms us min h V mV uV kV A mA uA Pa kPa MPa GPa bar mbar psi T mT
-Oe emu deg rad percent uC nC pC Hz kHz Ohm ohm kohm Mohm g mg kg degC K J mJ W V/V mV/V mm/mm count counts
-"""
-RIG_UNITS = tuple(_UNITS.split())
-FORCES = ("N", "mN", "uN", "kN", "gf", "kgf", "lbf")
-MASSES = {"g": "gf", "kg": "kgf", "mg": "mgf", "lb": "lbf", "grams": "gf", "gram": "gf"}
-"""Units of mass that rigs write for a force, and the weight that is meant."""
-LENGTHS = ("mm", "um", "cm", "m", "inch", "in")
-_SPELLING = {
-    "": "1", "-": "1", "%": "percent", "°": "deg", "°C": "degC", "Ohm": "ohm", "Ω": "ohm",
-    "kOhm": "kohm", "kΩ": "kohm", "MOhm": "Mohm", "MΩ": "Mohm", "Nm": "N*m", "Nmm": "N*mm",
-    "kNm": "kN*m", "mNm": "mN*m", "Am²": "A*m²", "Am2": "A*m²", "Ohm-m": "ohm*m",
-    "uNm": "uN*m", "µNm": "uN*m", "Pas": "Pa*s", "mPas": "mPa*s", "in-lb": "lbf*in", "lb-in": "lbf*in",
-    "ft-lb": "lbf*ft", "lb-ft": "lbf*ft", "µε": "um/m", "με": "um/m", "µstrain": "um/m",
-}  # fmt: skip
-_IN_WORDS = {
-    "sec": "s", "secs": "s", "second": "s", "seconds": "s", "sek": "s", "msec": "ms", "minutes": "min",
-    "volt": "V", "volts": "V", "newton": "N", "newtons": "N", "millimeter": "mm", "millimetre": "mm",
-    "ampere": "A", "amps": "A", "ohms": "ohm", "pounds": "lbf", "lbs": "lbf", "lbf": "lbf",
-    "inches": "inch", "torr": "torr", "kgf": "kgf", "cycles": "count", "segments": "count",
-    "sequence": "count",
-    "с": "s", "сек": "s", "мс": "ms", "мин": "min", "н": "N", "кн": "kN", "мм": "mm", "мкм": "um",
-    "см": "cm",
-    "мпа": "MPa", "кпа": "kPa", "па": "Pa", "кгс": "kgf", "град": "deg",
-    "秒": "s", "毫米": "mm", "牛": "N", "牛顿": "N", "千牛": "kN", "兆帕": "MPa", "分": "min",
-}  # fmt: skip
+SAID = tomllib.loads(Path(__file__).with_name("quantities.toml").read_text("utf-8"))
+"""How columns and units are written, and what they mean: the one table of such words."""
+UNITS = {quantity: units.split() for quantity, units in SAID["units"].items()}
+RIG_UNITS, _QUALIFIERS = (SAID["other"][name].split() for name in ("written", "qualifiers"))
+MASSES: dict[str, str] = SAID["masses"]
+_SPELLING, _IN_WORDS = (
+    {word: unit for unit, words in SAID[name].items() for word in words.split()}
+    for name in ("spellings", "in_words")
+)
 _WIDE = str.maketrans("（）［］｛｝", "()[]{}")
 _BRACKET = re.compile(
     r"^(?P<name>.*?)\s*(\((?P<a>[^()\[\]]*)\)|\[(?P<b>[^()\[\]]*)\]|\{(?P<c>[^{}]*)\}|<(?P<d>[^<>]*)>)$"
@@ -47,12 +30,6 @@ _BEHIND = (
     re.compile(r"^(?P<name>.+?)[\s_]+(?P<unit>[^\W_]+_per_[^\W_]+|(?<=_)[^\W_]+/[^\W_]+)$"),
     re.compile(r"^(?P<name>[^\s/]+)/(?P<unit>[^\s/]+)$"),
 )
-# Words in brackets behind a name that say which one it is: "Stress (step)" has no unit "step".
-_QUALIFIERS = """
-step cmd command raw sample filtered trigger average avg mean abs absolute rel relative calculated measured
-true engineering corrected sequence action static dynamic extension displacement crosshead position load
-force strain stress time extensometer uncorrected
-"""
 
 
 def bare_unit(cell: str) -> str:
@@ -69,7 +46,7 @@ def spelled(unit: str) -> str:
     bare = bare.replace("_per_", "/").replace("・", "*")
     # ℃, ㎜ and ％ are characters of their own; a superscript is not one of these.
     bare = "".join(unicodedata.normalize("NFKC", c) if c >= "℀" else c for c in bare)
-    bare = _IN_WORDS.get(bare.lower(), _SPELLING.get(bare, bare))
+    bare = _IN_WORDS.get(bare.lower(), _SPELLING.get(bare, bare or "1"))
     bare = re.sub(r"(?<=[A-Za-zµ])([23])(?=$|[/*])", r"^\1", bare)  # m/s2, uC/cm2
     if re.fullmatch(r"[A-Za-zµ]+-[A-Za-z]+", bare):  # N-m
         bare = bare.replace("-", "*")
@@ -105,7 +82,7 @@ def name_and_unit(header: str) -> tuple[str, str | None]:
     """
     if bracket := _BRACKET.match(header.translate(_WIDE)):
         unit = next(part for part in bracket.group("a", "b", "c", "d") if part is not None).strip()
-        return bracket["name"], None if unit.lower() in _QUALIFIERS.split() else unit
+        return bracket["name"], None if unit.lower() in _QUALIFIERS else unit
     name, _, suffix = header.rpartition("_")
     if name and suffix and (suffix in RIG_UNITS or suffix in _SPELLING):
         return name, suffix

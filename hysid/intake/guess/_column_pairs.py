@@ -7,9 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from hysteresis import InputError
+from hysteresis.records._kinds import Kind, kind_of, unit_of
 from hysteresis.records._table import Table
-
-from ._quantities import Kind, kind_of, unit_of
 
 _PLAIN = ("N", "mm", "V", "A", "Pa")
 SENSED = ("voltage", "resistance", "capacitance", "sensor", "current")

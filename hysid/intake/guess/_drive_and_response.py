@@ -9,6 +9,7 @@ import numpy as np
 from hysteresis import InputError, Record
 from hysteresis._escape import shell_word
 from hysteresis.records._excitation import loop_direction, turn_in_words
+from hysteresis.records._kinds import OSCILLATION, words_of
 from hysteresis.records._table import Table
 
 from ._column_pairs import (
@@ -28,7 +29,6 @@ from ._column_pairs import (
 )
 from ._commanded import STANDS, commanded, is_sine
 from ._moduli_columns import RESPONSES
-from ._quantities import OSCILLATION, words_of
 
 MISSING = 0.05
 """Above this share of gaps a column cannot be an input, because history needs every sample."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from hysteresis import InputError, Record, read_table
 from hysteresis.records._excitation import check_identifiable
+from hysteresis.records._kinds import OSCILLATION, kind_of, words_of
 from hysteresis.records._table import Table, rows_of
 from hysteresis.records._units import written_unit
 
@@ -29,7 +30,6 @@ from ._column_pairs import (
 from ._drive_and_response import FOLLOWS, SPECTRUM, Choice, Seen, choose
 from ._hold_out import hold_out
 from ._moduli_columns import RESPONSES, moduli_of, runs_of
-from ._quantities import OSCILLATION, kind_of, words_of
 from ._remedies import HEAD, reading, settle
 from ._sequence_columns import (
     RUNS,
@@ -182,17 +182,19 @@ def _of_spectrum(table: Table, out: Guess) -> Guess:
 
 def table_of(file: Path, out: Guess, given: Mapping[str, Any]) -> Table:
     """The table of a file by the way of reading that it seems to ask for, which is said in `out`."""
+    options = {key: given[key] for key in OF_READING if given.get(key)}
     try:
-        asked = {key: given[key] for key in OF_READING if given.get(key)}
-        table = read_table(file, **asked, most=HEAD)
+        table = read_table(file, **options, most=HEAD)
     except InputError as error:
         if error.code == "no-header":
             raise no_header(str(file), error.problem) from None
         if error.code != "decimal-comma":
             raise
-        table = None
-    options, notes = reading(file, table, given)
-    if options or table is None:
+        options.setdefault("decimal", ",")
+        table = read_table(file, **options, most=HEAD)
+    more, notes = reading(table, options)
+    if more:
+        options |= more
         table = read_table(file, **options, most=HEAD)
     nameless = any(note.code == "no-header" for note in table.notes)
     if nameless and not (given.get("input") and given.get("output")) and len(table.line) < LEAST:

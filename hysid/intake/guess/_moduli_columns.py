@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hysteresis._quantities import conversion
+from hysteresis.records._kinds import OSCILLATION, words_of
+from hysteresis.records._units import UNITS
 
 from .._constant_input import RATIO, turns_back
 from ._column_pairs import Column
-from ._quantities import OSCILLATION, UNITS, words_of
 
 if TYPE_CHECKING:
     from ._guess import Guess
@@ -117,7 +118,7 @@ WHY = {
 
 
 def _is_sweep(column: Column, there: np.ndarray) -> bool:
-    is_frequency = column.unit in UNITS["frequency"].split() or {"frequency", "freq", "omega"} & {
+    is_frequency = column.unit in UNITS["frequency"] or {"frequency", "freq", "omega"} & {
         *words_of(column.name)
     }
     x = column.x[there & np.isfinite(column.x)]

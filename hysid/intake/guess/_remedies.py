@@ -2,20 +2,18 @@
 
 from collections import Counter
 from collections.abc import Callable, Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from hysteresis import InputError, read_table
+from hysteresis import InputError
+from hysteresis.records._kinds import kind_of, unit_of
 from hysteresis.records._table import Table
 from hysteresis.records._units import MASSES, is_unit
 from hysteresis.records.importers import is_number
 
 from .._selection import all_of, selection_of
-from .._selection_options import OF_READING
 from ._column_pairs import LARGEST
-from ._quantities import kind_of, unit_of
 
 Options = dict[str, Any]
 Note = tuple[str, str, str]
@@ -136,29 +134,20 @@ _REMEDIES: Mapping[str, Callable[[Table, Options, InputError], tuple[Options, st
 
 HEAD = 2**19
 """Bytes of a large file that are read from its head; eight pieces of all the rest come besides."""
-Notes = list[tuple[str, str, str]]
 
 
-def reading(
-    file: Path, table: Table | None, given: Mapping[str, Any]
-) -> tuple[dict[str, Any], Notes]:
-    """Options of `read_table` that make numbers of a file's cells, beside those given; and what was seen.
-
-    `table`: as read without options; None where only a decimal comma can be read.
-    """
-    options = {k: given[k] for k in OF_READING if given.get(k)}
-    notes: Notes = []
-    if table is None:
-        options.setdefault("decimal", ",")
-        table = read_table(file, **options, most=HEAD)
+def reading(table: Table, asked: Options) -> tuple[Options, list[Note]]:
+    """Options of `read_table` that make numbers of a table's cells, beside those it was read with, `asked`;
+    and what was seen."""
+    options, notes = Options(), list[Note]()
     # The text of columns that are numbers already takes a while to make, and says no more.
     texts = [table.text[name] for name, x in table.columns.items() if x.dtype.kind != "f"]
     commas = [x for x in texts if _share(x, ",") > 0.8 and _share(x, ".") < 0.8]
-    if commas and "decimal" not in options and table.decimal == ".":
+    if commas and "decimal" not in asked and table.decimal == ".":
         options["decimal"] = ","
         why = f"{len(commas)} columns contain numbers with a decimal comma"
         notes.append(("decimal", ",", why))
-    decimal = options.get("decimal", table.decimal)
+    decimal = options.get("decimal", asked.get("decimal", table.decimal))
     odd: Counter[str] = Counter()
     for name, x in table.columns.items():
         if x.dtype.kind == "f" and (large := np.abs(x) > LARGEST).any():  # or infinite
@@ -166,12 +155,12 @@ def reading(
     for cells in texts:
         if _share(cells[1:], decimal) >= 0.5:
             odd.update(c for c in cells.tolist() if c and not _good(c, decimal))
-    if "units_row" not in options and _is_units(table, texts, decimal):
+    if "units_row" not in asked and _is_units(table, texts, decimal):
         options["units_row"] = int(table.line[0])
         notes.append(("units_row", str(table.line[0]), "a row of units under the header"))
         odd.subtract(Counter(cells[0] for cells in texts))
     words = [w for w, n in odd.most_common(6) if n > 0 and "," not in w]
-    if words and "na_values" not in options:
+    if words and "na_values" not in asked:
         options["na_values"] = tuple(words)
         why = "words among the numbers, read as missing values"
         notes.append(("na_values", ", ".join(words), why))

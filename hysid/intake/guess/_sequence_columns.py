@@ -8,11 +8,11 @@ import numpy as np
 from hysteresis import Record
 from hysteresis.records._branch_rows import STILL
 from hysteresis.records._branch_rows import constant_within as channel_within
+from hysteresis.records._kinds import words, words_of
 from hysteresis.records._table import Table
 
 from ._column_pairs import Column
 from ._moduli_columns import RANGE
-from ._quantities import words, words_of
 
 RUNS = words(
     "trial trials run runs test tests curve sweep rep repeat repetition replicate versuch lauf messung "

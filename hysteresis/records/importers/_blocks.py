@@ -7,16 +7,15 @@ different ones the one with most rows is meant, as a summary of results is short
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
-
-import numpy as np
 
 from ..._note import Note
 from .._cells import MISSING
 from .._units import is_unit, written_unit
 from ._dialects import Dialect
 from ._notes import is_numbered, listed_names
-from ._sheet import Sheet, chosen_table, decimal_of, distinct, feet_of, is_number, trimmed, units_of
+from ._sheet import Piece, Sheet, decimal_of, feet_of, is_number, joined, trimmed, units_of
 
 Rows = Sequence[tuple[int, list[str]]]
 """Rows of cells, each with its line number."""
@@ -56,54 +55,21 @@ def sheet_of(
     """
     if not dialect.joined:
         found = [piece for block in found for piece in _beside(block)]
-    families: dict[tuple, list[Block]] = {}
-    for block in found:
-        families.setdefault((block.header, block.units), []).append(block)
-    if not families:
+    pieces = [
+        Piece(
+            block.header, block.units, [*zip(*block.rows, strict=True)], block.line,
+            dialect.label_of(block.above), block.skipped, f"from line {block.line[0]}",
+        )
+        for block in found
+    ]  # fmt: skip
+    said = f"{dialect.name}, its numbers from line {{line}} on"
+    sheet = joined(pieces, said, dialect.column, table)
+    if sheet is None:
         return None
-    listed = list(families.values())
-    # One row of numbers under a line of text is a note, where the file has a table.
-    listed = [f for f in listed if len(f) > 1 or len(f[0].rows) > 1] or listed
-    sizes = [sum(len(b.rows) for b in family) for family in listed]
-    at = chosen_table(sizes, table)
-    chosen = listed[at]
-    header, units = chosen[0].header, chosen[0].units
-    cells = [row for block in chosen for row in block.rows]
-    # Columns without any cell are an end of line in the export, not a measurement.
-    kept = [k for k in range(len(header)) if any(row[k] for row in cells)]
-    names = distinct([header[k] for k in kept])
-    columns = {name: [row[k] for row in cells] for name, k in zip(names, kept, strict=True)}
-    said = f"Read as {dialect.name}, its numbers from line {chosen[0].line[0]} on."
-    notes = [Note("format", said)]
-    if skipped := [k for block in chosen for k in block.skipped]:
-        said = f"Left out {len(skipped)} lines that are no row, first line {skipped[0]}."
-        notes.append(Note("skipped", said))
-    if len(chosen) > 1:
-        (name,) = distinct([dialect.column], names)
-        labels = _labels(chosen, dialect)
-        columns = {name: [x for x, b in zip(labels, chosen, strict=True) for _ in b.rows]} | columns
-        said = f"Put {len(chosen)} tables under one another, told apart by {name!r}."
-        notes.append(Note("joined", said))
-    if len(listed) > 1:
-        others = ", ".join(
-            f"{k} ({n} rows from line {family[0].line[0]})"
-            for k, (n, family) in enumerate(zip(sizes, listed, strict=True), 1) if k != at + 1
-        )  # fmt: skip
-        said = f"Left out {sum(sizes) - len(cells)} rows of other tables in the file; this is table"
-        notes.append(Note("skipped", f"{said} {at + 1}, others are {others}. --table N reads one."))
-    sign = (
-        decimal if decimal == "," else dialect.decimal or decimal_of([c for r in cells for c in r])
-    )
-    if sign != decimal:
-        notes.append(Note("decimal-comma", "Numbers are written with a decimal comma."))
-    # A unit for each column where a row has some: what stands in brackets behind a name is then not a unit.
-    stated = any(units)
-    by_name = {
-        name: units[k] for name, k in zip(names, kept, strict=True)
-        if units[k] or (stated and written_unit(header[k], None))
-    }  # fmt: skip
-    line = np.array([k for block in chosen for k in block.line])
-    return Sheet(columns, line, by_name, tuple(notes), sign)
+    cells = [cell for x in sheet.columns.values() for cell in x]
+    sign = decimal if decimal == "," else dialect.decimal or decimal_of(cells)
+    comma = Note("decimal-comma", "Numbers are written with a decimal comma.")
+    return replace(sheet, decimal=sign, notes=(*sheet.notes, *[comma] * (sign != decimal)))
 
 
 def blocks(rows: Rows) -> list[Block]:
@@ -275,12 +241,6 @@ def nameless(rows: Rows, dialect: Dialect, above: Sequence[str], text: str) -> l
         Block(tuple(names), tuple(units), [r for _, r in run], [k for k, _ in run], [], [])
         for run in runs
     ]
-
-
-def _labels(chosen: list[Block], dialect: Dialect) -> list[str]:
-    found = [dialect.label_of(block.above) for block in chosen]
-    good = all(found) and len(set(found)) == len(found)
-    return found if good else [str(k) for k in range(1, len(chosen) + 1)]
 
 
 def _beside(block: Block) -> list[Block]:

@@ -115,10 +115,8 @@ def _dialect(said: Any) -> Dialect:
              "refuse": str}  # fmt: skip
     if not isinstance(said, Mapping) or not {"name", "signature"} <= set(said):
         raise ValueError(f"{said!r} has no name or no signature")
-    for key, value in said.items():
-        if not isinstance(value, kinds.get(key, ())):
-            known = ", ".join(f"{name}: {kind.__name__}" for name, kind in kinds.items())
-            raise ValueError(f"{key!r} = {value!r} is none of {known}")
+    if odd := [key for key, value in said.items() if not isinstance(value, kinds.get(key, ()))]:
+        raise ValueError(f"{odd[0]!r} = {said[odd[0]]!r} is none of {', '.join(kinds)}")
     groups = {"signature": "", "begins": "", "label": "label", "listed": "name"}
     found: dict[str, Any] = {**said} | {key: re.compile(said[key]) for key in groups if key in said}
     for key, group in groups.items():

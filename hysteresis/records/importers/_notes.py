@@ -4,7 +4,8 @@ import re
 from collections.abc import Collection, Iterable, Sequence
 from typing import NamedTuple
 
-from .._units import FORCES, LENGTHS, is_unit, name_and_unit, spelled, written_unit
+from .._kinds import kind_of
+from .._units import SAID, UNITS, is_unit, name_and_unit, spelled, written_unit
 from ._sheet import is_number
 
 Lines = Sequence[tuple[int, str]]
@@ -17,43 +18,16 @@ _SAID = re.compile(
     r"""(?x)^[\s\#%;"'/*]*(?P<key>[^\W\d_][^:=;\n]*?)[\s"]*[:=,;\t ][\s"]*
     (?P<value>[+-]?(\d+([.,]\d+)?|\.\d+)([eE][+-]?\d+)?)[\s,;"]*(?P<unit>[^\s,;"]*)[\s,;"]*$"""
 )
-_STEPS = """
-increment:x increment:t increment:xinc:x inc:t inc:tinc:dt:delta t:delta time:time step:timestep:
-time interval:
-time increment:time per sample:sample time:sampling time:sample interval:sampling interval:sample period:
-sampling period:scan interval:scan period:logging interval:log interval:recording interval:h resolution:
-acquisition interval:horizontal interval:abtastzeit:abtastintervall:messintervall:abtastperiode
-""".replace("\n", "").split(":")
-_RATES = """
-sample rate:sampling rate:samplerate:sample frequency:sampling frequency:sampling freq:data rate:
-acquisition rate:acquisition frequency:logging rate:recording rate:abtastrate:abtastfrequenz:messrate:fs
-""".replace("\n", "").split(":")
-_STARTS = ("start", "t0", "x0", "t 0", "x 0", "x origin", "xorigin", "xzero")
-_SECONDS = {
-    "": 1.0,
-    "s": 1.0,
-    "ms": 1e-3,
-    "us": 1e-6,
-    "µs": 1e-6,
-    "μs": 1e-6,
-    "ns": 1e-9,
-    "min": 60.0,
-}
-_HERTZ = {"": 1.0, "hz": 1.0, "khz": 1e3, "mhz": 1e6, "1/s": 1.0, "s/s": 1.0, "sa/s": 1.0, "ks/s": 1e3,
-          "ksa/s": 1e3, "ms/s": 1e6, "msa/s": 1e6, "samples/s": 1.0, "sps": 1.0}  # fmt: skip
+_STEPS, _RATES, _STARTS, _SECONDS, _HERTZ = (
+    SAID["clock"][name] for name in ("steps", "rates", "starts", "seconds", "hertz")
+)
 _HINT = re.compile(r"(?i)inc|dt|interval|period|sampl|step|delta")
 LONGEST = 300
 """Characters of a note that are read."""
 _UNIT = re.compile(r"(?i)\b(units?|einheit(en)?|unit[ée]s?|unidad(es)?)\b")
 _OF = re.compile(r"(?i)\b(of|for|the|de|der)\b")
-_MEANT = (
-    (FORCES, re.compile(r"(?i)force|load(?!\w)|kraft|last\b|thrust|fuerza|forza")),
-    (
-        LENGTHS,
-        re.compile(r"(?i)travel|disp|position|extension|distance|stroke|weg|deflection|height"),
-    ),
-    (("s", "ms", "min"), re.compile(r"(?i)time|zeit")),
-)
+_MEANT = ("force", "displacement", "time")
+"""Quantities whose unit a note tells without their name."""
 
 
 class Clock(NamedTuple):
@@ -112,8 +86,8 @@ def noted_units(notes: Iterable[str], names: Collection[str]) -> dict[str, str]:
             found |= {n: u for n, u in zip(names, each, strict=True) if is_unit(u)}
             continue
         if not named:  # of a quantity that one column alone measures
-            names_of = next((form for units, form in _MEANT if spelled(value) in units), None)
-            named = [n for n in names if names_of is not None and names_of.search(n)]
+            kinds = [kind for kind in _MEANT if spelled(value) in UNITS[kind]]
+            named = [n for n in names if kind_of(n, "1").name in kinds]
             named = named if len(named) == 1 else []
         found |= {n: value for n in named if is_unit(value)}
     return {n: unit for n, unit in found.items() if written_unit(n, None) is None}
@@ -131,7 +105,7 @@ def units_behind_blanks(names: Collection[str]) -> dict[str, str]:
 
 
 def _is_behind(stem: str, unit: str) -> bool:
-    minimum = unit in ("min", "count", "counts") and not _MEANT[-1][1].search(stem)
+    minimum = unit in ("min", "count", "counts") and kind_of(stem, "1").name != "time"
     return bool(stem) and not minimum and name_and_unit(f"x, {unit}")[1] is not None
 
 

@@ -2,15 +2,17 @@
 
 import re
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from itertools import chain
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..._errors import InputError
 from ..._note import Note
+from .._arrays import seconds
 from .._cells import MISSING
-from .._units import bare_unit, is_unit, spelled
+from .._units import bare_unit, is_unit, spelled, written_unit
 
 MOST_FEET = 8
 """Lines below a table: a mean, a deviation, extremes."""
@@ -136,58 +138,112 @@ def decimal_of(cells: Sequence[str]) -> str:
     return "," if commas and not any("." in cell for cell in cells if is_number(cell)) else "."
 
 
-Group = Mapping[str, np.ndarray]
-"""Arrays (n,) of numbers or words by name, of one length or of several."""
+class Piece(NamedTuple):
+    """A table, or one of several with the same columns.
+
+    Names of columns and their units ("" for none), cells or numbers of each, the line of each row, what
+    it is called, the lines within it that are no row, and where it is, for messages.
+    """
+
+    header: tuple[str, ...]
+    units: tuple[str, ...]
+    columns: Sequence[Sequence[str] | np.ndarray]
+    line: Sequence[int] | np.ndarray
+    label: str = ""
+    skipped: Sequence[int] = ()
+    place: str = ""
+
+
+def joined(
+    pieces: Sequence[Piece], said: str, column: str, table: int | None = None
+) -> Sheet | None:
+    """Pieces as one sheet, None without any.
+
+    Those with the same columns are put under one another and told apart by `column`, of others the ones
+    with most rows are meant, or `table`. `said`: what they are read as.
+
+    Raises `InputError` `bad-option` where there is no such table.
+    """
+    families: dict[tuple, list[Piece]] = {}
+    for piece in pieces:
+        families.setdefault((piece.header, piece.units), []).append(piece)
+    # One row of numbers under a line of text is a note, where the file has a table.
+    some = [f for f in families.values() if len(f) > 1 or len(f[0].line) > 1]
+    listed = some or list(families.values())
+    if not listed:
+        return None
+    sizes = [sum(len(piece.line) for piece in family) for family in listed]
+    at = chosen_table(sizes, table)
+    chosen = listed[at]
+    notes = [Note("format", f"Read as {said.format(line=chosen[0].line[0])}.")]
+    if skipped := [k for piece in chosen for k in piece.skipped]:
+        left = f"Left out {len(skipped)} lines that are no row, first line {skipped[0]}."
+        notes.append(Note("skipped", left))
+    joint: list[Any] = [
+        np.concatenate(parts) if isinstance(parts[0], np.ndarray) else [*chain(*parts)]
+        for parts in zip(*(piece.columns for piece in chosen), strict=True)
+    ]
+    # Columns without any cell are an end of line in the export, not a measurement.
+    kept = [k for k, x in enumerate(joint) if isinstance(x, np.ndarray) or any(x)]
+    header, units = chosen[0].header, chosen[0].units
+    names = distinct([header[k] for k in kept])
+    columns = {name: joint[k] for name, k in zip(names, kept, strict=True)}
+    if len(chosen) > 1:
+        (name,) = distinct([column], names)
+        labels = [piece.label for piece in chosen]
+        good = all(labels) and len(set(labels)) == len(labels)
+        labels = labels if good else [str(k) for k in range(1, len(labels) + 1)]
+        rows = [len(piece.line) for piece in chosen]
+        columns = {name: np.repeat(labels, rows)} | columns
+        told = f"Put {len(chosen)} tables under one another, told apart by {name!r}."
+        notes.append(Note("joined", told))
+    if len(listed) > 1:
+        others = ", ".join(
+            f"{k} ({n} rows {family[0].place})"
+            for k, (n, family) in enumerate(zip(sizes, listed, strict=True), 1) if k != at + 1
+        )  # fmt: skip
+        left = f"Left out {sum(sizes) - sizes[at]} rows of other tables in the file; this is table"
+        notes.append(Note("skipped", f"{left} {at + 1}, others are {others}. --table N reads one."))
+    # A unit for each column where a row has some: what stands in brackets behind a name is then not a unit.
+    stated = any(units)
+    written = {
+        name: units[k] for name, k in zip(names, kept, strict=True)
+        if units[k] or (stated and written_unit(header[k], None))
+    }  # fmt: skip
+    line = np.concatenate([np.asarray(piece.line) for piece in chosen])
+    return Sheet(columns, line, written, tuple(notes))
 
 
 def sheet_of_arrays(
-    groups: Mapping[str, Group],
+    groups: Mapping[str, Mapping[str, np.ndarray]],
     units: Mapping[str, str],
     said: str,
     column: str = "group",
     table: int | None = None,
 ) -> Sheet | None:
-    """Groups of arrays as one sheet, None without an array of two values.
+    """Groups of arrays (n,) of numbers or words as one sheet, None without an array of two values.
 
-    The arrays of the commonest length are the columns of a group. Groups with the same columns are put
-    under one another and told apart by `column`; of others the one with most rows is meant, or `table`.
-
-    `units`: by the name of an array. `said`: the kind of file, for the notes.
-
-    Raises `InputError` `bad-option` where there is no such table.
+    The arrays of the commonest length are the columns of a group; see `joined`. `units`: by the name of an
+    array.
     """
-    notes = [Note("format", f"Read as {said}.")]
-    tables: dict[str, dict[str, np.ndarray]] = {}
+    pieces, notes = [], []
     for name, arrays in groups.items():
         lengths = [len(x) for x in arrays.values() if len(x) > 1]
         if not lengths:
             continue
         rows = max(lengths, key=lambda n: (lengths.count(n), n))
-        tables[name] = {key: x for key, x in arrays.items() if len(x) == rows}
+        own = {key: x for key, x in arrays.items() if len(x) == rows}
+        stamps = {key: seconds(x) for key, x in own.items() if x.dtype.kind == "M"}
+        own |= stamps
+        names = {key: units.get(key) or written_unit(key, None) or "" for key in own}
+        known = tuple((names | dict.fromkeys(stamps, "s")).values())
+        line, place = np.arange(1, rows + 1), f"of {name!r}"
+        pieces.append(Piece(tuple(own), known, [*own.values()], line, name, (), place))
         if other := {key: len(x) for key, x in arrays.items() if 1 < len(x) != rows}:
             left = ", ".join(f"{key!r} ({n})" for key, n in list(other.items())[:8])
             notes.append(Note("skipped", f"Left out arrays that have not {rows} values: {left}."))
-    if not tables:
+    sheet = joined(pieces, said, column, table)
+    if sheet is None:
         return None
-    families: dict[tuple[str, ...], list[str]] = {}
-    for name, arrays in tables.items():
-        families.setdefault(tuple(arrays), []).append(name)
-    listed = list(families.items())
-    sizes = [sum(len(tables[n][keys[0]]) for n in names) for keys, names in listed]
-    at = chosen_table(sizes, table)
-    keys, chosen = listed[at]
-    names = distinct(keys)
-    columns = {
-        n: np.concatenate([tables[g][k] for g in chosen]) for n, k in zip(names, keys, strict=True)
-    }
-    if len(chosen) > 1:
-        (label,) = distinct([column], names)
-        runs = np.repeat(np.array(chosen), [len(tables[g][keys[0]]) for g in chosen])
-        columns = {label: runs} | columns
-        joined = f"Put {len(chosen)} groups under one another, told apart by {label!r}."
-        notes.append(Note("joined", joined))
-    if others := [name for name in tables if name not in chosen]:
-        left = f"Left out groups with other channels: {', '.join(others)}. --table N reads one."
-        notes.append(Note("skipped", left))
-    written = {n: units[k] for n, k in zip(names, keys, strict=True) if units.get(k)}
-    return Sheet(columns, np.arange(1, sizes[at] + 1), written, tuple(notes))
+    rows = np.arange(1, len(sheet.line) + 1)
+    return replace(sheet, line=rows, notes=(*sheet.notes, *notes))

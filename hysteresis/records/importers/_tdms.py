@@ -48,9 +48,6 @@ def _columns(channels: list[Any], units: dict[str, str], held: int) -> dict[str,
         units[clock] = "s"
     for name, channel in zip(names, filled, strict=True):
         x = np.asarray(channel[:])
-        if np.issubdtype(x.dtype, np.datetime64):  # a clock of time stamps, from the first on
-            x = (x - x[0]) / np.timedelta64(1, "s")
-            units[name] = "s"
         found[name] = x
         if unit := channel.properties.get("unit_string"):
             units[name] = str(unit)

@@ -1,12 +1,10 @@
 """Quantity of a column by its name and unit, in the languages that rigs use."""
 
 import re
-import tomllib
 import unicodedata
-from pathlib import Path
 from typing import NamedTuple
 
-from hysteresis.records._units import MASSES, name_and_unit, named_unit
+from ._units import MASSES, SAID, UNITS, name_and_unit, named_unit
 
 
 def words(text: str) -> frozenset[str]:
@@ -14,8 +12,8 @@ def words(text: str) -> frozenset[str]:
     return frozenset(text.split())
 
 
-SAID = tomllib.loads(Path(__file__).with_name("quantities.toml").read_text("utf-8"))
-WORDS, UNITS, PHRASES = (SAID[name] for name in ("words", "units", "phrases"))
+WORDS = {kind: words(said) for kind, said in SAID["words"].items()}
+PHRASES = SAID["phrases"]
 ASIDE, COMMANDED, AMPLITUDES, HEAT, CLOCKS = (
     words(SAID["other"][name]) for name in ("aside", "commanded", "amplitudes", "heat", "clocks")
 )
@@ -63,9 +61,9 @@ def kind_of(header: str, unit: str, aside: bool = True) -> Kind:
     if "_" in header and said and header.rpartition("_")[2] == unit:
         said = said[:-1] or said  # force_N: the unit is no word
     plain = re.sub(r"(?<=\w)[.· ](?=\w)", "*", unit).replace("µ", "u").replace("μ", "u")
-    by_unit = next((k for k, units in UNITS.items() if {unit, plain} & {*units.split()}), "")
+    by_unit = next((k for k, units in UNITS.items() if {unit, plain} & {*units}), "")
     phrase = next((k for k, e in PHRASES.items() if re.search(e, header, re.IGNORECASE)), "")
-    by_word = [k for w in said for k, known in WORDS.items() if w in known.split()]
+    by_word = [k for w in said for k, known in WORDS.items() if w in known]
     by_word = [phrase, *by_word] if phrase else by_word
     commanded = any(word in COMMANDED or word.startswith("soll") for word in said)  # Sollweg
     if unit in MASSES and "force" in by_word:
