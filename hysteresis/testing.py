@@ -12,7 +12,7 @@ from jax.flatten_util import ravel_pytree
 from . import _serialisation as files
 from ._errors import InputError
 from ._model import AbstractModel
-from ._parameter import parameters
+from ._parameter import parameter_at, parameters
 from .models._conditioned import Conditioned
 from .models._conditioned import condition_of as _condition_of
 
@@ -160,7 +160,7 @@ def _check_gradients(model: AbstractModel, walks: list[_Walk]) -> None:
     def summed(values: Any, t: Any, u: Any) -> Any:
         changed = model
         for name, value in values.items():
-            changed = eqx.tree_at(lambda m, n=name: _at(m, n), changed, value)
+            changed = eqx.tree_at(lambda m, n=name: parameter_at(m, n), changed, value)
         return jnp.sum(weights * changed.evaluate(changed.prepare(t, u)))
 
     # By inputs forwards, which is all that a model offers whose law runs outside JAX.
@@ -195,12 +195,6 @@ def _check_gradients(model: AbstractModel, walks: list[_Walk]) -> None:
         assert len(said) < 2, (
             f"the gradient in {name} == finite differences fails. {'; '.join(said)}"
         )
-
-
-def _at(model: Any, name: str) -> Any:
-    for step in name.split("."):
-        model = model[int(step)] if step.isdigit() else getattr(model, step)
-    return model
 
 
 def _check_file(model: AbstractModel, walk: _Walk) -> None:

@@ -136,8 +136,14 @@ class Selection(SelectionOptions):
     def records(self, table: Table) -> tuple[dict[str, Pair], dict[str, InputError]]:
         """Training and test record for every value of `each`, "" without it; the faults of others.
 
-        Raises `InputError` where no value can be read.
+        The last ones are kept with the table: `init` asks for them several times. Raises `InputError` where
+        no value can be read.
         """
+        if vars(table).get("_of") != self:
+            vars(table).update(_records=self._records(table), _of=self)
+        return vars(table)["_records"]
+
+    def _records(self, table: Table) -> tuple[dict[str, Pair], dict[str, InputError]]:
         for condition in self.test_where:
             parse_condition(condition)(table)  # a column that is not there is said now
         for lines in (self.test_lines, self.exclude_lines):

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from ._cells import LONG_CELL, MISSING, MOST_TEXT, floats, parsed
-from .importers import Layout
+from .importers._sheet import Layout
 
 BLOCK = 2**22
 """Bytes of a block; as strings and numbers its cells take some ten times as much memory."""

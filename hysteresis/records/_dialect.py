@@ -7,7 +7,7 @@ import numpy as np
 
 from .._errors import InputError
 from ._cells import floats
-from .importers import trimmed
+from .importers._sheet import trimmed
 
 MOST_COLUMNS = 10_000
 

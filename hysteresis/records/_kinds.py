@@ -4,7 +4,8 @@ import re
 import unicodedata
 from typing import NamedTuple
 
-from ._units import MASSES, SAID, UNITS, name_and_unit, named_unit
+from .._quantities import SAID
+from ._units import MASSES, UNITS, name_and_unit, named_unit
 
 
 def words(text: str) -> frozenset[str]:

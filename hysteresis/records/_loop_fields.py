@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .._quantities import conversion
+from .._quantities import SAID, conversion
 from ._abstract_record import AbstractRecord
 from ._loads import over
 from ._loop_cut import Pair, largest_row, ranges, widest
@@ -37,23 +37,6 @@ class FieldUnit(NamedTuple):
     size: float
 
 
-_MAGNETIC: tuple[dict[str, FieldUnit], ...] = (
-    {
-        "A/m": FieldUnit("H", 1.0), "kA/m": FieldUnit("H", 1e3), "Oe": FieldUnit("H", 1e-4 / MU0),
-        "kOe": FieldUnit("H", 0.1 / MU0), "T": FieldUnit("H", 1 / MU0), "mT": FieldUnit("H", 1e-3 / MU0),
-        "G": FieldUnit("H", 1e-4 / MU0),
-    },
-    {
-        "A/m": FieldUnit("M", 1.0), "kA/m": FieldUnit("M", 1e3), "MA/m": FieldUnit("M", 1e6),
-        "emu/cm^3": FieldUnit("M", 1e3), "emu/cc": FieldUnit("M", 1e3), "T": FieldUnit("B", 1.0),
-        "mT": FieldUnit("B", 1e-3), "G": FieldUnit("B", 1e-4), "emu": FieldUnit("moment", 1e-3),
-        "memu": FieldUnit("moment", 1e-6), "A*m^2": FieldUnit("moment", 1.0),
-        "A*m²": FieldUnit("moment", 1.0), "emu/g": FieldUnit("moment a mass", 1.0),
-        "A*m^2/kg": FieldUnit("moment a mass", 1.0),
-    },
-)  # fmt: skip
-"""Units of a field, and of what answers it. A field in tesla is one in vacuum."""
-
 _ELECTRIC = (
     {"V/m": "E", "V": "voltage"},
     {"C/m^2": "P", "C": "charge"},
@@ -63,7 +46,8 @@ _ELECTRIC = (
 def field_unit(unit: str, kind: str, role: int) -> FieldUnit | None:
     """What a unit measures as a field (`role` 0) or its answer (1); None where it is of neither."""
     if kind == "magnetic":
-        return _MAGNETIC[role].get(unit)
+        known = SAID["magnetic"][role].get(unit)
+        return None if known is None else FieldUnit(*known)
     for one, quantity in _ELECTRIC[role].items():
         if (size := conversion(unit, one)) is not None:
             return FieldUnit(quantity, size)

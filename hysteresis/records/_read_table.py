@@ -21,27 +21,14 @@ from ._dialect import header_of, made_square
 from ._kinds import kind_of
 from ._table import Table, TextColumns, followed, with_column
 from ._units import are_units, bare_unit, named_unit, spelled
-from .importers import (
-    Layout,
-    Sheet,
-    arranged,
-    binary,
-    clock_in,
-    decode,
-    fault,
-    feet_left_out,
-    feet_of,
-    file_bytes,
-    json_lines,
-    labview,
-    mapped,
-    noted_units,
-    splitter,
-    trimmed,
-    units_behind_blanks,
-    without_settings,
-    without_table,
-)
+from .importers._binary import binary
+from .importers._encoding import decode
+from .importers._file import fault, file_bytes, mapped
+from .importers._json_lines import json_lines
+from .importers._labview import labview
+from .importers._notes import clock_in, noted_units, units_behind_blanks, without_settings
+from .importers._sheet import Layout, Sheet, feet_left_out, feet_of, trimmed
+from .importers._text import arranged, splitter, without_table
 
 _RULED, _RULE = "-=+|_ ", re.compile(r"[\s|+:]*(-{3,}|={3,}|_{3,})[-=_\s|+:]*")
 """A line drawn below a header, and the characters that it begins with."""

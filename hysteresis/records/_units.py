@@ -1,16 +1,12 @@
 """Units of columns: from a header, a row of units, or the caller."""
 
 import re
-import tomllib
 import unicodedata
-from pathlib import Path
 
 from .._errors import InputError
 from .._note import Note
-from .._quantities import LIMITS, LONGEST, is_within_grammar
+from .._quantities import LIMITS, LONGEST, SAID, is_within_grammar
 
-SAID = tomllib.loads(Path(__file__).with_name("quantities.toml").read_text("utf-8"))
-"""How columns and units are written, and what they mean: the one table of such words."""
 UNITS = {quantity: units.split() for quantity, units in SAID["units"].items()}
 RIG_UNITS, _QUALIFIERS = (SAID["other"][name].split() for name in ("written", "qualifiers"))
 MASSES: dict[str, str] = SAID["masses"]

@@ -7,43 +7,17 @@ from typing import NamedTuple
 import numpy as np
 
 from hysteresis import InputError
+from hysteresis._quantities import SAID
 from hysteresis.records._kinds import Kind, kind_of, unit_of
 from hysteresis.records._table import Table
 
 _PLAIN = ("N", "mm", "V", "A", "Pa")
 SENSED = ("voltage", "resistance", "capacitance", "sensor", "current")
-TRANSDUCED = {
-    "force": 0.9, "stress": 0.9, "torque": 0.8, "strain": 0.85, "displacement": 0.8, "angle": 0.8,
-}  # fmt: skip
-"""How usual it is that a sensor reads a quantity."""
-
-PAIRS: dict[tuple[str, str], float] = {
-    ("force", "displacement"): 1.0,
-    # Which a machine computes from force and displacement, where it has both.
-    ("stress", "strain"): 0.97,
-    ("torque", "angle"): 0.97,
-    ("rate", "stress"): 0.95,
-    ("force", "strain"): 0.9,
-    ("stress", "displacement"): 0.9,
-    ("field", "moment"): 1.0,
-    ("field", "polarization"): 1.0,
-    ("voltage", "polarization"): 0.97,  # from which a tester computes the field
-    ("current", "field"): 1.0,
-    ("current", "moment"): 1.0,
-    ("temperature", "moment"): 0.9,
-    ("field", "resistance"): 0.9,
-    ("temperature", "resistance"): 0.8,
-    **{("temperature", moved): 0.8 for moved in ("strain", "displacement", "angle", "force")},
-    ("voltage", "displacement"): 0.9,  # a piezo actuator
-    ("voltage", "strain"): 0.9,
-    ("current", "displacement"): 0.8,
-    ("field", "strain"): 0.8,
-    ("stress", "force"): 0.7,
-    ("stress", "angle"): 0.9,  # a bellows
-    ("force", "angle"): 0.9,  # a tendon
-    **{(one, sensed): usual for one, usual in TRANSDUCED.items() for sensed in SENSED[:4]},
+PAIRS: dict[tuple[str, ...], float] = {
+    **{tuple(pair.split()): usual for pair, usual in SAID["pairs"].items()},
+    **{(one, sensed): usual for one, usual in SAID["sensed"].items() for sensed in SENSED[:4]},
 }
-"""Input, output, and how usual the pair is. The output lags the input."""
+"""Input, output, and how usual the pair is."""
 
 
 LARGEST = 1e300

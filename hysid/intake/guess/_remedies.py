@@ -10,7 +10,7 @@ from hysteresis import InputError
 from hysteresis.records._kinds import kind_of, unit_of
 from hysteresis.records._table import Table
 from hysteresis.records._units import MASSES, is_unit
-from hysteresis.records.importers import is_number
+from hysteresis.records.importers._sheet import is_number
 
 from .._selection import all_of, selection_of
 from ._column_pairs import LARGEST

@@ -4,8 +4,9 @@ import re
 from collections.abc import Collection, Iterable, Sequence
 from typing import NamedTuple
 
+from ..._quantities import SAID
 from .._kinds import kind_of
-from .._units import SAID, UNITS, is_unit, name_and_unit, spelled, written_unit
+from .._units import UNITS, is_unit, name_and_unit, spelled, written_unit
 from ._sheet import is_number
 
 Lines = Sequence[tuple[int, str]]
