@@ -1,5 +1,6 @@
 """Fits of creep and relaxation: their options, what is in a record, what a prediction is worth."""
 
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -44,23 +45,20 @@ def _only(options: dict[str, Any], kind: str, chosen: str, why: str) -> dict[str
 def _of_parameters(said: dict[str, dict[str, Any]]) -> dict[str, Any]:
     """Known strengths, and the bounds of the time constants."""
     found: dict[str, Any] = {"fixed": {}}
-    for name, settings in said.items():
-        for key, value in settings.items():
-            try:
-                if key == "fixed":
-                    found["fixed"][name] = float(value)
-                    continue
-                if name == "tau" and key == "bounds":
-                    low, high = map(float, value)
-                    found["bounds"] = (low, high)
-                    continue
-            except (TypeError, ValueError):
-                pass
-            raise InputError(
-                "bad-option",
-                f"{name} {key}={value} cannot be set for a spectrum.",
-                fix='Give a known strength ("E_inf fixed=0"), or "tau bounds=LOW,HIGH".',
-            )
+    for name, key, value in ((name, *one) for name, own in said.items() for one in own.items()):
+        with suppress(TypeError, ValueError):
+            if key == "fixed":
+                found["fixed"][name] = float(value)
+                continue
+            if name == "tau" and key == "bounds":
+                low, high = map(float, value)
+                found["bounds"] = (low, high)
+                continue
+        raise InputError(
+            "bad-option",
+            f"{name} {key}={value} cannot be set for a spectrum.",
+            fix='Give a known strength ("E_inf fixed=0"), or "tau bounds=LOW,HIGH".',
+        )
     return found
 
 

@@ -148,12 +148,13 @@ def _since_a_day(name: str, x: np.ndarray) -> _Clock | None:
     """A clock whose values are those of the years from 2001 to 2033 since 1970; or in days since 1900,
     where it is named a date, or moves by less than one: a clock in seconds may pass through such values."""
     good = np.isfinite(x)
-    if kind_of(name, "1").name != "time" or good.sum() < 2:
+    dated = _DATED.search(name)
+    if not (dated or kind_of(name, "1").name == "time") or good.sum() < 2:
         return None
     low, high = float(x[good].min()), float(x[good].max())
     step = next((s for least, s in _SINCE_1970.items() if least <= low < high < 2 * least), None)
     was = "times since 1970"
     in_days = _DAYS_SINCE_1900[0] <= low < high < _DAYS_SINCE_1900[1]
-    if in_days and (_DATED.search(name) or high - low < 1):
+    if in_days and (dated or high - low < 1):
         step, was = DAY, "days since 1900"
     return None if step is None else _Clock(np.round((x - x[good][0]) * step, 9), was)

@@ -4,7 +4,7 @@ import re
 import unicodedata
 from typing import NamedTuple
 
-from .._quantities import SAID
+from .._unit_words import SAID
 from ._units import MASSES, UNITS, name_and_unit, named_unit
 
 

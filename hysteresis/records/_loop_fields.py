@@ -5,7 +5,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .._quantities import SAID, conversion
+from .._quantities import conversion
+from .._unit_words import SAID
 from ._abstract_record import AbstractRecord
 from ._loads import over
 from ._loop_cut import Pair, largest_row, ranges, widest

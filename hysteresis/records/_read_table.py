@@ -5,7 +5,6 @@ import hashlib
 import re
 from collections.abc import Collection, Sequence
 from dataclasses import replace
-from functools import partial
 from mmap import mmap
 from pathlib import Path
 from typing import NamedTuple
@@ -140,23 +139,11 @@ def _by_its_head(asked: _Asked, data: bytes | mmap, size: int) -> Table | None:
             return None
         begun = _table(asked, data, size, sheet)
         lines = len(re.findall(rb"\r\n|\r|\n", data[:cut]))
-        careful = partial(_cells, asked.path, len(sheet.columns), sheet.layout.separator)
-        rows = CompiledRows(
-            data, cut, lines + 1, sheet.layout, begun.decimal, asked.na_values,
-            careful if sheet.layout.plain else None,
-        )  # fmt: skip
+        where = data, cut, lines + 1
+        rows = CompiledRows(*where, sheet.layout, begun.decimal, asked.na_values)
         return _timed(followed(begun, rows), sheet)
     except (InputError, OddRowsError):  # which the careful reader words, if it is a fault at all
         return None
-
-
-def _cells(
-    path: Path, width: int, separator: str, text: str, first: int
-) -> tuple[list[tuple[str, ...]], np.ndarray]:
-    """The cells of a block of rows by columns, and the line of each row."""
-    rows, line = _rows(path, _numbered(text.split("\n"), first), separator)
-    made_square(path, rows, np.array(line), width, separator)
-    return list(zip(*rows, strict=True)) or [()] * width, np.array(line, int)
 
 
 def _sheet(asked: _Asked, data: bytes) -> Sheet:

@@ -152,22 +152,18 @@ def rows_of(table: Table, rows: np.ndarray | slice) -> Table:
 
 def followed(begun: Table, rows: CompiledRows) -> Table:
     """A table of the rows of `begun` and of those that follow them in a text. Raises `OddRowsError`."""
-    names, known = list(begun.columns), [x.dtype.kind == "f" for x in begun.columns.values()]
-    parts, lines = rows.columns(known)
+    names = list(begun.columns)
+    numbers, line = rows.numbers(begun.columns)
+    line[: len(begun.line)] = begun.line
 
     def text(name: str) -> np.ndarray:
         return np.concatenate([begun.text[name], rows.words(names.index(name))])
 
-    columns = {}
-    for name, x, number in zip(names, parts, known, strict=True):
-        columns[name] = np.concatenate([begun.columns[name], *x]) if number else text(name)
-        columns[name].flags.writeable = False  # so records need no copy
-        x.clear()
+    columns = {name: numbers[name] if name in numbers else text(name) for name in names}
 
     def kept(name: str) -> np.ndarray:
         return text(name) if columns[name].dtype.kind == "f" else columns[name]
 
-    line = np.concatenate([begun.line, *lines])
     return replace(begun, columns=columns, text=TextColumns(names, kept), line=line)
 
 

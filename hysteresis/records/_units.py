@@ -5,7 +5,7 @@ import unicodedata
 
 from .._errors import InputError
 from .._note import Note
-from .._quantities import LIMITS, LONGEST, SAID, is_within_grammar
+from .._unit_words import LIMITS, LONGEST, SAID, is_within_grammar
 
 UNITS = {quantity: units.split() for quantity, units in SAID["units"].items()}
 RIG_UNITS, _QUALIFIERS = (SAID["other"][name].split() for name in ("written", "qualifiers"))

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hysteresis import InputError
-from hysteresis._quantities import SAID
+from hysteresis._unit_words import SAID
 from hysteresis.records._kinds import Kind, kind_of, unit_of
 from hysteresis.records._table import Table
 

@@ -235,7 +235,7 @@ def _time(
         if given.get(key):
             out.selection[key] = given[key]
             return given[key] if key == "time" else None
-    clocks = [c for c in columns.values() if c.kind.name == "time" and _rises(c.x) > 0.9]
+    clocks = _clocks_of(columns)
     if not clocks:
         unnamed = [c for c in columns.values() if c.kind.name == "unknown" and _rises(c.x) == 1.0]
         unnamed = [c for c in unnamed if not (RUNS | SPECIMENS) & set(words_of(c.name))]
@@ -257,6 +257,10 @@ def _time(
     out.selection["time"] = best.name
     out.says("time", best.name, sure, f"it rises, with a median step of {_step(best.x):.4g}")
     return best.name
+
+
+def _clocks_of(columns: Mapping[str, Column]) -> list[Column]:
+    return [c for c in columns.values() if c.kind.name == "time" and _rises(c.x) > 0.9]
 
 
 def _rises(x: np.ndarray) -> float:
@@ -361,8 +365,7 @@ def _clocks(
     own = {}
     for role, column in (("input", choice.input), ("output", choice.output)):
         words = set(words_of(column.name))
-        clocks = [c for c in columns.values() if c.kind.name == "time" and _rises(c.x) > 0.9]
-        own[role] = next((c.name for c in clocks if words & {*words_of(c.name)}), None)
+        own[role] = next((c.name for c in _clocks_of(columns) if words & {*words_of(c.name)}), None)
     if own["output"] and own["output"] != time:
         out.selection["time"] = own["output"]
         out.found = [f for f in out.found if f.what != "time"]

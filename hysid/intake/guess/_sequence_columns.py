@@ -141,24 +141,25 @@ def counts_rows(x: np.ndarray) -> bool:
     return len(x) > 2 and bool(np.all(np.isfinite(x))) and float(np.mean(step == 1)) > 0.75
 
 
+def _steps(table: Table, name: str, time: str) -> tuple[np.ndarray, float]:
+    """The steps of time where a column changes, and the usual size of all."""
+    step = np.diff(table.columns[time])
+    known = np.abs(step[np.isfinite(step)])
+    change = table.text[name][1:] != table.text[name][:-1]
+    return step[change], float(np.median(known)) if known.size else 0.0
+
+
 def _restarts(table: Table, name: str, time: str | None) -> bool:
     """Whether time goes back wherever this column changes."""
-    if time is None:
-        return False
-    change = np.flatnonzero(table.text[name][1:] != table.text[name][:-1])
-    return bool((np.diff(table.columns[time])[change] < 0).all())
+    return time is not None and bool((_steps(table, name, time)[0] < 0).all())
 
 
 def _cuts(table: Table, name: str, time: str | None) -> bool:
     """Whether time stops or starts anew where this column changes."""
     if time is None:
         return True
-    t = table.columns[time]
-    change = np.flatnonzero(table.text[name][1:] != table.text[name][:-1])
-    step = np.diff(t)
-    known = np.abs(step[np.isfinite(step)])
-    typical = float(np.median(known)) if known.size else 0.0
-    return bool(np.any((step[change] < 0) | (step[change] > 20 * typical)))
+    steps, typical = _steps(table, name, time)
+    return bool(np.any((steps < 0) | (steps > 20 * typical)))
 
 
 def _mends(table: Table, name: str, other: str) -> bool:

@@ -40,12 +40,11 @@ def json_lines(path: Path, text: str) -> Sheet | None:
     names: dict[str, None] = {}
     for row in rows:
         names |= dict.fromkeys(row)
-        if len(names) > MOST_COLUMNS:
-            problem = f"the objects have more than {MOST_COLUMNS:,} keys."
-            raise fault("too-many-columns", path, problem, "write one object for each moment.")
-    if len(names) * len(rows) > MOST_GAPS * (sum(map(len, rows)) + 1000):
-        problem = f"{len(rows):,} objects have {len(names):,} keys, and few of them in common."
-        raise fault("too-many-columns", path, problem, "write the same keys in each object.")
+        few = len(names) * len(rows) > MOST_GAPS * (sum(map(len, rows)) + 1000)
+        if len(names) > MOST_COLUMNS or (row is rows[-1] and few):
+            problem = f"{len(rows):,} objects have {len(names):,} keys or more, and few of them in common."
+            mend = f"write the same keys in each object, at most {MOST_COLUMNS:,}."
+            raise fault("too-many-columns", path, problem, mend)
     columns = {
         unique: [row.get(name, "") for row in rows]
         for unique, name in zip(distinct([*names]), names, strict=True)

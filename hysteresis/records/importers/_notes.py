@@ -4,7 +4,7 @@ import re
 from collections.abc import Collection, Iterable, Sequence
 from typing import NamedTuple
 
-from ..._quantities import SAID
+from ..._unit_words import SAID
 from .._kinds import kind_of
 from .._units import UNITS, is_unit, name_and_unit, spelled, written_unit
 from ._sheet import is_number
@@ -159,16 +159,10 @@ def without_settings(lines: Lines) -> tuple[Lines, list[str]]:
                     told[at] = note
             if clock_in(told.values()) is None:
                 continue
-            kept = [
-                (
-                    n,
-                    separator.join(
-                        c for at, c in enumerate(row.split(separator)) if at not in told
-                    ),
-                )
+            rest = [
+                (n, [c for at, c in enumerate(row.split(separator)) if at not in told])
                 for n, row in lines[k:]
             ]
-            return [*lines[:k], *((n, row) for n, row in kept if row.strip(separator))], [
-                *told.values()
-            ]
+            kept = [(n, separator.join(row)) for n, row in rest if any(row)]
+            return [*lines[:k], *kept], [*told.values()]
     return lines, []

@@ -31,6 +31,8 @@ def each(change) -> list[str]:
 
 
 COMPILED = {
+    "short row at the end": changed(1200, "1,2,"),
+    "overloads": each(lambda s: f"{s.rpartition(',')[0]},OVLD"),
     "plain": lines(),
     "semicolons": lines(";"),
     "bars and blanks": lines(" | "),
@@ -45,16 +47,9 @@ COMPILED = {
     "words for nothing": each(lambda s: f"{s.rpartition(',')[0]}, N/A "),
     "NaN": each(lambda s: f"{s.rpartition(',')[0]},-NaN"),
     "words": [f"label,{HEADER}", *(f"A {k % 5}, {s}" for k, s in enumerate(lines()[1:]))],
-    "overloads": each(lambda s: f"{s.rpartition(',')[0]},OVLD"),
     "blank lines": changed(1000, ""),
     "a comment": changed(1000, "# here the pump stopped, 1, 2"),
-    "a word": changed(1100, "1,stop,3"),
     "infinite": changed(1100, "1,inf,3"),
-    "an underscore": changed(1100, "1,1_000,3"),
-    "a quoted cell": changed(1100, '1, "2.5",3'),
-    "a quotation mark": changed(1100, '1,2"5,3"'),
-    "short row at the end": changed(1200, "1,2,"),
-    "a cell of two lines": [*lines()[:1100], '1,"a', 'b",3', *lines()[1100:]],
     "notes above": ["Rig 3", "Operator,Meier", "", *lines()],
     "MTS": [
         "MTS793|BTW|ENU|1|2|.|/|:|1|0|0|A", "", "Data Acquisition:\tTimed", "",
@@ -64,6 +59,11 @@ COMPILED = {
     "blanks": ["# t F x", *(" ".join(row) for row in LOOPS)],
 }  # fmt: skip
 CAREFUL = {
+    "a cell of two lines": [*lines()[:1100], '1,"a', 'b",3', *lines()[1100:]],
+    "a word": changed(1100, "1,stop,3"),
+    "an underscore": changed(1100, "1,1_000,3"),
+    "a quoted cell": changed(1100, '1, "2.5",3'),
+    "a quotation mark": changed(1100, '1,2"5,3"'),
     "empty rows at the end": [*lines(), ",,"],
     "not ASCII": changed(1100, "1,2,3µ"),
     "notes below": ["Rig 3", "Operator,Meier", "", *lines(), "End of test"],
