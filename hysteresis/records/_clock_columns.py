@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .._note import Note
-from ._kinds import kind_of
+from ._column_quantity import kind_of
 from ._table import Table
 from ._units import named_unit
 

@@ -15,9 +15,9 @@ from .._errors import InputError
 from .._note import Note
 from ._cells import check_room, floats, long_cell, parsed
 from ._clock_columns import with_clocks
+from ._column_quantity import kind_of
 from ._compiled_rows import CompiledRows, OddRowsError
 from ._dialect import header_of, made_square
-from ._kinds import kind_of
 from ._table import Table, TextColumns, followed, with_column
 from ._units import are_units, bare_unit, named_unit, spelled
 from .importers._binary import binary

@@ -8,7 +8,7 @@ import numpy as np
 
 from hysteresis import InputError
 from hysteresis._unit_words import SAID
-from hysteresis.records._kinds import Kind, kind_of, unit_of
+from hysteresis.records._column_quantity import Kind, kind_of, unit_of
 from hysteresis.records._table import Table
 
 _PLAIN = ("N", "mm", "V", "A", "Pa")

@@ -8,8 +8,8 @@ import numpy as np
 
 from hysteresis import InputError, Record
 from hysteresis._escape import shell_word
+from hysteresis.records._column_quantity import OSCILLATION, words_of
 from hysteresis.records._excitation import loop_direction, turn_in_words
-from hysteresis.records._kinds import OSCILLATION, words_of
 from hysteresis.records._table import Table
 
 from ._column_pairs import (

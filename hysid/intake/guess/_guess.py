@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from hysteresis import InputError, Record, read_table
+from hysteresis.records._column_quantity import OSCILLATION, kind_of, words_of
 from hysteresis.records._excitation import check_identifiable
-from hysteresis.records._kinds import OSCILLATION, kind_of, words_of
 from hysteresis.records._table import Table, rows_of
 from hysteresis.records._units import written_unit
 
@@ -193,16 +193,15 @@ def table_of(file: Path, out: Guess, given: Mapping[str, Any]) -> Table:
         options.setdefault("decimal", ",")
         table = read_table(file, **options, most=HEAD)
     more, notes = reading(table, options)
-    if more:
-        options |= more
-        table = read_table(file, **options, most=HEAD)
+    options |= more
+    table = read_table(file, **options, most=HEAD) if more else table
     nameless = any(note.code == "no-header" for note in table.notes)
     if nameless and not (given.get("input") and given.get("output")) and len(table.line) < LEAST:
         problem = f"{len(table.line)} rows are too few to tell the columns by their shape."
         raise no_header(str(file), problem)
     if nameless:
-        names = ", ".join(table.columns)
-        out.warnings.append(f"The file names no columns, so {names} are told by their shape alone.")
+        told = f"The file names no columns, so {', '.join(table.columns)} are told by their shape alone."
+        out.warnings.append(told)
     out.selection |= {k: list(v) if isinstance(v, tuple) else v for k, v in options.items()}
     names = ", ".join(f"{name!r}" for name in table.columns)
     if table.share < 1:
@@ -296,7 +295,6 @@ def _measured(
     given: Mapping[str, Any],
 ) -> list[Column]:
     """Columns that can be an input or an output."""
-    keys = sequences.group + ((sequences.each,) if sequences.each else ())
     kinds = {column.kind.name for column in columns.values()}
     magnetic = "moment" in kinds or {"field", "resistance"} <= kinds
     found, heat = [], []
@@ -305,7 +303,7 @@ def _measured(
         few = len(np.unique(column.x[np.isfinite(column.x)])) < min(5, 2 + len(column.x) // 8)
         if not asked and (
             name in not_these or name in sequences.labels or column.kind.name in _ASIDE or few
-            or counts_rows(column.x) or constant_within(table, name, keys)
+            or counts_rows(column.x) or constant_within(table, name, sequences.keys)
         ):  # fmt: skip
             continue
         hot = column.kind.name == "temperature" and not (magnetic or asked)
@@ -321,11 +319,10 @@ def _with_aside(
 ) -> list[Column]:
     """The columns that change, whatever their names say, where they are two that follow each other. What a
     chamber holds in each sequence is a condition of it."""
-    keys = sequences.group + ((sequences.each,) if sequences.each else ())
     found = [
         column for name, column in columns.items()
         if name not in not_these and name not in sequences.labels
-        and not constant_within(table, name, keys, CHAMBER)
+        and not constant_within(table, name, sequences.keys, CHAMBER)
         and column.kind.name not in ("time", "index", "label", OSCILLATION)
         and not counts_rows(column.x)
     ]  # fmt: skip
@@ -362,10 +359,10 @@ def _clocks(
     """Clocks named after the columns they belong to."""
     if given.get("time") or choice.input is None:
         return
-    own = {}
+    own, clocks = {}, _clocks_of(columns)
     for role, column in (("input", choice.input), ("output", choice.output)):
         words = set(words_of(column.name))
-        own[role] = next((c.name for c in _clocks_of(columns) if words & {*words_of(c.name)}), None)
+        own[role] = next((c.name for c in clocks if words & {*words_of(c.name)}), None)
     if own["output"] and own["output"] != time:
         out.selection["time"] = own["output"]
         out.found = [f for f in out.found if f.what != "time"]
@@ -439,7 +436,7 @@ def _check(table: Table, out: Guess) -> None:
     records: list[Record] = [train for train, _ in good.values()]
     out.sequences = sum(len(r.labels) for r in records)
     out.cycles = sum(r.n_cycles for r in records)
-    (first, (record, _)), *_ = good.items()
+    first, (record, _) = next(iter(good.items()))
     out.text = (f"{out.selection['each']} = {first}\n" if first else "") + record.describe()
     seen: dict[str, None] = {}
     for record in [] if selection_of(out.selection).is_step else records:

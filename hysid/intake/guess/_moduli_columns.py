@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hysteresis._quantities import conversion
-from hysteresis.records._kinds import OSCILLATION, words_of
+from hysteresis.records._column_quantity import OSCILLATION, words_of
 from hysteresis.records._units import UNITS
 
 from .._constant_input import RATIO, turns_back

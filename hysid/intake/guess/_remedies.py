@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from hysteresis import InputError
-from hysteresis.records._kinds import kind_of, unit_of
+from hysteresis.records._column_quantity import kind_of, unit_of
 from hysteresis.records._table import Table
 from hysteresis.records._units import MASSES, is_unit
 from hysteresis.records.importers._sheet import is_number

@@ -8,7 +8,7 @@ import numpy as np
 from hysteresis import Record
 from hysteresis.records._branch_rows import STILL
 from hysteresis.records._branch_rows import constant_within as channel_within
-from hysteresis.records._kinds import words, words_of
+from hysteresis.records._column_quantity import words, words_of
 from hysteresis.records._table import Table
 
 from ._column_pairs import Column
@@ -38,6 +38,11 @@ class Sequences(NamedTuple):
     split: tuple[str, str] | None
     labels: frozenset[str]
     said: tuple[tuple[str, str, str], ...]
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """The columns of groups and of specimens."""
+        return self.group + ((self.each,) if self.each else ())
 
 
 def sequences_of(table: Table, time: str | None) -> Sequences:

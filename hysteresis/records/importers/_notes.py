@@ -5,7 +5,7 @@ from collections.abc import Collection, Iterable, Sequence
 from typing import NamedTuple
 
 from ..._unit_words import SAID
-from .._kinds import kind_of
+from .._column_quantity import kind_of
 from .._units import UNITS, is_unit, name_and_unit, spelled, written_unit
 from ._sheet import is_number
 
