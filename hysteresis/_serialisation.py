@@ -89,7 +89,7 @@ def described(
 
 
 def rebuilt(words: Any, arrays: Mapping[str, Any]) -> Any:
-    """The inverse of `described`.
+    """The inverse of `described`; also of what earlier versions wrote.
 
     Raises `InputError` for a class that is not registered, `KeyError`, `TypeError` and `ValueError` for
     what `described` does not write.
@@ -108,7 +108,11 @@ def rebuilt(words: Any, arrays: Mapping[str, Any]) -> Any:
     if "dict" in words:
         return {key: rebuilt(part, arrays) for key, part in words["dict"].items()}
     kind = class_of(str(words["class"]))
-    return _made(kind, {name: rebuilt(part, arrays) for name, part in words["fields"].items()})
+    if "fields" in words:
+        return _made(kind, {name: rebuilt(part, arrays) for name, part in words["fields"].items()})
+    # Earlier fits wrote the fields beside the class, and all that is in turn as a list.
+    plain = {name: rebuilt(part, arrays) for name, part in words.items() if name != "class"}
+    return _made(kind, {k: tuple(v) if isinstance(v, list) else v for k, v in plain.items()})
 
 
 def decoded(value: Any, kind: Any, place: str = "") -> Any:

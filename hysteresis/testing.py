@@ -12,7 +12,8 @@ from jax.flatten_util import ravel_pytree
 from . import _serialisation as files
 from ._errors import InputError
 from ._model import AbstractModel
-from ._parameter import parameter_at, parameters
+from ._parameter import parameter_at as _parameter_at
+from ._parameter import parameters
 from .models._conditioned import Conditioned
 from .models._conditioned import condition_of as _condition_of
 
@@ -160,7 +161,7 @@ def _check_gradients(model: AbstractModel, walks: list[_Walk]) -> None:
     def summed(values: Any, t: Any, u: Any) -> Any:
         changed = model
         for name, value in values.items():
-            changed = eqx.tree_at(lambda m, n=name: parameter_at(m, n), changed, value)
+            changed = eqx.tree_at(lambda m, n=name: _parameter_at(m, n), changed, value)
         return jnp.sum(weights * changed.evaluate(changed.prepare(t, u)))
 
     # By inputs forwards, which is all that a model offers whose law runs outside JAX.

@@ -16,7 +16,7 @@ from hysteresis._verdict import worst_of
 from .._compensator import fitted_to_compensate, with_compensator
 from ..intake._creep_fits import motion_options, shared_options, step_options
 from ..intake._folders import check_writable, folder_names
-from ..intake._own_config import folder_of
+from ..intake._own_config import check_there, folder_of
 from ..intake._selection import Pair, Selection, all_of
 from ._asked import Fit
 from ._console import Done, candidate_lines, compensator_lines, log, verdict_lines
@@ -77,6 +77,7 @@ def _written(asked: Fit, out: Path) -> dict[str, Any]:
     as it is made.
     """
     selection, options = Selection(**asked.selection), asked.of_identify
+    check_there(asked.file)
     selection.check_columns()
     records, faults = selection.records(selection.read(asked.file))
     if asked.others:

@@ -167,7 +167,8 @@ def _guess(file: Path, given: Mapping[str, Any]) -> Guess:
     kept, why = hold_out(table, out.selection, sequences.split)
     out.selection |= {} if any(given.get(key) for key in HELD_OUT) else kept
     why += ", as far as the part that was read shows" if table.share < 1 else ""
-    out.says("held out", _words(kept) or "nothing", LIKELY, why)
+    said = ", ".join(f"{key} = {value}" for key, value in kept.items())
+    out.says("held out", said or "nothing", LIKELY, why)
     _memory(table, columns, choice, out)
     _check(table, out)
     return out
@@ -326,9 +327,8 @@ def _with_aside(
         and column.kind.name not in ("time", "index", "label", OSCILLATION)
         and not counts_rows(column.x)
     ]  # fmt: skip
-    if len(found) != 2 or abs(rank_correlation(found[0].x, found[1].x)) < FOLLOWS:
-        return []
-    if any(column.kind.name in RESPONSES for column in found):  # with its standard deviation
+    has_deviation = any(column.kind.name in RESPONSES for column in found)  # beside its response
+    if len(found) != 2 or has_deviation or abs(rank_correlation(found[0].x, found[1].x)) < FOLLOWS:
         return []
     return [c._replace(kind=kind_of(c.name, c.unit, aside=False)) for c in found]
 
@@ -446,7 +446,3 @@ def _check(table: Table, out: Guess) -> None:
             seen[str(error)] = None
     out.warnings += list(seen)[:8]
     out.warnings += [f"{value}: {error}" for value, error in faults.items()][:4]
-
-
-def _words(options: Mapping[str, Any]) -> str:
-    return ", ".join(f"{key} = {value}" for key, value in options.items())

@@ -158,7 +158,7 @@ def test_each_is_predicted_and_sampled_by_its_own_fit(each, folder):
     assert fits(drawn, POSTERIOR)
     assert {"soft: K", "thin: K"} <= {p["name"] for p in drawn["parameters"]}
     said = run("sample", folder / "each", "--steps", 40, "--ensembles", 2)
-    assert "\nthin: K  " in said.out
+    assert "\nthin: Posterior: " in said.out
     assert "Not converged" in said.out
     assert ", thin, acceptance" in said.err
 
