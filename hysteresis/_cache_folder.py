@@ -45,9 +45,11 @@ def forget_oldest(folder: Path, most: int, named: re.Pattern[str]) -> None:
 
 def _shared(above: Path) -> str:
     """Why others could exchange what is in a folder; on Windows, whose homes are one's own, nothing."""
+    if not hasattr(os, "getuid"):
+        return ""
     about = above.stat()
     others = about.st_mode & 0o022 and not about.st_mode & stat.S_ISVTX
-    if hasattr(os, "getuid") and (about.st_uid not in (0, os.getuid()) or others):
+    if about.st_uid not in (0, os.getuid()) or others:
         return f"{above} belongs to another user, or others can write to it."
     return ""
 
@@ -59,9 +61,11 @@ def _not_own(folder: Path) -> str:
     about = folder.lstat()
     if not stat.S_ISDIR(about.st_mode):
         return f"{folder} is a link, not a folder."
-    if hasattr(os, "getuid") and (about.st_uid != os.getuid() or about.st_mode & 0o022):
+    if not hasattr(os, "getuid"):
+        return ""
+    if about.st_uid != os.getuid() or about.st_mode & 0o022:
         return f"{folder} belongs to another user, or others can write to it."
-    if hasattr(os, "getuid") and about.st_mode & 0o077:
+    if about.st_mode & 0o077:
         folder.chmod(0o700)
     return ""
 

@@ -29,7 +29,7 @@ ALWAYS_UNPACKED, LARGEST_RATIO, LARGEST_UNPACKED = 256_000_000, 50, 16_000_000_0
 
 DAMAGE: tuple[type[Exception], ...] = (
     ArithmeticError, AttributeError, EOFError, LookupError, MemoryError, OSError, RuntimeError,
-    TypeError, ValueError, struct.error, tokenize.TokenError, zipfile.BadZipFile, zlib.error,
+    TypeError, ValueError, struct.error, zipfile.BadZipFile, zlib.error,
 )  # fmt: skip
 """What readers of arrays, HDF5 and JSON raise where a file was damaged or made up."""
 
@@ -120,10 +120,14 @@ def _array(packed: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray:
     if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
         raise ValueError(f"{member.filename} is packed in an unusual way")
     form = np.lib.format
+    versions = {(1, 0): form.read_array_header_1_0, (2, 0): form.read_array_header_2_0}
     with packed.open(member) as opened:
-        is_first = form.read_magic(opened) == (1, 0)
-        read = form.read_array_header_1_0 if is_first else form.read_array_header_2_0
-        shape, by_column, dtype = read(opened)
+        if (read := versions.get(version := form.read_magic(opened))) is None:
+            raise ValueError(f"{member.filename} has version {version} of the format")
+        try:
+            shape, by_column, dtype = read(opened)
+        except (SyntaxError, tokenize.TokenError) as error:  # as NumPy reads headers of Python 2
+            raise ValueError(f"the header of {member.filename} cannot be read: {error}") from None
         check_shape(shape, dtype, member.file_size)
         content = opened.read(member.file_size + 1)  # without a limit the whole of it is unpacked
     array = np.frombuffer(content, dtype, count=int(np.prod(shape, dtype=object)))

@@ -152,19 +152,22 @@ def fields(quick: bool) -> list[Row]:
     return rows
 
 
+def _told(fit: Any) -> dict[str, Any]:
+    """What a fit says but what its command was asked for, which the command that reads it checks."""
+    return to_json(replace(fit, asked={}))
+
+
 def _fit_fields(put: Sequence[Any]) -> Iterator[str]:
     folder = small_fit()
     whole = json.loads((folder / "fit.json").read_text())
-    # What a command was asked for is carried along, and checked by the command that reads it.
-    told = lambda fit: to_json(replace(fit, asked={}))  # noqa: E731
-    same = told(identify.load(folder))
+    same = _told(identify.load(folder))
     for place, other, made in each_replaced(whole, put):
         if place.partition(".")[0] in ("checksums", "files") or ".values" in place:
             continue  # which are no figures, and free
         (folder / "fit.json").write_text(json.dumps(sealed(made)))
         try:
             fit = identify.load(folder)
-            used = told(fit) != same
+            used = _told(fit) != same
             str(fit)
         except InputError:
             used = False

@@ -86,9 +86,9 @@ def header(shape: str, kind: str = "<f8") -> bytes:
         (header("(1,)", "|O") + b"12345678", "objects"),
         (header("(" * 900 + "1" + ",)" * 900), ""),
         (header("10**10**10"), ""),
-        (header("(1,"), ""),  # NumPy's reader of Python 2's headers raises TokenError
+        (header("(1,"), "cannot be read"),  # NumPy's reader of Python 2's headers raises TokenError
         (b"", ""),
-        (b"\x93NUMPY\x09\x00aaaa", ""),
+        (b"\x93NUMPY\x09\x00aaaa", "version"),
     ],
 )
 def test_a_header_that_promises_more_is_refused(content: bytes, said: str):

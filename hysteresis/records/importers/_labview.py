@@ -54,7 +54,7 @@ def labview(path: Path, text: str) -> Sheet | None:
 def _block(
     rows: list[tuple[int, list[str]]], about: dict[str, list[str]], decimal: str, number: str
 ) -> Block | None:
-    """One segment, None without rows; what `about` says of it is in its header or that of the file."""
+    """One segment, None where it has no rows; `about` holds its header, or that of the file."""
     width = max((len(row) for _, row in rows), default=0)
     names = [CLOCK, *(f"channel {k}" for k in range(1, width))]
     if rows and not any(map(is_number, rows[0][1])):

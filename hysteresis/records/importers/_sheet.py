@@ -204,7 +204,7 @@ def joined(
         )  # fmt: skip
         left = f"Left out {sum(sizes) - sizes[at]} rows of other tables in the file; this is table"
         notes.append(Note("skipped", f"{left} {at + 1}, others are {others}. --table N reads one."))
-    # A unit for each column where a row has some: what stands in brackets behind a name is then not a unit.
+    # Where a row has units, words in brackets behind a name are not units.
     stated = any(units)
     written = {
         name: units[k] for name, k in zip(names, kept, strict=True)
