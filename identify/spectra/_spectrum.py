@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
+from threadpoolctl import threadpool_limits
 
 from hysteresis import GeneralizedKelvinVoigt, GeneralizedMaxwell, InputError
 
@@ -142,6 +143,8 @@ class Spectrum(NamedTuple):
         return fractional_of(self.kind, self.allowed, self.step, self.span)
 
 
+# Many small factorisations: threads of BLAS that wait for each other double the processor's time.
+@threadpool_limits.wrap(limits=1, user_api="blas")
 def spectrum(
     *responses: Response,
     terms: int | None = None,
