@@ -160,7 +160,8 @@ class FitOptions:
     )
     oversampling: int = option("Oscillator: steps of integration to a sample.", 20, least=1)
     budget: float | None = option(
-        "Seconds after which no further model is begun: the best one so far is the result.", None
+        "Seconds after which no further model or start is begun: the best so far is the result.",
+        None,
     )
     allow_float32: bool = option(
         "Fit in single precision; standard errors are rough.", False, of_step=True

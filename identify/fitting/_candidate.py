@@ -20,7 +20,8 @@ class Options(NamedTuple):
 
     `alone`: no other candidate is fitted. `say`: takes a line of progress. `keeps_drift`: what drifts in
     the training rows stays in the model. `is_auto`: models that cannot be as good are left out, and
-    compositions averaged with simpler ones, with parts of `either_sign` if they may be.
+    compositions averaged with simpler ones, with parts of `either_sign` if they may be. `until`: when no
+    further model or start is begun, by `time.perf_counter`.
     """
 
     initial: str
@@ -33,6 +34,7 @@ class Options(NamedTuple):
     keeps_drift: bool = False
     is_auto: bool = False
     either_sign: bool = False
+    until: float = float("inf")
 
 
 class Trial(NamedTuple):

@@ -123,7 +123,7 @@ def fit(
       for every parameter.
     - `period`, `oversampling`: of an oscillator: rows in a period of the force (None looks for one, 0 means
       that it does not repeat), and steps of integration to a sample.
-    - `budget`: seconds after which no further model is begun.
+    - `budget`: seconds after which no further model or random start is begun.
     - `allow_float32`: fit in the precision that JAX has, also where it is single.
     - `progress`: called with a line of text now and then.
 
@@ -211,9 +211,9 @@ def fit(
     options = Options(
         initial, starts, seed, noise, parameters or {}, len(asked) == 1, say, drift == "keep",
         is_auto=model == "auto" and purpose != "constants", either_sign=purpose == "predict",
+        until=np.inf if budget is None else begin + budget,
     )  # fmt: skip
-    until = np.inf if budget is None else begin + budget
-    tried, skipped = _tried(asked, data, options, until)
+    tried, skipped = _tried(asked, data, options)
     chosen, *others = _ranked(tried, mixed=tells_little(data, like))
     best = with_repeatability(chosen.fit if options.alone else chosen.with_noise(noise, data))
     fits = [best, *(one.fit for one in others)]
@@ -260,10 +260,10 @@ def _behind_pasts(
 
 
 def _tried(
-    asked: tuple[Candidate, ...], data: TrainingData, options: Options, until: float
+    asked: tuple[Candidate, ...], data: TrainingData, options: Options
 ) -> tuple[list[Trial], dict[str, str]]:
     """Every candidate that can be fitted, in the order of `asked`, and why the others cannot; with one
-    found, none is begun after `until`.
+    found, none is begun after `options.until`.
 
     Raises `InputError` where none can, or where the only one cannot.
     """
@@ -277,7 +277,7 @@ def _tried(
 
     for done, candidate in enumerate(asked, 1):
         since = time.perf_counter()
-        if tried and since > until:
+        if tried and since > options.until:
             skipped |= dict.fromkeys(
                 (one.name for one in asked[done - 1 :]), "no time was left for it."
             )

@@ -85,7 +85,7 @@ class ParametricCandidate(Candidate):
             )
         first = bounds.points_of(start, *others)
         check_rows(data.record, len(bounds.names))
-        return least_squares(self.name, start, data, bounds, settings, first, starts, options.seed)
+        return least_squares(self.name, start, data, bounds, settings, first, starts, options)
 
     def _starts(
         self, data: TrainingData, options: Options
@@ -144,7 +144,7 @@ def least_squares(
     settings: Settings,
     first: Float[np.ndarray, "points parameters"],
     starts: int,
-    seed: int,
+    options: Options,
 ) -> LeastSquares:
     """Fit the free parameters of `template`, numbers and short arrays, by least squares.
 
@@ -156,7 +156,7 @@ def least_squares(
     """
     record, parts, bounds = data.record, data.parts, bounds.for_fit
     y = np.where(record.mask, record.output, 0.0)
-    tried, optima = _search(template, data, y, bounds, first, starts, seed)
+    tried, optima = _search(template, data, y, bounds, first, starts, options)
     prepared = prepared_longer(template, record.time, record.input, starts_of(record))
     measured = longer(y)
 
@@ -192,7 +192,7 @@ def least_squares(
     optimum = fitted(parts.without_conditioning(parts.all, True), whole.free) if dropped else whole
     return LeastSquares(
         name, data, template, bounds, settings, prepared, measured, tried, optimum,
-        blocks[dropped], dropped, seed,
+        blocks[dropped], dropped, options.seed,
     )  # fmt: skip
 
 
@@ -252,7 +252,7 @@ def _search(
     bounds: Transform,
     first: Float[np.ndarray, "points parameters"],
     starts: int,
-    seed: int,
+    options: Options,
 ) -> tuple[Starts, tuple[Optimum, ...]]:
     """Every start and its objective on about a thousand rows, and the different optima; wider starts where
     none was finite."""
@@ -261,11 +261,11 @@ def _search(
     time = None if record.time is None else record.time[rows]
     thin = prepared_longer(template, time, record.input[rows], thin_starts)
     thin_y, thin_weights = longer(y[rows]), longer(np.where(record.mask, record.weights, 0.0)[rows])
-    random = np.random.default_rng(seed).normal(0, 1, (starts, first.shape[1]))
+    random = np.random.default_rng(options.seed).normal(0, 1, (starts, first.shape[1]))
     random[0] = 0.0
     for spread in SPREADS:
         points = np.vstack([first[0] + spread * random, first[1:]])
-        tried = multi_start(bounds, template, thin, thin_y, thin_weights, points)
+        tried = multi_start(bounds, template, thin, thin_y, thin_weights, points, options.until)
         if np.isfinite(tried[0].objective[0]):
             return tried
     raise InputError(

@@ -1,5 +1,6 @@
 """Non-linear least squares from many starts, on few rows until the best optimum is known."""
 
+import time
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -75,14 +76,21 @@ def multi_start(
     y: Float[np.ndarray, " samples"],
     weights: Float[np.ndarray, " samples"],
     starts: Float[np.ndarray, "starts parameters"],
+    until: float = np.inf,
 ) -> tuple[Starts, tuple[Optimum, ...]]:
     """A few steps of Levenberg-Marquardt from every start, and the best to their end; sorted, best first.
 
-    Also the optima that are different, the best ones of them.
+    Also the optima that are different, the best ones of them. After `until` no further one is begun.
     """
-    ends = [refine(transform, model, prepared, y, weights, z, FEW) for z in starts]
+    ends = list[Optimum]()
+    for z in starts:
+        if ends and time.perf_counter() > until:
+            break
+        ends.append(refine(transform, model, prepared, y, weights, z, FEW))
     ends.sort(key=lambda end: end.objective)
     for k in range(min(BEST, len(ends))):
+        if k and time.perf_counter() > until:
+            break
         if np.isfinite(ends[k].objective) and not ends[k].converged:
             ends[k] = refine(transform, model, prepared, y, weights, ends[k].free)
     ends.sort(key=lambda end: end.objective)
