@@ -38,13 +38,13 @@ class Options(NamedTuple):
 
 
 class Trial(NamedTuple):
-    """A candidate that was fitted; `explained` makes a fit by least squares one with a kind of noise."""
+    """A candidate that was fitted; `explained` gives the chosen one a noise of its own, or more draws."""
 
     fit: FitResult
     explained: Callable[[str], FitResult] | None = None
 
     def with_noise(self, noise: str, data: TrainingData) -> FitResult:
-        """The fit with the noise of its residuals, from the optimum that the search found."""
+        """The chosen fit, its noise and errors explained, from the optimum that the search found."""
         if self.explained is None:
             return self.fit
         return replace(data.tested(self.explained(noise)), seconds=self.fit.seconds)

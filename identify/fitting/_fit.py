@@ -14,8 +14,9 @@ from hysteresis.numerics._compiled import forget_compiled
 from hysteresis.records._abstract_record import KNOWN
 from hysteresis.records._csv import with_known
 
+from ..linear._composition_fit import DRIFT_GAIN
 from ..noise._reml import kinds
-from ..records._folds import NEARLY, as_good
+from ..records._folds import NEARLY, as_good, earned
 from ..records._from_known import by_sequence, sequence_error, with_past
 from ..records._latest import repeats
 from ..records._sequence_terms import SequenceTerms, learnt, sequence_rms
@@ -215,7 +216,7 @@ def fit(
     )  # fmt: skip
     tried, skipped = _tried(asked, data, options)
     chosen, *others = _ranked(tried, mixed=tells_little(data, like))
-    best = with_repeatability(chosen.fit if options.alone else chosen.with_noise(noise, data))
+    best = with_repeatability(chosen.with_noise(noise, data))
     fits = [best, *(one.fit for one in others)]
     del tried, chosen, others  # the searches, which hold every row
     baselines = data.baselines()
@@ -314,9 +315,17 @@ def _tried(
 
 def _ranked(tried: list[Trial], mixed: bool) -> list[Trial]:
     """The one to take, which is the simplest one as good as the best, then the others, best first; with
-    `mixed` the mixture of earlier specimens."""
+    `mixed` the mixture of earlier specimens. Weights of either sign need more, see `DRIFT_GAIN`."""
     ranked = sorted(tried, key=lambda one: one.fit.score)
-    good = [one for one in tried if _as_good(one.fit, ranked[0].fit)]
+    rising = [
+        one for one in ranked if not isinstance(one.fit.detail, Composition) or one.fit.detail.rises
+    ]
+    best, rises = ranked[0].fit, rising[0].fit
+    signed = rises is not best and earned(
+        np.asarray(rises.blocks), np.asarray(best.blocks), DRIFT_GAIN
+    )
+    able = ranked if signed else rising
+    good = [one for one in able if _as_good(one.fit, able[0].fit)]
     if mixed:
         good = [one for one in tried if isinstance(one.fit.model, Mixture)] or good
     chosen = min(good, key=lambda one: _complexity(one.fit))

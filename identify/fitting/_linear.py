@@ -27,7 +27,7 @@ from ._candidate import Candidate, Options, Trial
 from ._training_data import TrainingData
 
 DRAWS, FEW_DRAWS = 64, 16
-"""Draws from which the errors of the totals are estimated; few for compositions on the way to the best."""
+"""Draws from which the errors of the totals are estimated; few until a fit is chosen."""
 
 
 class GridCandidate(Candidate):
@@ -36,21 +36,19 @@ class GridCandidate(Candidate):
     def fitted(self, data: TrainingData, options: Options) -> list[Trial]:
         if not options.alone and any(note.code == "one-way-input" for note in data.warnings):
             raise InputError("one-way-input", "An input that goes one way shows no hysteresis.")
-        found = fit_grid(self.name, self.template, data, options.initial, options.seed)
-        return [Trial(found)]
+        return [fit_grid(self.name, self.template, data, options.initial, options.seed)]
 
 
 class CompositionCandidate(Candidate):
     """Curves, relays and relaxations, as many as the record shows: every step from a curve alone."""
 
     def fitted(self, data: TrainingData, options: Options) -> list[Trial]:
-        path = fit_composition(data, options)
-        return [Trial(fit) for fit in path]
+        return fit_composition(data, options)
 
 
 def fit_grid(
     name: str, template: AbstractModel | None, data: TrainingData, initial: str, seed: int
-) -> FitResult:
+) -> Trial:
     """A Preisach model on a grid, called `name`; `template` fixes its shape where one is given."""
     leadings, cells, dead_band = data.leadings, GRIDS, 0.0
     initials: tuple[Any, ...] = data.initials if initial == "auto" else (initial,)
@@ -64,10 +62,10 @@ def fit_grid(
         f"Prior strength {linear.strength:g}, {linear.meaning.cells} cells along each threshold in"
         f" {linear.meaning.block.max() + 1} blocks, chosen on {data.parts.how}."
     )
-    return _result(name, linear, GridWeights(linear), data, (note,), seed)
+    return _trial(name, linear, GridWeights(linear), data, (note,), seed)
 
 
-def fit_composition(data: TrainingData, options: Options) -> list[FitResult]:
+def fit_composition(data: TrainingData, options: Options) -> list[Trial]:
     """Compositions from a curve alone to the best one, see `path_of`; for `auto` an average in place of
     those that are better on held-out rows."""
     seed, keeps_drift = options.seed, options.keeps_drift
@@ -83,8 +81,9 @@ def fit_composition(data: TrainingData, options: Options) -> list[FitResult]:
                 choices, data = lagging.path, replace(data, record=lagging.record, clocks=clocks)
         choices, data = _of_latest(choices, data, state, keeps_drift)
         path = fitted(choices)
-        if options.is_auto and (mean := averaged(choices[-1], options.either_sign)) is not None:
-            path = (*(one for one in path if one.held_out > mean.held_out), mean)
+        for mean in averaged(choices[-1], options.either_sign) if options.is_auto else ():
+            beside = mean.meaning.shares
+            path = (*(one for one in path if beside or one.held_out > mean.held_out), mean)
     else:
         path = fit_conditioned(data.record, data.parts, data.condition, data.leadings, state)
     outputs_together(path, data.record)
@@ -97,8 +96,7 @@ def fit_composition(data: TrainingData, options: Options) -> list[FitResult]:
             notes.append(_lag_in_words(data))
         notes += _condition_in_words(linear, data)
         detail, name = Composition(linear), linear.meaning.name
-        draws = DRAWS if linear is path[-1] else FEW_DRAWS
-        results.append(_result(name, linear, detail, data, tuple(notes), seed, draws))
+        results.append(_trial(name, linear, detail, data, tuple(notes), seed))
     return results
 
 
@@ -128,26 +126,29 @@ def state_of(initial: str) -> Any:
     return "negative" if initial in ("auto", "fit") else initial
 
 
-def _result(
+def _trial(
     name: str,
     linear: LinearFit,
     detail: GridWeights | Composition,
     data: TrainingData,
     notes: tuple[str, ...],
     seed: int,
-    draws: int = DRAWS,
-) -> FitResult:
+) -> Trial:
     model = linear.model
     predicted = linear.outputs(data.record)
     predicted = predict(model, data.record) if predicted is None else predicted
     judged = evidence(data.record, data.parts, predicted, linear.dropped, linear.held_out)
-    totals, covariance = linear.totals(judged.noise, draws, np.random.default_rng(seed))
-    errors = np.sqrt(np.diagonal(covariance))
-    return FitResult(
+
+    def drawn(count: int) -> dict[str, Any]:
+        totals, covariance = linear.totals(judged.noise, count, np.random.default_rng(seed))
+        errors = np.sqrt(np.diagonal(covariance))
+        parameters = _parameters(linear, totals, errors, data.record.output_unit)
+        return {"parameters": parameters, "covariance": covariance}
+
+    found = FitResult(
         name=name,
         model=model,
-        parameters=_parameters(linear, totals, errors, data.record.output_unit),
-        covariance=covariance,
+        **drawn(FEW_DRAWS),
         **judged._asdict(),
         success=True,
         blocks=linear.blocks * linear.meaning.scale**2,
@@ -156,6 +157,7 @@ def _result(
         **data.shown,
         seed=seed,
     )
+    return Trial(found, lambda _: replace(found, **drawn(DRAWS)))
 
 
 def _parameters(

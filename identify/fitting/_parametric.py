@@ -64,8 +64,9 @@ class ParametricCandidate(Candidate):
     def fitted(self, data: TrainingData, options: Options) -> list[Trial]:
         search = self.searched(data, options)
         # Several are ranked by least squares; noise is sought for the residuals of the chosen one alone.
-        noise = options.noise if options.alone else None
-        return [Trial(explained(search, noise), partial(explained, search))]
+        if options.alone:
+            return [Trial(explained(search, options.noise))]
+        return [Trial(explained(search, None), partial(explained, search))]
 
     def searched(self, data: TrainingData, options: Options) -> "LeastSquares":
         """The optimum of least squares. Raises `InputError` as `fitted` does."""

@@ -9,9 +9,8 @@ less than what more parts have learnt from them. So it joins with a fifth or mor
 that costs a tenth of the held-out error. Each of both rises with the input, and so does their average.
 
 The weights of either sign are found all at once, with a prior whose strength for each part is chosen on
-held-out rows, see `_group_strengths`. They join where that takes away half of the squared held-out error:
-weights of either sign explain anything a bit. They do not join at one amplitude: nothing but their sign
-holds weights where no row has been. The output need not rise with the input then.
+held-out rows, see `_group_strengths`. They do not join at one amplitude: nothing but their sign holds
+weights where no row has been. The output need not rise with the input then, so they are an average beside.
 
 Cost: a tenth of a second; with weights of either sign some hundred factorisations of the unknowns of all
 parts, a third of a second.
@@ -28,10 +27,10 @@ import numpy as np
 from jaxtyping import Float
 
 from .._levels import NOTHING
-from ..records._folds import NEARLY, earned
+from ..records._folds import NEARLY
 from ..records._latest import amplitudes_differ
 from ._composition import CompositionUnknowns, Member
-from ._composition_fit import DRIFT_GAIN, Problem, Tried, best_prior
+from ._composition_fit import Problem, Tried, best_prior
 from ._composition_parts import CURVE, DRIFTS, STRENGTHS
 from ._composition_prior import places_of
 from ._cross_validation import Choice, normal_equations_of
@@ -66,10 +65,10 @@ class _Mean(NamedTuple):
         return _Mean(weights, solved, problem.held_out(solved.__getitem__, problem.whole.parts))
 
 
-def averaged(best: Tried, either_sign: bool) -> LinearFit[CompositionUnknowns] | None:
-    """The average of a composition with a simpler one, and with parts of `either_sign` if they may be; None
-    where neither joins."""
-    problem, base = best.problem, best
+def averaged(best: Tried, either_sign: bool) -> tuple[LinearFit[CompositionUnknowns], ...]:
+    """The average of a composition with a simpler one if that joins, and the same with parts of
+    `either_sign` if they may be."""
+    problem, found = best.problem, []
     mean = _alone(problem, best.parts, best.strength)._replace(
         weights={best: 1.0}, blocks=best.blocks
     )
@@ -77,13 +76,14 @@ def averaged(best: Tried, either_sign: bool) -> LinearFit[CompositionUnknowns] |
         simple = best_prior(problem, SIMPLE)
         both = mean.with_other(problem, _alone(problem, SIMPLE, simple.strength))
         is_near = both.blocks.mean() <= NEARLY**2 * best.blocks.mean()
-        mean = both if is_near and min(both.weights.values()) >= LEAST_WEIGHT else mean
+        if is_near and min(both.weights.values()) >= LEAST_WEIGHT:
+            mean = both
+            found.append(_fitted(problem, mean, best))
     if either_sign and amplitudes_differ(problem.record):
         other = _of_either_sign(best)
-        both = mean.with_other(problem, other)
-        if earned(best.blocks, both.blocks, DRIFT_GAIN):
-            (base,), mean = other.weights, both
-    return None if len(mean.weights) == 1 else _fitted(problem, mean, base)
+        (base,) = other.weights
+        found.append(_fitted(problem, mean.with_other(problem, other), base))
+    return tuple(found)
 
 
 def _alone(problem: Problem, parts: tuple[str, ...], strength: float) -> _Mean:

@@ -68,7 +68,7 @@ WEAKEST = 1e-6
 """The weakest of all."""
 
 DRIFT_GAIN = 0.5
-"""What must go for a drift that no cycles show, and weights of either sign: they explain anything a bit."""
+"""What must go for a drift that no cycles show, or weights of either sign: they explain anything a bit."""
 
 
 def path_of(

@@ -121,11 +121,16 @@ class LinearFit(Generic[Unknowns]):
         """
         # H is a mean over `rows` rows, in squares of `scale`.
         variance = noise.sigma**2 * noise.correlation_time / self.meaning.scale**2 / self.rows
-        factor = scipy.linalg.cholesky(self.H, lower=True) * np.sqrt(variance)
-        steps = random.normal(size=(count, len(self.b))) @ factor.T
+        factor = scipy.linalg.cholesky(self.H, lower=True)
+        steps = np.sqrt(variance) * random.normal(size=(count, len(self.b)))
         if antithetic:
             steps = np.concatenate([steps, -steps])
-        inside = self.unknowns != 0
+        if isinstance(self.meaning, CompositionUnknowns) and self.meaning.free.all():
+            return (
+                self.unknowns
+                + scipy.linalg.solve_triangular(factor, steps.T, trans="T", lower=True).T
+            )
+        steps, inside = steps @ factor.T, self.unknowns != 0
         return np.stack([self.meaning.minimum(self.H, self.b + step, inside) for step in steps])
 
     def totals(
