@@ -76,8 +76,8 @@ def _sponge(record: Record) -> LinearSponge:
     return LinearSponge(K, b, threshold)
 
 
-def _burgers(record: Record) -> Burgers:
-    time = needed_time("Burgers", record.time, record.source)
+def _burgers(record: Record, name: str = "Burgers") -> Burgers:
+    time = needed_time(name, record.time, record.source)
     u, y = record.input[record.mask], record.output[record.mask]
     leading = _leads(record)
     gain = np.ptp(y) / np.ptp(u)
@@ -146,13 +146,13 @@ def _degrading(record: Record) -> DegradingBoucWen:
 
 def _solid(record: Record) -> StandardLinearSolid:
     """The spring and the delayed part of Burgers."""
-    start = _burgers(record)
+    start = _burgers(record, "StandardLinearSolid")
     return StandardLinearSolid(start.E1, start.E2, start.eta2, start.offset, leading=start.leading)
 
 
 def _creep_chain(record: Record) -> GeneralizedKelvinVoigt:
     """The spring of Burgers and two elements, a decade on either side of its delay."""
-    start = _burgers(record)
+    start = _burgers(record, "GeneralizedKelvinVoigt")
     decade = np.sqrt(10.0) ** np.array([-1.0, 1.0])
     stiff = np.full(2, 2 * float(start.E2))
     return GeneralizedKelvinVoigt(
@@ -162,7 +162,7 @@ def _creep_chain(record: Record) -> GeneralizedKelvinVoigt:
 
 def _relaxation_chain(record: Record) -> GeneralizedMaxwell:
     """Two thirds of the record's slope in the spring, the rest in two elements."""
-    start = _burgers(record)
+    start = _burgers(record, "GeneralizedMaxwell")
     u, y = record.input[record.mask], record.output[record.mask]
     gain, delay = float(np.ptp(y) / np.ptp(u)), float(start.eta2 / start.E2)
     leading = start.leading

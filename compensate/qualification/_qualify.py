@@ -13,6 +13,7 @@ from hysteresis._format import plain, quantity
 from hysteresis._verdict import Level, Verdict
 from hysteresis.models._conditioned import with_condition
 from hysteresis.numerics._normal import NORMAL_95
+from hysteresis.records._loads import over
 
 from .._contract import AbstractCompensator, Status
 from .._estimate import Simulates, estimate
@@ -229,8 +230,10 @@ def qualify(
             for name, sign in (("rising", 1), ("falling", -1))
             if (rows := used & (record.branch == sign)).any()
         },
-        "by_rate": _thirds("|du/dt|", _speeds(record), error, used),
-        "by_level": _thirds(record.input_name, u, error, used),
+        "by_rate": _thirds(
+            "|du/dt|", over(record.input_unit, record.time_unit), _speeds(record), error, used
+        ),
+        "by_level": _thirds(record.input_name, record.input_unit, u, error, used),
         "loop": loop_widths(record, value),
         "statuses": {Status(s).name: n / int(used.sum()) for s, n in sorted(shares.items())},
         "output_range": (float(y[fine].min()), float(y[fine].max())) if fine.any() else None,
@@ -322,6 +325,7 @@ def _speeds(record: Record) -> Float[np.ndarray, " samples"] | None:
 
 def _thirds(
     name: str,
+    unit: str,
     value: Float[np.ndarray, " samples"] | None,
     error: Float[np.ndarray, " samples"],
     used: Bool[np.ndarray, " samples"],
@@ -333,7 +337,7 @@ def _thirds(
     edges = edges[np.append(True, np.diff(edges) > 0.01 * np.abs(edges).max())]
     third = np.digitize(value, edges[1:-1])
     return {
-        f"{name} {edges[k]:.3g} to {edges[k + 1]:.3g}": _errors(error[rows])
+        f"{name} {edges[k]:.3g} to {quantity(edges[k + 1], unit, 3)}": _errors(error[rows])
         for k in range(len(edges) - 1 if len(edges) > 2 else 0)
         if (rows := used & (third == k)).any()
     }

@@ -9,7 +9,7 @@ import numpy as np
 from hysteresis._atomic_file import telling, write_table
 from hysteresis._show import aligned
 from hysteresis.records._excitation import suspicions
-from hysteresis.records._loop_table import MAIN, LoopTable
+from hysteresis.records._loop_table import MAIN, LoopTable, left_out
 
 from ..intake._selection import Selection, all_of
 from ..reporting._specimens import FAR, FEW, deviations
@@ -34,6 +34,8 @@ def run(asked: Loops) -> Done:
         document = found[""].document() | {"warnings": said[""]}
         return Done(document, [*found[""].lines(), *warnings(said[""]), *wrote])
     lines = [f"{each} = {v} cannot be used: {e}" for v, e in faults.items()]
+    if left := int(sum((~table.full).sum() for table in found.values())):
+        lines.append(left_out(left))
     document, rows = _specimens(found, each)
     document |= {"each": {value: table.document() for value, table in found.items()}}
     document |= {"failed": {value: str(error) for value, error in faults.items()}}

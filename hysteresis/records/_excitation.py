@@ -354,8 +354,11 @@ def turn_in_words(record: AbstractRecord) -> str:
 
 
 def describe(record: AbstractRecord, loop: str | None = None) -> str:
-    """The summary for a reader, and the record's history; `loop` replaces the line about the loops."""
-    s = summary(record)
+    """The summary for a reader, and the record's history; `loop` replaces the line about the loops.
+
+    Moduli over frequency have no noise from row to row, and their outputs are storage and loss.
+    """
+    s, is_sweep = summary(record), loop is not None and record.time is None
     way, turn = s["loop_direction"], turn_in_words(record)
     lines = [
         f"{s['source'] or 'arrays'}: {s['rows']} rows ({s['rows_used']} count), "
@@ -363,10 +366,9 @@ def describe(record: AbstractRecord, loop: str | None = None) -> str:
     ]
     for role in ("input", "output"):
         x, unit = s[role], s[role]["unit"]
-        lines.append(
-            f"{role:6} {x['name']}: {x['min']:.4g} to {quantity(x['max'], unit)}, "
-            f"noise {quantity(x['noise'], unit)}"
-        )
+        noise = "" if is_sweep else f", noise {quantity(x['noise'], unit)}"
+        name = "moduli" if is_sweep and role == "output" else x["name"]
+        lines.append(f"{role:6} {name}: {x['min']:.4g} to {quantity(x['max'], unit)}{noise}")
     for x in s["conditions"]:
         lines.append(f"condition {x['name']}: {x['min']:.4g} to {quantity(x['max'], x['unit'])}")
     if s["dt"]:

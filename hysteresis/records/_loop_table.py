@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .._errors import InputError
-from .._format import plain, with_error
+from .._format import number_of, plain, with_error
 from .._show import aligned, at_most
 from ._abstract_record import AbstractRecord
 from ._loads import kind_of_units, over, times
@@ -177,10 +177,10 @@ class LoopTable:
         if not len(self):
             yield "No loop: the input does not go and come back."
             return
-        count = (
-            f"{len(self)} loop{'s' * (len(self) != 1)}, {int(self.full.sum())} full ({self.kind})"
-        )
-        yield f"{count}; mean ± error, scatter from loop to loop"
+        full, size = int(self.full.sum()), number_of(len(self), "loop")
+        yield f"{size}, {full} full ({self.kind}); mean ± error, scatter from loop to loop"
+        if full < len(self):
+            yield left_out(len(self) - full)
         yield from aligned([(f"  {name}", *more) for name, *more in self.cells()])
         main = [self[name] for name in MAIN if name in self.names]
         main = [one for one in main if np.isfinite(one.value).any()]
@@ -206,6 +206,12 @@ MAIN = (
     "coercive field", "remanence", "saturation", "squareness",
 )  # fmt: skip
 """Figures that are printed for each loop."""
+
+
+def left_out(loops: int) -> str:
+    """What a summary says of loops that are not full."""
+    why = f"range of inputs below {100 * FULL:.0f} % of the widest, or too few rows"
+    return f"Means are over the full loops and leave out {number_of(loops, 'loop')} ({why})."
 
 
 def kind_of_loops(record: AbstractRecord) -> str:

@@ -5,6 +5,7 @@ import pytest
 
 from hysteresis import BoucWen, Record
 from hysteresis._registry import find_model
+from tests.refusals import refuses
 
 NAMES = (
     "PrandtlIshlinskii", "DegradingBoucWen", "StandardLinearSolid", "GeneralizedKelvinVoigt",
@@ -26,3 +27,9 @@ def test_a_start_is_near_the_record(name: str, swapped: bool):
     found = np.asarray(model.simulate(record.time, record.input))
     assert np.isfinite(found).all()
     assert np.std(found - y) < np.std(y)
+
+
+@pytest.mark.parametrize("name", NAMES[2:])
+def test_a_rate_without_a_clock_is_missed_by_the_model_that_was_asked_for(name: str):
+    record = Record.from_arrays(np.sin(np.arange(40.0)), np.cos(np.arange(40.0)))
+    refuses("no-time", lambda: find_model(name).start(record), f"{name} depends on the rate")

@@ -13,6 +13,7 @@ from hysteresis.records._excitation import check_identifiable
 from hysteresis.records._table import Table, rows_of
 from hysteresis.records._units import written_unit
 
+from .._creep_fits import check_step
 from .._selection import all_of, selection_of
 from .._selection_options import HELD_OUT, OF_READING
 from ._column_pairs import (
@@ -237,11 +238,10 @@ def _time(
             return given[key] if key == "time" else None
     clocks = _clocks_of(columns)
     if not clocks:
-        unnamed = [c for c in columns.values() if c.kind.name == "unknown" and _rises(c.x) == 1.0]
-        unnamed = [c for c in unnamed if not (RUNS | SPECIMENS) & set(words_of(c.name))]
-        clocks = [c for c in unnamed if not counts_rows(c.x) and _step(c.x) > 0 and c.x[0] >= 0][:1]
-        if clocks and list(columns).index(clocks[0].name):
-            clocks = []  # a clock without its name stands first
+        first = [*columns.values()][:1]  # where a clock without its name stands
+        first = [c for c in first if c.kind.name == "unknown" and _rises(c.x) == 1.0]
+        first = [c for c in first if not (RUNS | SPECIMENS) & set(words_of(c.name))]
+        clocks = [c for c in first if not counts_rows(c.x) and _step(c.x) > 0 and c.x[0] >= 0]
     if not clocks:
         why = "no column rises like a clock; give --dt SECONDS if speed matters"
         out.says("time", "none", LIKELY, why)
@@ -430,16 +430,18 @@ def _memory(table: Table, columns: Mapping[str, Column], choice: Choice, out: Gu
 
 def _check(table: Table, out: Guess) -> None:
     """The record as it will be fitted, and what stands against it."""
-    good, faults = selection_of(out.selection).without_hold_out().records(table)
+    selection = selection_of(out.selection)
+    good, faults = selection.without_hold_out().records(table)
     if not good:
         raise all_of(faults)
-    records: list[Record] = [train for train, _ in good.values()]
-    out.sequences = sum(len(r.labels) for r in records)
-    out.cycles = sum(r.n_cycles for r in records)
-    first, (record, _) = next(iter(good.items()))
-    out.text = (f"{out.selection['each']} = {first}\n" if first else "") + record.describe()
+    records = {value: train for value, (train, _) in good.items()}
+    out.sequences = sum(len(r.labels) for r in records.values())
+    out.cycles = sum(r.n_cycles for r in records.values())
+    first, record = next(iter(records.items()))
+    text = check_step(record)["text"] if selection.is_step else record.describe()
+    out.text = (f"{selection.each} = {first}\n" if first else "") + text
     seen: dict[str, None] = {}
-    for record in [] if selection_of(out.selection).is_step else records:
+    for record in [] if selection.is_step else records.values():
         try:
             seen |= dict.fromkeys(check_identifiable(record))
         except InputError as error:

@@ -25,6 +25,18 @@ def test_a_file_alone_gives_the_loops_of_its_record(tmp_path):
     assert "N * mm" in said
 
 
+@pytest.mark.parametrize("each", [(), ("--each", "specimen")])
+def test_smaller_loops_are_left_out_of_the_means_and_counted(tmp_path, each):
+    x = np.concatenate([size * np.sin(np.linspace(0, 4 * np.pi, 400)) for size in (1, 0.5)])
+    rows = [[str(k), f"{one:.4f}", f"{2 * one:.4f}", "A"] for k, one in enumerate(x)]
+    file = tmp_path / "sweep.csv"
+    file.write_text(text(rows, (*COLUMNS[5:], COLUMNS[1], COLUMNS[3], "specimen")))
+    left = len(run("loops", file, *COLUMNS, "--json").json()["loops"])
+    left -= run("loops", file, *COLUMNS, "--json").json()["summary"][0]["loops"]
+    assert left > 0
+    assert f"leave out {left} loop" in run("loops", file, *COLUMNS, *each).out
+
+
 def test_the_table_is_written_for_other_programs(tmp_path):
     file = tmp_path / "run.csv"
     file.write_text(text(sponge()))

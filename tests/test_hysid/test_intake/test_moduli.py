@@ -48,6 +48,10 @@ def test_from_a_file_to_constants_in_two_commands(loss: str):
         "frequency": "Frequency (Hz)", "output": "G' (MPa)", "loss": loss,
     }  # fmt: skip
     assert "--config" in found["next"]
+    for said in (run("init", "sweep.csv", "--overwrite").out, run("check", "sweep.csv").out):
+        assert "noise" not in said
+        assert "loop " not in said
+        assert "4 decades of frequency" in said
     fit = run("fit", "sweep.csv", "--config", "sweep.toml", "--out", "out", "--json").json()
     assert fit["model"] == "GeneralizedMaxwell of order 2"
     said = {p["name"]: p for p in fit["parameters"]}
