@@ -23,9 +23,6 @@ CLOSE, TURNS = 1e-9, 24
 """Part of the largest reaction so far by which the last turn changes it, and the turn at which a window is
 given up."""
 
-SMALL = 1e-4
-"""Of x: there (e^x - 1 - x) / x^2 is its series, whose next term is x^3 / 120."""
-
 FIRST, LONGEST = 32, 1024
 """Fine steps of a window."""
 
@@ -53,7 +50,11 @@ def in_time(
                 cause="the channels' gain around the loop is too large at this amplitude.",
                 fix="give a smaller input, or more fine steps.",
             )
-    return _read(model, motion.x, motion.v, h, finer)
+    ny, t = model.outputs, h * np.arange(len(fine))
+    y = 2 * (motion.x @ model.shapes[:ny].T).real + motion.v @ model.direct[:ny].T
+    if model.delay and len(t) > 1:
+        y = scipy.interpolate.CubicSpline(t, y)(t - model.delay)
+    return (y * (t >= model.delay)[:, None])[::finer]
 
 
 class _Run:
@@ -112,27 +113,8 @@ class _Run:
         return w
 
 
-def _steps(poles: Any, h: float) -> tuple[Any, Any, Any]:
+def _steps(poles: Any, h: float) -> tuple[Any, ...]:
     """e^(p h); the response at h of x' = p x + 1, and of x' = p x + t / h."""
-    x = poles * h
-    held = h * np.where(np.abs(x) < SMALL, 1 + x / 2, np.expm1(x) / x)
-    # (e^x - 1 - x) / x^2, by its series where that cancels.
-    series = 0.5 + x / 6 + x**2 / 24
-    rise = h * np.where(np.abs(x) < SMALL, series, (np.expm1(x) - x) / x**2)
-    return np.exp(x), held, rise
-
-
-def _read(model: Any, x: Any, v: Any, h: float, finer: int) -> np.ndarray:
-    """The outputs `delay` after the samples: the modes exactly there, between two fine steps; 0 before the
-    first one."""
-    ny, late = model.outputs, int(np.ceil(model.delay / h))
-    part, last = late * h - model.delay, len(x) - late
-    x, now = x[: max(last, 0)], v[: max(last, 0)]
-    y = np.zeros((len(v), ny))
-    if part > 0.0:
-        then = now + (v[1:][: len(now)] - now) * part / h
-        grow, held, rise = _steps(model.poles, part)
-        each = now @ model.entries.T, then @ model.entries.T
-        x, now = grow * x + held * each[0] + rise * (each[1] - each[0]), then
-    y[late:] = 2 * (x @ model.shapes[:ny].T).real + now @ model.direct[:ny].T
-    return y[::finer]
+    each = np.zeros((len(poles), 3, 3), complex)  # of x, t / h and 1 together (Van Loan 1978)
+    each[:, 0, 0], each[:, 0, 1], each[:, 1, 2] = poles * h, h, 1.0
+    return tuple(scipy.linalg.expm(each)[:, 0].T)
