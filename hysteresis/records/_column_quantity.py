@@ -67,6 +67,11 @@ def kind_of(header: str, unit: str, aside: bool = True) -> Kind:
     by_word = [k for w in said for k, known in WORDS.items() if w in known]
     by_word = [phrase, *by_word] if phrase else by_word
     commanded = any(word in COMMANDED or word.startswith("soll") for word in said)  # Sollweg
+    shares = (
+        by_unit == "strain" and unit == "percent" and not {"strain", "displacement"} & {*by_word}
+    )
+    if shares and (by_word or ASIDE & set(said)):  # humidity (%), load (%)
+        by_unit = ""
     if unit in MASSES and "force" in by_word:
         by_unit = "force"
     if phrase == "rate" and by_unit in ("speed", ""):

@@ -21,6 +21,9 @@ _Found = TypeVar("_Found")
 WIDER = 3.0
 """Times the noise by which the branches of a loop are apart: noise alone makes 1.1."""
 
+CROSSED = 0.5
+"""Of a loop's area, what turns one way more than the other, below which it has no direction."""
+
 MANY = 8
 """Samples at a limit that are too many for a peak."""
 
@@ -194,11 +197,11 @@ def _created_energy(record: AbstractRecord) -> list[Note]:
     # Force over displacement takes energy clockwise.
     taken = (-loops.net if to_force else loops.net) / max(loops.count, 1)
     # Where loops are thin or crossed a small lag between the channels turns them.
-    if taken > -0.01 * np.ptp(u) * np.ptp(y) or abs(loops.net) < 0.5 * loops.total:
+    if taken > -0.01 * np.ptp(u) * np.ptp(y) or abs(loops.net) < CROSSED * loops.total:
         return []
-    cause, mend = "columns swapped, or a lag between them", "exchange --input and --output"
+    cause, mend = "Columns swapped, or a lag between them", "exchange --input and --output"
     if correlation(record) < 0:
-        cause = "the sign of one column is turned"
+        cause = "The sign of one column is turned"
         mend = f"turn it (--turn {record.output_name!r})"
     force, length = units[::-1] if to_force else units
     said = (
@@ -348,6 +351,8 @@ def summary(record: AbstractRecord) -> dict[str, Any]:
 def turn_in_words(record: AbstractRecord) -> str:
     """Which way the loops of a record turn, and whether the output lags or leads its input."""
     way, falls = loop_direction(record), correlation(record) < 0
+    if abs(way) < CROSSED:
+        return "its parts turn both ways"
     turn = "counter-clockwise" if way > 0 else "clockwise"
     # Where the output falls with the input, lagging loops turn clockwise.
     return turn + (": the output lags" if (way > 0) != falls else ": the output leads")

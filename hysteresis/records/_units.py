@@ -42,7 +42,7 @@ def spelled(unit: str) -> str:
     bare = bare.replace("_per_", "/").replace("・", "*")
     # ℃, ㎜ and ％ are characters of their own; a superscript is not one of these.
     bare = "".join(unicodedata.normalize("NFKC", c) if c >= "℀" else c for c in bare)
-    bare = _IN_WORDS.get(bare.lower(), _SPELLING.get(bare, bare or "1"))
+    bare = _IN_WORDS.get(bare.lower().replace(" ", ""), _SPELLING.get(bare, bare or "1"))
     bare = re.sub(r"(?<=[A-Za-zµ])([23])(?=$|[/*])", r"^\1", bare)  # m/s2, uC/cm2
     if re.fullmatch(r"[A-Za-zµ]+-[A-Za-z]+", bare):  # N-m
         bare = bare.replace("-", "*")

@@ -32,6 +32,9 @@ COARSEST = 0.01
 TURNS_BACK = -0.3
 """Correlation of neighbouring second differences: of white noise -2 / 3, of a bend positive."""
 
+AT_REST = 0.01
+"""Part of its range within which a column is at zero: the width of a level of `held`."""
+
 STRENGTH, FLUX = ("A/m", "kA/m", "Oe", "kOe"), ("T", "mT", "G", "kG", "Gs")
 """Units of a field that drives, and of the flux density that answers."""
 
@@ -141,6 +144,18 @@ def leftover(u: np.ndarray, y: np.ndarray, branch: np.ndarray, bins: int = 50) -
     return float(np.sqrt(np.mean((y - slope[cell] * u) ** 2)))
 
 
+def rises(x: np.ndarray) -> float:
+    """The share of steps that do not go back; 0 where it does not move."""
+    step = np.diff(x[np.isfinite(x)])
+    return float(np.mean(step >= 0)) if step.size and np.any(step > 0) else 0.0
+
+
+def usual_step(x: np.ndarray) -> float:
+    """The median step; 0 of a single row."""
+    step = np.diff(x[np.isfinite(x)])
+    return float(np.median(step)) if step.size else 0.0
+
+
 def held(x: np.ndarray) -> float:
     """The share of rows at the two commonest levels, each a hundredth of the range wide."""
     good = x[np.isfinite(x)]
@@ -149,6 +164,14 @@ def held(x: np.ndarray) -> float:
         return 1.0
     counts = np.sort(np.bincount(np.round(100 * (good - good.min()) / span).astype(int)))
     return float(counts[-2:].sum() / good.size)
+
+
+def worked(x: np.ndarray) -> np.ndarray:
+    """The rows of a column without its rests at zero, where it leaves them and comes back: a load that is
+    taken off is not held."""
+    good = x[np.isfinite(x)]
+    rests = np.abs(good) <= AT_REST * np.ptp(good) if good.size else np.zeros(0, bool)
+    return good[~rests] if np.count_nonzero(np.diff(rests)) > 1 else good
 
 
 def noise(x: np.ndarray) -> float:

@@ -6,7 +6,7 @@ import numpy as np
 
 from hysteresis.records._cycles import turning_points
 
-from ._column_pairs import held, rank_correlation
+from ._column_pairs import held, rank_correlation, worked
 
 HELD = 0.7
 """Above this share of rows at two levels a column is held constant."""
@@ -28,7 +28,7 @@ def commanded(x: np.ndarray, other: np.ndarray, t: np.ndarray | None) -> str:
 
     `t` (n,): the clock; without one rows are taken as evenly spaced in time.
     """
-    if held(x) > HELD > held(other) and not _follows(x, other):
+    if held(worked(x)) > HELD > held(other) and not _follows(x, other):
         return "is held constant"
     if _stands(x) > STANDS and _stands(other) < 0.5 * STANDS:
         return "goes in steps"

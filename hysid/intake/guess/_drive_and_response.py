@@ -9,7 +9,7 @@ import numpy as np
 from hysteresis import InputError, Record
 from hysteresis._escape import shell_word
 from hysteresis.records._column_quantity import OSCILLATION, words_of
-from hysteresis.records._excitation import loop_direction, turn_in_words
+from hysteresis.records._excitation import CROSSED, loop_direction, turn_in_words
 from hysteresis.records._table import Table
 
 from ._column_pairs import (
@@ -124,7 +124,9 @@ def choose(seen: Seen, columns: list[Column], still: list[Column]) -> Choice:
     choice = _directed(seen, best, asked_in, asked_out)
     if sure == "sure":
         sure = choice.sure
-    more = [_said(p.input.name, p.output.name) for p in found[1:4] if p.score > 0.3 * best.score]
+    near = [_said(p.input.name, p.output.name) for p in found if p.score > 0.3 * best.score]
+    chosen = _said(*(c.name for c in (choice.input, choice.output) if c is not None))
+    more = [pair for pair in near if pair != chosen][:3]
     return choice._replace(sure=sure, alternatives=[*dict.fromkeys([*choice.alternatives, *more])])
 
 
@@ -332,6 +334,11 @@ def _step(seen: Seen, columns: list[Column], still: list[Column]) -> Choice:
             "output": "it goes on changing",
         }
         return Choice(once[0], output, "likely", why, {}, [])
+    keys = [*(seen.options.get("group") or ()), seen.options.get("each")]
+    named = next((every[k] for k in keys if k in every and every[k].kind.name in HELD), None)
+    if value is None and kept is None and named is not None:
+        why["input"] = "it is constant in each sequence, and time begins anew where it changes"
+        return Choice(named, output, "likely", why, {"hold": True}, [])
     if value is not None:
         why["step"] = "given"
     elif kept is not None and float(np.nanmax(kept.x)):
@@ -396,13 +403,11 @@ def _unknown(seen: Seen, columns: list[Column]) -> Choice:
     a, b = columns
     if b.name in (given.get("input") or ()) or a.name == given.get("output"):
         a, b = b, a
-    why = {
-        "input": "the names are unknown; with this input the output lags",
-        "output": "it lags the input",
-    }
+    record = _record(seen, a, b)
+    way = loop_direction(record)
+    leads = (way < 0) != (correlation(record.input, record.output) < 0)
+    why = {"input": "the names do not tell which of the two drives", "output": "the other column"}
     if not asked:
-        record = _record(seen, a, b)
-        way = loop_direction(record)
         nameless = a.kind.name == b.kind.name == "unknown"
         theirs, ours = _driven(seen, b, a), _driven(seen, a, b)
         # A switch is held as a command is, and may answer what has a name.
@@ -410,11 +415,13 @@ def _unknown(seen: Seen, columns: list[Column]) -> Choice:
         if told and (how := theirs or ours):
             a, b = (b, a) if theirs else (a, b)
             why = {
-                "input": f"the names are unknown; {a.name!r} {how}, so the rig commanded it",
+                "input": f"{why['input']}; {a.name!r} {how}, so the rig commanded it",
                 "output": "the response to it",
             }
-        elif way and (way < 0) != (correlation(record.input, record.output) < 0):
-            a, b = b, a
+        elif abs(way) >= CROSSED:
+            a, b = (b, a) if leads else (a, b)
+            why["input"] += "; with this input the output lags"
+            why["output"] = "it lags the input"
     return Choice(a, b, "guess", why, {}, [_said(b.name, a.name)])
 
 

@@ -27,6 +27,8 @@ from ._column_pairs import (
     no_header,
     pairs,
     rank_correlation,
+    rises,
+    usual_step,
 )
 from ._drive_and_response import FOLLOWS, SPECTRUM, Choice, Seen, choose
 from ._hold_out import hold_out
@@ -51,6 +53,8 @@ MOST_TABLES = 12
 """Tables of a file that are tried where the longest one holds no input and output."""
 CHAMBER = 0.05
 """Part of its range over all sequences that a temperature may move within one that holds it."""
+HEATS = 0.9
+"""Rank correlation from which on a temperature drives beside columns that do not follow each other."""
 STAYS = 0.7
 """Share of rows above which an input counts as held constant."""
 
@@ -162,6 +166,7 @@ def _guess(file: Path, given: Mapping[str, Any]) -> Guess:
     out.selection, notes = settle(table, out.selection)
     for what, value, why in notes:
         out.says(what, value, LIKELY, why)
+        out.found = [one for one in out.found if what != "dt" or one.what != "time"]
     _condition(table, columns, given, out)
     table = _head(table, file)  # its rows follow one another, as those of an excerpt do not
     _hold(table, out)
@@ -239,9 +244,9 @@ def _time(
     clocks = _clocks_of(columns)
     if not clocks:
         first = [*columns.values()][:1]  # where a clock without its name stands
-        first = [c for c in first if c.kind.name == "unknown" and _rises(c.x) == 1.0]
+        first = [c for c in first if c.kind.name == "unknown" and rises(c.x) == 1.0]
         first = [c for c in first if not (RUNS | SPECIMENS) & set(words_of(c.name))]
-        clocks = [c for c in first if not counts_rows(c.x) and _step(c.x) > 0 and c.x[0] >= 0]
+        clocks = [c for c in first if not counts_rows(c.x) and usual_step(c.x) > 0 and c.x[0] >= 0]
     if not clocks:
         why = "no column rises like a clock; give --dt SECONDS if speed matters"
         out.says("time", "none", LIKELY, why)
@@ -255,23 +260,12 @@ def _time(
     sure = SURE if best.kind.sure == 1.0 else LIKELY
     sure = sure if best.kind.name == "time" else GUESS
     out.selection["time"] = best.name
-    out.says("time", best.name, sure, f"it rises, with a median step of {_step(best.x):.4g}")
+    out.says("time", best.name, sure, f"it rises, with a median step of {usual_step(best.x):.4g}")
     return best.name
 
 
 def _clocks_of(columns: Mapping[str, Column]) -> list[Column]:
-    return [c for c in columns.values() if c.kind.name == "time" and _rises(c.x) > 0.9]
-
-
-def _rises(x: np.ndarray) -> float:
-    """The share of steps that do not go back; 0 where it does not move."""
-    step = np.diff(x[np.isfinite(x)])
-    return float(np.mean(step >= 0)) if step.size and np.any(step > 0) else 0.0
-
-
-def _step(x: np.ndarray) -> float:
-    step = np.diff(x[np.isfinite(x)])
-    return float(np.median(step)) if step.size else 0.0
+    return [c for c in columns.values() if c.kind.name == "time" and rises(c.x) > 0.9]
 
 
 def _sequences(sequences: Sequences, given: Mapping[str, Any], out: Guess) -> None:
@@ -309,9 +303,13 @@ def _measured(
             continue
         hot = column.kind.name == "temperature" and not (magnetic or asked)
         (heat if hot else found).append(column)
-    if len(found) > 1 and not pairs(found):  # a heated wire, a bath: what nothing else drives
-        best = pairs([*heat, *found])[:1]
-        found += [a for a, b, _ in best if abs(rank_correlation(a.x, b.x)) > FOLLOWS]
+    follows = lambda pair: abs(rank_correlation(pair.input.x, pair.output.x))  # noqa: E731
+    others = [follows(pair) for pair in pairs(found)]
+    if heat and len(found) > 1 and max(others, default=0.0) < FOLLOWS:
+        # A heated wire, a bath: what nothing else drives.
+        least = HEATS if others else FOLLOWS
+        hot = [p for p in pairs([*heat, *found]) if any(p.input is c for c in heat)]
+        found += [p.input for p in hot[:1] if follows(p) > least]
     return found
 
 
@@ -342,9 +340,10 @@ def _columns(choice: Choice, given: Mapping[str, Any], out: Guess) -> None:
             unit = "no unit" if column.unit == "1" else column.unit
             out.says(role, column.name, sure, f"{column.kind.name}, {unit}; {choice.why[role]}")
     out.selection |= choice.options
-    if "step" in choice.options:
-        if _each_of_group(out):
-            out.says("each", out.selection["each"], LIKELY, "one fit for each constant input")
+    constant = {"step", "hold"} & set(choice.options)
+    if constant and _each_of_group(out):
+        out.says("each", out.selection["each"], LIKELY, "one fit for each constant input")
+    if "step" in constant:
         out.says("step", choice.options["step"], choice.sure, choice.why["step"])
     out.alternatives += choice.alternatives
 
@@ -411,6 +410,7 @@ def _each_of_group(out: Guess) -> bool:
     if len(group) != 1 or "each" in out.selection:
         return False
     del out.selection["group"]
+    out.found = [one for one in out.found if one.what != "group"]
     out.selection["each"] = group[0]
     return True
 

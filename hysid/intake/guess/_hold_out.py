@@ -9,7 +9,7 @@ from hysteresis import InputError, Record
 from hysteresis.records._table import Table
 
 from .._selection import selection_of
-from ._column_pairs import held
+from ._column_pairs import held, worked
 
 SHARE = 0.25
 LONGER = 10.0
@@ -59,7 +59,7 @@ def _proposals(table: Table, options: Mapping[str, Any], split: tuple[str, str] 
     if group and len(good) == 1 and 2 <= len(record.labels) <= 3:
         last = list(record.labels)[-1].split("/")[0]
         yield {"test_where": [f"{group[0]}={last}"]}, "the last sequence"
-    if counts < 2 and all(held(r.input) > 0.7 and not _far(r) for r, _ in good.values()):
+    if counts < 2 and all(held(worked(r.input)) > 0.7 and not _far(r) for r, _ in good.values()):
         why = "the last fifth of the hold, which tests the prediction of later times"
         yield {"test_tail": 0.2}, why
     turns = sum(int(np.count_nonzero(np.diff(r.branch))) for r, _ in good.values())

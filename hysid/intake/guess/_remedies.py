@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from hysteresis import InputError
+from hysteresis._quantities import conversion
 from hysteresis.records._column_quantity import kind_of, unit_of
 from hysteresis.records._table import Table
 from hysteresis.records._units import MASSES, is_unit
@@ -110,7 +111,8 @@ def _even(table: Table, options: Options, fault: InputError) -> tuple[Options, s
     coarse = np.mean(np.diff(t) == 0) > SPARSE
     why = "because the recorded one is coarser than the sampling" if coarse else "by its usual step"
     why = f"an even clock, {why}"
-    return {"dt": float(f"{dt:.4g}")}, f"{why}: {fault.problem}"
+    seconds = conversion(unit_of(options["time"], table.units.get(options["time"])), "s") or 1.0
+    return {"dt": float(f"{dt * seconds:.4g}")}, f"{why}: {fault.problem}"
 
 
 def _unknown_unit(table: Table, options: Options, fault: InputError) -> tuple[Options, str]:

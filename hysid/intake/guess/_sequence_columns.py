@@ -16,7 +16,7 @@ from ._moduli_columns import RANGE
 
 RUNS = words(
     "trial trials run runs test tests curve sweep rep repeat repetition replicate versuch lauf messung "
-    "essai experiment id file segment group series loop record sequence press block event"
+    "essai experiment id file sheet segment group series loop record sequence press block event"
 )
 SPECIMENS = words(
     "sample specimen probe material location sensor electrode device pruefling proben echantillon site"

@@ -36,7 +36,7 @@ class Dialect(NamedTuple):
         """The name of a table from the rows of text above it, "" for none."""
         text = "\n".join("\t".join(cell for cell in row if cell) for row in above)
         found = self.label.search(text) if self.label is not None else None
-        return found["label"].strip() if found else ""
+        return " ".join(found["label"].split()) if found else ""
 
     def listing(self, text: str) -> "Dialect":
         """The dialect with the names of columns that the lines above the table list."""

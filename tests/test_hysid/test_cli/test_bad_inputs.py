@@ -225,8 +225,8 @@ def test_a_file_that_may_not_be_read(monkeypatch):
     ("content", "words"),
     [
         (ONE_WAY, ("Input only rises", "nothing tells hysteresis from a curve")),
-        (SWAPPED, ("Loops create energy (-", "N mm a loop", "columns swapped", "exchange --input")),
-        (TURNED, ("Loops create energy (-", "the sign of one column is turned? If so, turn it",)),
+        (SWAPPED, ("Loops create energy (-", "N mm a loop", "Columns swapped", "exchange --input")),
+        (TURNED, ("Loops create energy (-", "The sign of one column is turned? If so, turn it",)),
         (
             CLIPPED_X,
             ("of the output at 10 mm: clipped, lines ", "4 more runs while the input moves",

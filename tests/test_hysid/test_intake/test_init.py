@@ -387,3 +387,55 @@ def test_whole_numbers_at_which_the_clock_begins_again_are_specimens_of_a_relaxa
     found = guessed(text(rows, ("t (s)", "E_relax (MPa)", "T (degC)", "No")))
     assert found["selection"] | {"time": "t (s)", "each": "No", "step": 1.0} == found["selection"]
     assert "input" not in found["selection"]
+
+
+T_S = np.arange(300) / 10
+UP, SLOW = (np.sin(np.linspace(-np.pi / 2, 5.5 * np.pi, 300) - lag) for lag in (0, 0.4))
+STRAINS, DECAY = np.repeat([1, 2, 4], 100), np.tile(2 + np.geomspace(1, 0.1, 100), 3)
+ODD: dict[str, tuple[str, list[np.ndarray], dict[str, object], str]] = {
+    "a load that is taken off is not held": (
+        "t (s),z (mm),F (kN)", [T_S, UP + 1, np.where(UP > 0.6, UP**2, 0)],
+        {"input": "z (mm)", "output": "F (kN)"}, ""),
+    "a bath drives, and not a battery": (
+        "t (s),T (Deg C),strain (um/m),U (V)", [T_S, UP, SLOW, 0.001 * (np.arange(300) * 7 % 11)],
+        {"input": "T (Deg C)", "output": "strain (um/m)"}, "temperature, degC"),
+    "a magnet is no voltage": (
+        "t (s),Fz_N,Bz_uT", [T_S, UP, SLOW], {"input": "Fz_N", "output": "Bz_uT"}, "field, uT"),
+    "humidity is no strain": (
+        "t (s),chamber RH (%),probe RH (%)", [T_S, UP, SLOW],
+        {"input": "chamber RH (%)"}, "unknown, percent; the names do not tell"),
+    "a butterfly turns both ways": (
+        "t (s),H (Oe),lambda (ppm)", [T_S, UP, (UP - 0.1 * np.sign(np.gradient(UP))) ** 2],
+        {"input": "H (Oe)"}, "its parts turn both ways"),
+    "a coarse clock keeps its unit": (
+        "x-axis (msecond),I (A),U (V)", [np.arange(300) // 2 - 75.0, UP, SLOW],
+        {"dt": 5e-4}, "median 0.0005 s"),
+    "each strain of a relaxation": (
+        "t (s),strain (%),stress (MPa)", [T_S % 10, STRAINS, STRAINS * DECAY],
+        {"input": "strain (%)", "each": "strain (%)", "hold": True}, "one fit for each"),
+    "tables beside one another": (
+        "sheet,x (mm),F (N)", [np.arange(300) // 150, UP, SLOW], {"group": ["sheet"]}, ""),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ODD)
+def test_rigs_that_nobody_has_seen(name: str):
+    header, series, wanted, words = ODD[name]
+    rows = [",".join(f"{v:.6g}" for v in row) for row in zip(*series, strict=True)]
+    said = run("init", put("\n".join([header, *rows]) + "\n")).out
+    found = tomllib.loads(Path("run.toml").read_text("utf-8"))["selection"]
+    assert found | wanted == found
+    assert words in said
+    assert f"{found['input']!r} --output {found['output']!r}" not in said
+
+
+def test_readings_of_one_kind_are_other_choices_but_the_chosen_one():
+    lines = ["t,skin 1 (pF),skin 2 (pF),skin 3 (pF),F (N)"]
+    lines += [
+        f"{t},{b:.4f},{b + a * a:.4f},{2 * b + a:.4f},{a:.4f}"
+        for t, a, b in zip(T_S, UP, SLOW, strict=True)
+    ]
+    found = guessed("\n".join(lines))
+    others = [one for one in found["alternatives"] if one.startswith("--input 'F (N)'")]
+    assert len(others) == len(set(others)) == 2
+    assert not any(repr(found["selection"]["output"]) in one for one in others)
