@@ -15,6 +15,8 @@ from hysteresis.dynamics._feedback import Lines, Steady, steady_state
 from ._feedback_unknowns import (
     Point,
     Unknowns,
+    around,
+    changes,
     equivalent_gains,
     jacobian,
     numbers_by_unknowns,
@@ -124,7 +126,7 @@ def _normal(
     here: Found, data: Spectra, unknowns: Unknowns, turn: int, thin: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Normal equations of the lines of this turn."""
-    model, lines = here.model, data.lines
+    model, lines, ny = here.model, data.lines, here.model.outputs
     G = model.response(lines.s)
     gains = {}
     for level in np.unique(data.level):
@@ -141,12 +143,15 @@ def _normal(
     left = data.left(here.output)
     normal, right = 0.0, 0.0
     for r, point in enumerate(points):
-        kept = slice(1 + (turn + r) % thin, None, thin)
-        J = refined(point, unknowns, kept)[0] if strong else jacobian(point, unknowns, kept)
-        J /= data.size[r][:, None, None].astype(np.float32)
-        J = J.reshape(-1, J.shape[2])
+        kept, of = slice(1 + (turn + r) % thin, None, thin), changes(point, unknowns)
+        J = (
+            refined(point, of)[0][kept, :ny]
+            if strong
+            else jacobian(around(point, kept)[:, :ny], of, kept)
+        )
+        J = (J / data.size[r][:, None].astype(np.float32)).reshape(-1, J.shape[2])
         J = np.concatenate([J.real, J.imag])
-        e = left[r, kept].T.ravel()
+        e = left[r, kept].ravel()
         normal = normal + (J.T @ J).astype(float)
         right = right + (J.T @ np.concatenate([e.real, e.imag]).astype(np.float32)).astype(float)
     return np.asarray(normal), np.asarray(right)
@@ -154,7 +159,12 @@ def _normal(
 
 def _is_strong(point: Point, unknowns: Unknowns) -> bool:
     """Whether the channels are too strong for their equivalent gains."""
-    unknowns = unknowns._replace(driven=False)  # more of a drive changes the reaction at once
-    count = len(unknowns.vector(point.model))
-    which = np.linspace(0, count - 1, PROBED).astype(int)
-    return refined(point, unknowns, slice(1, None, 16), which)[1] > STRONG
+    # More of a drive changes the reaction at once.
+    each = [
+        tuple((to[:, :, [r]], by[:, [c]]) for to, by in change)
+        for change in changes(point, unknowns._replace(driven=False))
+        for r in range(change[0][0].shape[2])
+        for c in range(change[0][1].shape[1])
+    ]
+    few = np.linspace(0, len(each) - 1, PROBED).astype(int)
+    return refined(point, [each[k] for k in few], 1)[1] > STRONG

@@ -7,8 +7,7 @@ around the loop, a direct change of z becomes A dz in the outputs and one of w b
 
 What a change of z does to its own channel's w is exact, by the tangents of the law. Cost: one pass of each
 law with a tangent for each mode and input. Strong reactions are not their equivalent gains; there `refined`
-solves dz = direct + Gzw N' dz with the exact tangents N' for every unknown, the gains being its
-preconditioner.
+takes what the exact tangents N' give beside the gains, (N' - k) dz, around the loop once more, in turn.
 """
 
 from typing import Any, NamedTuple
@@ -143,7 +142,7 @@ def changes(point: Point, unknowns: Unknowns) -> list[Change]:
     modes = pairs(X + Xc, 1j * (X - Xc))
     signals = np.concatenate([modes, v[:, :nu]], 1)[:, : None if unknowns.driven else 0]
     first, wide = min(modes.shape[1], signals.shape[1]), signals.shape[1]
-    reactions = [dW.T for dW in _by_drive(point, lines.fine(signals.T).T)]
+    reactions = [reacting(point, i, signals.T).T for i in range(n)]
     by_shape, by_level, by_law, by_direct = (
         [((w[:, :, [i]], dW[:, columns]),) for i, dW in enumerate(reactions)]
         for columns in (np.s_[:first], np.s_[-1:], np.s_[wide:-1], np.s_[first:wide])
@@ -154,89 +153,56 @@ def changes(point: Point, unknowns: Unknowns) -> list[Change]:
     ]  # fmt: skip
 
 
-def jacobian(point: Point, unknowns: Unknowns, kept: slice) -> np.ndarray:
-    """d output / d unknowns at the lines `kept`, (outputs, lines, unknowns)."""
-    model, G = point.model, point.G[kept]
-    ny, nu, n = model.outputs, model.inputs, len(model.channels)
-    late = np.exp(-point.lines.s[kept] * model.delay)[:, None, None]
-    Gyw, Gzw = G[:, :ny, nu:], G[:, ny:, nu:]
-    A = (Gyw * point.gains) @ np.linalg.inv(np.eye(n) - Gzw * point.gains)
-    T = np.concatenate([late * np.eye(ny), A, Gyw + A @ Gzw], 2)
+def reacting(point: Point, i: int, dZ: np.ndarray, own: bool = True) -> np.ndarray:
+    """Changes of the reaction w_i by changes dZ (signals, lines) of its drive, where `own` by its law's
+    unknowns, and by its level, (columns, lines)."""
+    lines, (numbers, dm) = point.lines, point.reactions[i]
+    z, dz = lines.fine(point.state.drives[i]), lines.fine(dZ).T
+    wide = np.concatenate([np.zeros((len(dm), dz.shape[1])), dm if own else dm[:, :0]], 1)
+    both = np.zeros((2 * len(z), wide.shape[1]))
+    both[:, : dz.shape[1]] = np.tile(dz, (2, 1))
+    dw = tangents(numbers, wide, np.tile(z, 2), lines.clock, both, kept=(len(z), 1)).columns
+    s, level = level_of(z), point.model.levels[i]
+    dw[:, : dz.shape[1]] += level * (np.log(s) * dz + np.outer(z, z @ dz) / (len(z) * s**2))
+    return lines.coarse(np.column_stack([dw, z * np.log(s)]).T)
+
+
+def around(point: Point, kept: slice) -> np.ndarray:
+    """What a change of [y; z; w] comes to in [y; z] around the loop, by the equivalent gains at the lines
+    `kept`, (lines, to, from)."""
+    ny, nu, n = point.model.outputs, point.model.inputs, len(point.gains)
+    Gyw, Gzw = np.split(point.G[kept, :, nu:], [ny], 1)
+    inverse = np.linalg.inv(np.eye(n) - Gzw * point.gains)
+    drives = np.concatenate([np.zeros((len(Gzw), n, ny)), inverse, inverse @ Gzw], 2)
+    late = np.exp(-point.lines.s[kept] * point.model.delay)[:, None, None] * np.eye(ny)
+    outputs = np.concatenate([late, 0 * Gyw, Gyw], 2) + (Gyw * point.gains) @ drives
+    return np.concatenate([outputs, drives], 1)
+
+
+def jacobian(T: np.ndarray, of: list[Change], kept: slice) -> np.ndarray:
+    """d signals / d unknowns at the lines `kept`, (lines, signals, unknowns), by rows of `around` there."""
     columns = []
-    for change in changes(point, unknowns):
+    for change in of:
         each = ((T @ (to if len(to) == 1 else to[kept]), by[kept]) for to, by in change)
         found = sum(to[..., None] * by[:, None, None, :] for to, by in each)
         columns.append(np.asarray(found, np.complex64).reshape(*T.shape[:2], -1))
-    return np.concatenate(columns, 2).transpose(1, 0, 2)
+    return np.concatenate(columns, 2)
 
 
-def _by_drive(point: Point, fine: np.ndarray) -> Any:
-    """Of each channel: what its reaction changes by changes of its drive, by its law's unknowns and by its
-    level, (columns, lines)."""
-    for i in range(len(point.model.channels)):
-        numbers, dm = point.reactions[i]
-        z = point.lines.fine(point.state.drives[i])
-        dw = _tangent(point, i, z, fine, numbers, dm)
-        yield point.lines.coarse(np.column_stack([dw, z * np.log(level_of(z))]).T)
-
-
-def _tangent(
-    point: Point, i: int, z: np.ndarray, dz: np.ndarray, numbers: Any, dm: np.ndarray
-) -> np.ndarray:
-    """Changes of the reaction w_i in fine steps, by changes dz (fine, signals) of its drive and by its
-    law's unknowns, (fine, columns)."""
-    both = np.zeros((2 * len(z), dz.shape[1] + dm.shape[1]))
-    both[:, : dz.shape[1]] = np.tile(dz, (2, 1))
-    wide = np.concatenate([np.zeros((len(dm), dz.shape[1])), dm], 1)
-    dw = tangents(numbers, wide, np.tile(z, 2), point.lines.clock, both, kept=(len(z), 1)).columns
-    s, level = level_of(z), point.model.levels[i]
-    if dz.shape[1]:
-        by_level = np.log(s) * dz + np.outer(z, z @ dz) / (len(z) * s**2)
-        dw[:, : dz.shape[1]] += level * by_level
-    return dw
-
-
-def refined(
-    point: Point, unknowns: Unknowns, kept: slice, which: np.ndarray | None = None
-) -> tuple[np.ndarray, float]:
-    """`jacobian` with exact tangents around the loop, of the unknowns `which`; and how far off that one is,
-    as a part of the drives' changes."""
-    model, lines = point.model, point.lines
-    ny, nu, n = model.outputs, model.inputs, len(model.channels)
-    each = [
-        (change, r, c)
-        for change in changes(point, unknowns)
-        for r in range(change[0][0].shape[2])
-        for c in range(change[0][1].shape[1])
-    ]
-    chosen = each if which is None else [each[k] for k in which]
-    direct = np.stack(
-        [sum(to[:, :, r] * by[:, c, None] for to, by in change) for change, r, c in chosen]
-    )  # (unknowns, lines, signals)
-    dy, dz, dw = direct[..., :ny], direct[..., ny : ny + n], direct[..., ny + n :]
-    dy = dy * np.exp(-lines.s * model.delay)[:, None]
-    Gyw, Gzw = point.G[:, :ny, nu:], point.G[:, ny:, nu:]
-    inverse = np.linalg.inv(np.eye(n) - Gzw * point.gains)
-    drives = [lines.fine(z) for z in point.state.drives]
-    around = np.zeros_like(dw)
-    moved = np.zeros_like(dz)
+def refined(point: Point, of: list[Change], rounds: int = ROUNDS) -> tuple[np.ndarray, float]:
+    """`jacobian` at all lines with exact tangents around the loop; and how far off that one is, as a part
+    of the drives' changes."""
+    ny, n, every = point.model.outputs, len(point.gains), slice(None)
+    T, loop = around(point, every), point.G[:, point.model.outputs :, point.model.inputs :]
+    found = first = jacobian(T, of, every)
     off = 0.0
-    for turn in range(ROUNDS):
-        rest = dz + _times(Gzw, dw + around) - moved
-        size = float(np.linalg.norm(rest) / max(np.linalg.norm(moved), 1e-300))
-        if turn == 1:
-            off = size
-        if turn and size < EXACT:
+    for turn in range(rounds):
+        dZ = found[:, ny:]
+        beside = np.stack([reacting(point, i, dZ[:, i].T, own=False)[:-1].T for i in range(n)], 1)
+        beside -= point.gains[:, None] * dZ
+        found = (first + T[:, :, -n:] @ beside).astype(np.complex64)
+        size = float(np.linalg.norm(loop @ beside) / max(np.linalg.norm(dZ), 1e-300))
+        off = off if turn else size
+        if size < EXACT:
             break
-        moved = moved + _times(inverse, rest)
-        for i, (numbers, dm) in enumerate(point.reactions):
-            fine = lines.fine(moved[:, :, i]).T
-            found = _tangent(point, i, drives[i], fine, numbers, dm[:, :0])
-            around[:, :, i] = lines.coarse(found.T)
-    found = dy + _times(Gyw, dw + around)
-    return found[:, kept].transpose(2, 1, 0).astype(np.complex64), off
-
-
-def _times(matrices: Any, x: Any) -> Any:
-    """Matrices (lines, to, from) on signals (unknowns, lines, from)."""
-    return (matrices[None] @ x[..., None])[..., 0]
+    return found, off
