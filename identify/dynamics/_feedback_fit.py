@@ -75,27 +75,6 @@ class FeedbackFit(NamedTuple):
     seconds: float
 
 
-class Scales(NamedTuple):
-    """Units in which the fit computes."""
-
-    u: float
-    y: np.ndarray
-    t: float
-
-    def data(self, data: Spectra) -> Spectra:
-        lines = data.lines._replace(dt=data.lines.dt / self.t)
-        return Spectra(lines, data.U / self.u, data.Y / self.y, data.level, data.size / self.y)
-
-    def model(self, model: Feedback) -> Feedback:
-        """In the units of the data."""
-        nu, n = model.inputs, len(model.channels)
-        u, y = np.append(np.full(nu, self.u), np.ones(n)), np.append(self.y, np.ones(n))
-        return Feedback(
-            model.poles / self.t, model.entries / (u * self.t), model.shapes * y[:, None],
-            model.direct * y[:, None] / u, model.delay * self.t, model.channels, model.levels, model.memory,
-        )  # fmt: skip
-
-
 def fit_feedback(
     tests: Sequence[PeriodicTest],
     *,
@@ -132,7 +111,7 @@ def fit_feedback(
     raw, noise = spectra_of(tests)
     steady = steady_ones(raw, noise)
     kept = np.flatnonzero(steady)
-    scales, data = _scaled(raw.part(steady))
+    in_units, data = _scaled(raw.part(steady))
     out = _held_out(data.level)
     if not out.any():
         raise InputError(
@@ -166,7 +145,7 @@ def fit_feedback(
     )  # fmt: skip
     squares, levels = input_sizes(raw.U[steady], raw.lines) ** 2, np.unique(data.level).tolist()
     return FeedbackFit(
-        scales.model(found.model), scales.model(linear),
+        in_units(found.model), in_units(linear),
         tuple(float(np.sqrt(squares[data.level == k].mean())) for k in levels),
         tuple(errors.get(k, np.nan) for k in levels), tuple(before.get(k, np.nan) for k in levels),
         unseen, tuple(kept[out].tolist()),
@@ -175,13 +154,24 @@ def fit_feedback(
     )  # fmt: skip
 
 
-def _scaled(data: Spectra) -> tuple[Scales, Spectra]:
+def _scaled(data: Spectra) -> tuple[Callable[[Feedback], Feedback], Spectra]:
+    """The tests in units of their sizes, and what gives a model of those the units of the tests."""
     middle = data.level == np.unique(data.level)[len(np.unique(data.level)) // 2]
     at = excited_lines(data.U)
     u = float(np.sqrt((input_sizes(data.U[middle], data.lines) ** 2).mean()))
-    gain = data.size[middle][0] / np.sqrt((np.abs(data.U[middle][:, 1:]) ** 2).mean())
-    scales = Scales(u, gain * u, 3.0 / float(abs(data.lines.s[at[-1]])))
-    return scales, scales.data(data)
+    y = data.size[middle][0] / np.sqrt((np.abs(data.U[middle][:, 1:]) ** 2).mean()) * u
+    t = 3.0 / float(abs(data.lines.s[at[-1]]))
+
+    def back(model: Feedback) -> Feedback:
+        none = np.ones(len(model.channels))
+        columns, rows = np.append(np.full(model.inputs, u), none), np.append(y, none)[:, None]
+        return Feedback(
+            model.poles / t, model.entries / (columns * t), model.shapes * rows,
+            model.direct * rows / columns, model.delay * t, model.channels, model.levels, model.memory,
+        )  # fmt: skip
+
+    lines = data.lines._replace(dt=data.lines.dt / t)
+    return back, Spectra(lines, data.U / u, data.Y / y, data.level, data.size / y)
 
 
 def _held_out(level: np.ndarray) -> np.ndarray:
