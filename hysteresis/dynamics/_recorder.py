@@ -23,12 +23,11 @@ def clock(count: int, h: float) -> Float[np.ndarray, " rows"]:
 
 def stages_of(factor: int) -> tuple[int, ...]:
     """A decimation factor in stages of prime factors, the smallest first: 20 is (2, 2, 5)."""
-    found, rest, prime = [], factor, 2
-    while rest > 1:
-        while rest % prime == 0:
+    found = []
+    for prime in range(2, factor + 1):
+        while factor % prime == 0:
             found.append(prime)
-            rest //= prime
-        prime += 1
+            factor //= prime
     return tuple(found)
 
 

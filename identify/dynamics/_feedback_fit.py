@@ -112,7 +112,9 @@ def fit_feedback(
     steady = steady_ones(raw, noise)
     kept = np.flatnonzero(steady)
     in_units, data = _scaled(raw.part(steady))
-    out = _held_out(data.level)
+    # The last test of each level of two or more.
+    level = data.level
+    out = np.array([k in level[:i] and k not in level[i + 1 :] for i, k in enumerate(level)])
     if not out.any():
         raise InputError(
             "too-few-runs",
@@ -174,15 +176,6 @@ def _scaled(data: Spectra) -> tuple[Callable[[Feedback], Feedback], Spectra]:
     return back, Spectra(lines, data.U / u, data.Y / y, data.level, data.size / y)
 
 
-def _held_out(level: np.ndarray) -> np.ndarray:
-    """The last test of each level of two or more."""
-    out = np.zeros(len(level), bool)
-    for k in np.unique(level):
-        own = np.flatnonzero(level == k)
-        out[own[-1]] = len(own) > 1
-    return out
-
-
 def _unseen(data: Spectra, out: np.ndarray, names: list[str], search: "_Search") -> float:
     """The error at the middle level of a fit of these groups to the others."""
     levels = np.unique(data.level)
@@ -210,13 +203,9 @@ class _Search:
 
     def __init__(self, train: Spectra, test: Spectra, begin: float, seconds: float, say: Any):
         self.train, self.test, self.begin, self.seconds, self.say = train, test, begin, seconds, say
-        levels = np.unique(train.level)
-        judged = np.unique(test.level)
+        judged, level = np.unique(test.level), train.level
         self.middle = judged[len(judged) // 2]
-        first = np.zeros(len(train.level), bool)
-        for k in levels:
-            first[np.flatnonzero(train.level == k)[:2]] = True
-        self.few = train.part(first)
+        self.few = train.part([(level[:i] == k).sum() < 2 for i, k in enumerate(level)])
 
     def spent(self) -> float:
         return time.process_time() - self.begin

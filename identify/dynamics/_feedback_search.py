@@ -22,6 +22,7 @@ from ._feedback_unknowns import (
     numbers_by_unknowns,
     refined,
 )
+from ._vector_fitting import real
 
 TRIES = 6
 STRONG, PROBED = 0.2, 8
@@ -150,10 +151,9 @@ def _normal(
             else jacobian(around(point, kept)[:, :ny], of, kept)
         )
         J = (J / data.size[r][:, None].astype(np.float32)).reshape(-1, J.shape[2])
-        J = np.concatenate([J.real, J.imag])
-        e = left[r, kept].ravel()
+        J, e = real(J), real(left[r, kept].ravel()).astype(np.float32)
         normal = normal + (J.T @ J).astype(float)
-        right = right + (J.T @ np.concatenate([e.real, e.imag]).astype(np.float32)).astype(float)
+        right = right + (J.T @ e).astype(float)
     return np.asarray(normal), np.asarray(right)
 
 

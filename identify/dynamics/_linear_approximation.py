@@ -9,6 +9,7 @@ from hysteresis import InputError
 
 from ._measured_motion import MeasuredMotion
 from ._periodic_tests import EXCITED, excited_lines
+from ._vector_fitting import real
 
 Lines: TypeAlias = Complex[np.ndarray, " lines"] | Any
 """A complex number of each line."""
@@ -75,10 +76,7 @@ def linear_approximation(motion: MeasuredMotion) -> LinearApproximation:
     for _ in range(PASSES):
         scaled, right = A * weight[:, None], U[lines] * weight
         size = np.sqrt((np.abs(scaled) ** 2).sum(0))
-        both = np.vstack([scaled.real, scaled.imag]) / size
-        found = (
-            np.linalg.lstsq(both, np.concatenate([right.real, right.imag]), rcond=None)[0] / size
-        )
+        found = np.linalg.lstsq(real(scaled) / size, real(right), rcond=None)[0] / size
         weight = 1 / np.abs(-found[0] * w[lines] ** 2 + 1j * found[1] * w[lines] + found[2])
     f, response = motion.frequencies[lines], Y[lines] / U[lines]
     noise = np.full(len(f), np.nan)

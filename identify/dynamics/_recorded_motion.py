@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -44,8 +43,9 @@ class RecordedMotion:
         found = np.empty(len(record.input))
         for rows, part, substeps, dt in self._sequences(record):
             stages = (substeps,) if self.stages and substeps > 1 else ()
-            fine = self._run(interpolated(part, substeps), dt / substeps, self._numbers)
-            found[rows] = _kept(fine.value, substeps, stages)
+            fine = interpolated(part, substeps)
+            moved = run(self._numbers, fine, clock(len(fine), dt / substeps)).value
+            found[rows] = _kept(moved, substeps, stages)
         return found
 
     def steady(self, record: Record) -> Float[np.ndarray, " samples"]:
@@ -93,11 +93,11 @@ class RecordedMotion:
         """One period in steady state: the motion is run until it repeats itself."""
         fine = interpolated(once, substeps, "band-limited", True)
         fine = np.append(fine, fine[0])  # where the next period begins
-        numbers = self._numbers
-        found = self._run(fine, dt / substeps, numbers)
+        numbers, times = self._numbers, clock(len(fine), dt / substeps)
+        found = run(numbers, fine, times)
         for _ in range(MOST_PERIODS):
             before = found.value
-            found = self._run(fine, dt / substeps, numbers._replace(m=found.m))
+            found = run(numbers._replace(m=found.m), fine, times)
             if not np.abs(found.value - before).max() > SETTLED * np.abs(found.value).max():
                 break
         return _kept(found.value[:-1], substeps, self.stages, True)
@@ -106,17 +106,14 @@ class RecordedMotion:
         """The displacements under a force that begins with the fitted one."""
         numbers = self._numbers
         numbers = numbers.with_state(before_first(numbers, self.initial))
-        fine = self._run(interpolated(force, self.substeps), self.dt / self.substeps, numbers)
-        return _kept(fine.value, self.substeps, self.stages)
+        fine = interpolated(force, self.substeps)
+        moved = run(numbers, fine, clock(len(fine), self.dt / self.substeps)).value
+        return _kept(moved, self.substeps, self.stages)
 
     @property
     def _numbers(self) -> Numbers:
         """Of the law at rest."""
         return numbers_of(replace(self.model, substeps=1).tree())
-
-    def _run(self, fine: np.ndarray, h: float, numbers: Numbers) -> Any:
-        """Displacements of the fine force, and the numbers after them."""
-        return run(numbers, fine, clock(len(fine), h))
 
 
 def _kept(

@@ -17,6 +17,7 @@ from hysteresis.numerics._input_memory import stops
 
 from ._feedback_search import Spectra, simulated
 from ._periodic_tests import excited_lines
+from ._vector_fitting import real
 
 
 class Screened(NamedTuple):
@@ -88,7 +89,7 @@ def screening(model: Feedback, data: Spectra) -> tuple[tuple[Screened, ...], dic
     at = at[:: max(1, len(at) // 400)]
     s = data.lines.s[at]
     rest = data.left(simulated(model, data).output)[:, at]
-    e = _real(rest)
+    e = real(rest.ravel())
     P, Q = (1 / (s[:, None] - p) for p in (model.poles, model.poles.conj()))
     one, other = model.shapes[:ny] * P[:, None, :], model.shapes[:ny].conj() * Q[:, None, :]
     ways = np.concatenate([one + other, 1j * (one - other), np.tile(np.eye(ny), (len(s), 1, 1))], 2)
@@ -114,14 +115,8 @@ def screening(model: Feedback, data: Spectra) -> tuple[tuple[Screened, ...], dic
                 for k in range(len(each[0])):
                     W = np.stack([data.lines.coarse(w[k])[at] for w in each])
                     wide = W[:, :, None, None] * ways / data.size[:, None, :, None]
-                    columns.append(_real(wide.reshape(*rest.shape, -1)))
+                    columns.append(real(wide.reshape(rest.size, -1)))
                 shares.append(Screened(f"{group} {i + 1}", law, share(columns)))
                 everything += columns
         by_group[group] = share(everything)
     return tuple(sorted(shares, key=lambda one: -one.share)), by_group
-
-
-def _real(x: Any) -> np.ndarray:
-    """Rows of real and imaginary parts, (realisations, lines, outputs, ...)."""
-    flat = x.reshape(np.prod(x.shape[:3]), *x.shape[3:])
-    return np.concatenate([flat.real, flat.imag])

@@ -30,7 +30,7 @@ def vector_fitted(
     for _ in range(steps):
         poles = _moved(s, responses, poles)
     wide = np.column_stack([basis_of(s, poles), np.ones(len(s))])
-    found = np.linalg.lstsq(_real(wide), _real(responses), rcond=None)[0]
+    found = np.linalg.lstsq(real(wide), real(responses), rcond=None)[0]
     return poles, found[0:-1:2] + 1j * found[1:-1:2], found[-1]
 
 
@@ -41,7 +41,7 @@ def _moved(s: Any, responses: Responses, poles: Any) -> Any:
     rows = []
     for response in responses.T:
         both = np.column_stack([wide, -wide * response[:, None]])
-        upper: Any = np.linalg.qr(_real(both), mode="r")
+        upper: Any = np.linalg.qr(real(both), mode="r")
         rows.append(upper[own:, own:])
     # sigma does not vanish: its mean over the lines is 1 (the relaxed condition).
     size = np.linalg.norm(responses) / len(s)
@@ -62,5 +62,6 @@ def _moved(s: Any, responses: Responses, poles: Any) -> Any:
     return kept[np.argsort(kept.imag)]
 
 
-def _real(x: Any) -> np.ndarray:
+def real(x: Any) -> np.ndarray:
+    """Rows of real parts, then of imaginary ones."""
     return np.concatenate([x.real, x.imag])
