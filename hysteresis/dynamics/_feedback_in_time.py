@@ -66,26 +66,23 @@ class _Run:
         self.x = np.zeros((len(fine), len(model.poles)), complex)
         self.v = np.concatenate([fine, np.zeros((len(fine), n))], 1)
         self.drives = fine @ model.direct[model.outputs :, : model.inputs].T
-        self.laws, self.squares, self.largest = [*model.laws()], np.zeros(n), 1e-300
-        if n:
-            self.v[0, model.inputs :] = self._reactions(self.drives[:1], np.nan, keep=True)
+        self.laws, self.squares, self.largest = [*model.laws()], [0.0] * n, 1e-300
+        w, (self.laws, self.squares) = self._reactions(self.drives[:1], np.nan)
+        self.v[0, model.inputs :] = w
 
     def window(self, begin: int, end: int) -> int:
         """Settle the reactions after `begin` up to `end`: the turns that it took, 0 where it did not."""
         model, now = self.model, slice(begin + 1, end + 1)
-        if not model.channels:
-            self._modes(begin, end)
-            return 1
         w = np.repeat(self.v[begin : begin + 1, model.inputs :], end - begin, 0)
         for turn in range(1, TURNS):
             self.v[now, model.inputs :] = w
             self._modes(begin, end)
             z = self.drives[now] + 2 * (self.x[now] @ model.shapes[model.outputs :].T).real
-            new = self._reactions(z, self.h, keep=False)
-            self.largest = max(self.largest, float(np.abs(new).max()))
-            apart, w = float(np.abs(new - w).max()), new
+            new, after = self._reactions(z, self.h)
+            self.largest = max(self.largest, float(np.abs(new).max(initial=0.0)))
+            apart, w = np.abs(new - w).max(initial=0.0), new
             if apart < CLOSE * self.largest:
-                self._reactions(z, self.h, keep=True)
+                self.laws, self.squares = after
                 return turn
         return 0
 
@@ -98,9 +95,11 @@ class _Run:
             moved, _ = scipy.signal.lfilter([1.0], [1.0, -g], forced[:, m], zi=first)
             self.x[begin + 1 : end + 1, m] = moved
 
-    def _reactions(self, z: np.ndarray, h: float, keep: bool) -> np.ndarray:
-        """w over drives (rows, channels); what they remember then is kept, or not."""
-        w = np.empty_like(z)
+    def _reactions(
+        self, z: np.ndarray, h: float
+    ) -> tuple[np.ndarray, tuple[list[Any], list[float]]]:
+        """w over drives (rows, channels), and what the channels remember then."""
+        w, laws, squares = np.empty_like(z), [], []
         stays = np.exp(-h / self.model.memory) if h == h else 0.0
         for i, numbers in enumerate(self.laws):
             found = run(numbers, z[:, i], np.full(len(z), h))
@@ -108,9 +107,9 @@ class _Run:
             square = scipy.signal.lfilter([1 - stays], [1.0, -stays], z[:, i] ** 2, zi=first)[0]
             slow = 0.5 * np.log(np.maximum(square, 1e-300))
             w[:, i] = found.value + self.model.levels[i] * z[:, i] * slow
-            if keep:
-                self.laws[i], self.squares[i] = numbers._replace(m=found.m), square[-1]
-        return w
+            laws.append(numbers._replace(m=found.m))
+            squares.append(float(square[-1]))
+        return w, (laws, squares)
 
 
 def _steps(poles: Any, h: float) -> tuple[Any, ...]:

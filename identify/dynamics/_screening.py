@@ -8,6 +8,7 @@ The share of the residuals that such columns explain is one small least-squares 
 measured outputs would explain themselves: they hold the reaction already.
 """
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -66,20 +67,16 @@ def to_unit(model: Feedback, shapes: Any, direct: Any, data: Spectra) -> tuple[A
     return shapes / rms, direct / rms
 
 
-LAWS = ("stops", "square", "cube", "level")
 STOPS = (0.05, 0.2, 0.8)
 """Of the screening, in root mean squares of the drive."""
 
-
-def _signals(z: np.ndarray, law: str) -> np.ndarray:
-    """Reactions to a drive (fine,), periodic."""
-    if law == "square":
-        return (z**2)[None]
-    if law == "cube":
-        return (z**3)[None]
-    if law == "level":
-        return (z * np.log(np.sqrt(np.mean(z**2))))[None]
-    return stops(np.append(0.0, np.tile(z, 2)), np.array(STOPS))[-len(z) :].T
+LAWS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "stops": lambda z: stops(np.append(0.0, np.tile(z, 2)), np.array(STOPS))[-len(z) :].T,
+    "square": lambda z: z[None] ** 2,
+    "cube": lambda z: z[None] ** 3,
+    "level": lambda z: z[None] * np.log(np.sqrt(np.mean(z**2))),
+}
+"""Reactions to a periodic drive (fine,)."""
 
 
 def screening(model: Feedback, data: Spectra) -> tuple[tuple[Screened, ...], dict[str, float]]:
@@ -111,7 +108,7 @@ def screening(model: Feedback, data: Spectra) -> tuple[tuple[Screened, ...], dic
         for i in range(len(shapes)):
             for law in LAWS:
                 columns = []
-                each = [_signals(data.lines.fine(z[:, i]), law) for z in spectra]
+                each = [LAWS[law](data.lines.fine(z[:, i])) for z in spectra]
                 for k in range(len(each[0])):
                     W = np.stack([data.lines.coarse(w[k])[at] for w in each])
                     wide = W[:, :, None, None] * ways / data.size[:, None, :, None]
