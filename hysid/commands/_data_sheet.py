@@ -7,6 +7,7 @@ import numpy as np
 import identify
 from hysteresis import InputError, Record
 from hysteresis.records._excitation import suspicions
+from hysteresis.records._loop_table import left_out
 
 from ..intake._selection import Selection, all_of
 from ..reporting._report import write_data_sheet
@@ -33,10 +34,13 @@ def run(asked: Datasheet) -> Done:
         if not records:
             raise all_of(faults)
         ((runs[str(file)], _),) = records.values()
-    sheet = identify.data_sheet(_joined(runs))
+    record = _joined(runs)
+    sheet = identify.data_sheet(record)
     for place in places:
         write_data_sheet(sheet, place)
     said = [f"{name}: {note.text}" for name, run in runs.items() for note in suspicions(run)]
+    if left := int((~record.loops().full).sum()):
+        said.append(left_out(left))
     return Done(
         sheet.document() | {"files": [str(place) for place in places], "warnings": said},
         [*str(sheet).split("\n"), *warnings(said), f"Pages: {', '.join(map(str, places))}"],

@@ -11,6 +11,7 @@ import numpy as np
 
 import identify
 from hysteresis import InputError, Record
+from hysteresis._escape import shell_word
 from hysteresis._verdict import worst_of
 
 from .._compensator import fitted_to_compensate, with_compensator
@@ -67,6 +68,8 @@ def run(asked: Fit) -> Done:
     lines = verdict_lines(document)
     if "each" not in document:
         lines += candidate_lines(document) + compensator_lines(document)
+    elif document["verdict"]["level"] != "PASS":
+        lines.append(f"All reasons of each: hysid report {shell_word(str(out))}")
     return Done(document, [*lines, f"Results: {out}"])
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from hysteresis._atomic_file import telling, write_table
 from hysteresis._show import aligned
 from hysteresis.records._excitation import suspicions
-from hysteresis.records._loop_table import MAIN, LoopTable, left_out
+from hysteresis.records._loop_table import MAIN, NO_LOOP, LoopTable, left_out
 
 from ..intake._selection import Selection, all_of
 from ..reporting._specimens import FAR, FEW, deviations
@@ -42,7 +42,8 @@ def run(asked: Loops) -> Done:
     lines += [one for v, own in said.items() for one in warnings(own, f"Warning, {each} = {v}")]
     if any(one["outliers"] for one in document["specimens"].values()):
         lines.append(f"* is further from the median than {FAR} robust standard deviations.")
-    return Done(document, [*aligned(rows), *lines, *wrote])
+    table = aligned(rows) if document["specimens"] else [NO_LOOP]
+    return Done(document, [*table, *lines, *wrote])
 
 
 def _specimens(

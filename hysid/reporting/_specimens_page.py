@@ -136,8 +136,8 @@ def _facts(specimens: Sequence[Specimen]) -> list[tuple[str, str]]:
     worst = specimens[int(np.argmax(wrong))]
     return [
         ("specimens", str(len(specimens))),
-        (f"{word} error, median", quantity(float(np.median(wrong)), "%")),
-        (f"{word} error, largest", f"{quantity(max(wrong), '%')}, {worst.name}"),
+        (f"{word} error of the range, median", quantity(float(np.median(wrong)), "%")),
+        (f"{word} error of the range, largest", f"{quantity(max(wrong), '%')}, {worst.name}"),
         ("outliers", str(sum(bool(one.why) for one in specimens))),
     ]
 

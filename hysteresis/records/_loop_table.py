@@ -29,6 +29,7 @@ FEW_ROWS, NO_OVERLAP, OPEN = (
 SHORT, FIRST, OTHER = (
     "too few rows there", "no loop before it", "the loop before it differs in range, rate or rest"
 )  # fmt: skip
+NO_LOOP = "No loop: the input does not go and come back."
 THIN = "the loop is no wider than its error"
 AGAINST = "energy lost and secant stiffness have opposite signs"
 SURE = 3.0
@@ -175,7 +176,7 @@ class LoopTable:
     def lines(self) -> Iterator[str]:
         """The summary, and the main figures of the first loops, as lines."""
         if not len(self):
-            yield "No loop: the input does not go and come back."
+            yield NO_LOOP
             return
         full, size = int(self.full.sum()), number_of(len(self), "loop")
         yield f"{size}, {full} full ({self.kind}); mean ± error, scatter from loop to loop"

@@ -42,6 +42,8 @@ def spelled(unit: str) -> str:
     bare = bare.replace("_per_", "/").replace("・", "*")
     # ℃, ㎜ and ％ are characters of their own; a superscript is not one of these.
     bare = "".join(unicodedata.normalize("NFKC", c) if c >= "℀" else c for c in bare)
+    if set(re.split(r"[./*]", bare)) <= {*RIG_UNITS}:
+        bare = bare.replace(".", "*")  # N.m
     bare = _IN_WORDS.get(bare.lower().replace(" ", ""), _SPELLING.get(bare, bare or "1"))
     bare = re.sub(r"(?<=[A-Za-zµ])([23])(?=$|[/*])", r"^\1", bare)  # m/s2, uC/cm2
     if re.fullmatch(r"[A-Za-zµ]+-[A-Za-z]+", bare):  # N-m

@@ -277,6 +277,8 @@ def test_one_bad_specimen_is_named_and_the_others_are_fitted():
     assert "line 108" in found["failed"]["B"]
     reasons = {reason["code"]: reason["text"] for reason in found["verdict"]["reasons"]}
     assert "B: not fitted" in reasons["not-fitted"]
+    told = run("fit", "run.csv", *COLUMNS, "--each", "block", *FIT, "--overwrite").out
+    assert "All reasons of each: hysid report out" in told
     assert "B cannot be used" in run("check", "run.csv", *COLUMNS, "--each", "block").out
 
 

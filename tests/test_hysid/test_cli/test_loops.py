@@ -34,7 +34,10 @@ def test_smaller_loops_are_left_out_of_the_means_and_counted(tmp_path, each):
     left = len(run("loops", file, *COLUMNS, "--json").json()["loops"])
     left -= run("loops", file, *COLUMNS, "--json").json()["summary"][0]["loops"]
     assert left > 0
-    assert f"leave out {left} loop" in run("loops", file, *COLUMNS, *each).out
+    for command in ("loops", "datasheet") if not each else ("loops",):
+        assert f"leave out {left} loop" in run(command, file, *COLUMNS, *each).out
+    file.write_text(text(rows[:40], (*COLUMNS[5:], COLUMNS[1], COLUMNS[3], "specimen")))
+    assert run("loops", file, *COLUMNS, *each).out.startswith("No loop: the input does not go")
 
 
 def test_the_table_is_written_for_other_programs(tmp_path):

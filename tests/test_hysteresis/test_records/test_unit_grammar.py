@@ -15,9 +15,9 @@ from tests.refusals import raises
 UNITS = (
     "N/mm", "mm**2", "kg*m/s^2", "N·mm", "m s^-1", "1/s", "mm^1.5", "N**0.5", "(N/mm)/s", "µm/m",
     "V/(mm*N)", "degC", "m²", "mm**(1/2)", "mm**-1", "°", "N per mm",
-    "kilogram * meter / second ** 2", "%",
+    "kilogram * meter / second ** 2", "%", "kN.m",
 )  # fmt: skip
-SPELLED = {"°": "deg", "%": "percent", "m s^-1": "m s^-1"}
+SPELLED = {"kN.m": "kN*m", "°": "deg", "%": "percent", "m s^-1": "m s^-1"}
 """Those that a record calls otherwise."""
 BOMBS = (
     "10**10**10", "9^9^9", "m**99", "m**1e9", "m**2.5e3", "m**9**9", "(10**9)**9", "2*m",
