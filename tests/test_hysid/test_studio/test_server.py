@@ -32,10 +32,17 @@ def folder(tmp_path: Path) -> Path:
     return found
 
 
+@pytest.fixture(scope="module")
+def fit(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("fit") / "run"
+    assert run("fit", SPONGE, *COLUMNS, *LINE, "--out", out).code == 0
+    return out
+
+
 @pytest.fixture
-def fitted(folder: Path) -> Path:
+def fitted(folder: Path, fit: Path) -> Path:
     """A folder with `run.csv` and its fit."""
-    assert run("fit", folder / "run.csv", *COLUMNS, *LINE, "--out", folder / "run").code == 0
+    shutil.copytree(fit, folder / "run")
     return folder
 
 
