@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hysteresis import GeneralizedKelvinVoigt, GeneralizedMaxwell, InputError
+from hysteresis import GeneralizedKelvinVoigt, GeneralizedMaxwell
 from identify import Response, spectrum
+from tests.refusals import refuses
 from tests.thorough import rest_thorough
 
 CREEP = GeneralizedKelvinVoigt(2.0, [1.0, 4.0, 2.0], [0.1, 8.0, 60.0], 500.0)
@@ -143,8 +144,7 @@ def test_rows_that_are_not_positive():
     ],
 )
 def test_what_is_refused(t: list[float], y: list[float], options: dict[str, Any], code: str):
-    with pytest.raises(InputError, match=rf"\[{code}\]"):
-        spectrum(Response(np.array(t), np.array(y), **options))
+    refuses(code, lambda: spectrum(Response(np.array(t), np.array(y), **options)))
 
 
 def measured(folder: Path, name: str, skip: int) -> tuple[np.ndarray, np.ndarray]:

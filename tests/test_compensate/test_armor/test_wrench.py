@@ -24,6 +24,7 @@ from compensate.armor import (
 from compensate.runtime import load
 from hysteresis import Burgers, InputError, LinearSponge, PrandtlIshlinskii
 from hysteresis.internal import Units, with_units
+from tests.refusals import refuses
 from tests.thorough import rest_thorough
 
 BOX = Box(0.3, 0.25, 0.55)
@@ -91,8 +92,7 @@ def test_the_sensors_own_hysteresis_is_undone():
     ],
 )
 def test_a_sensor_that_cannot_be_is_refused(given_: dict[str, Any], code: str):
-    with pytest.raises(InputError, match=code):
-        WristSensor(**given_)
+    refuses(code, lambda: WristSensor(**given_))
 
 
 # Without JAX

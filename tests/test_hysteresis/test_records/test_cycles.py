@@ -1,6 +1,5 @@
 """Turning points, branches and cycles; fits of one branch; change from cycle to cycle."""
 
-import os
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +13,6 @@ from hysteresis.internal import check_identifiable
 from hysteresis.records._change import change
 from hysteresis.records._cycles import noise_level
 from tests.refusals import refuses
-
-DATA = Path(os.environ.get("HYSID_DATA", Path(__file__).parents[4] / "shared" / "data"))
 
 
 def cycles(u: np.ndarray) -> np.ndarray:
@@ -75,10 +72,8 @@ def test_coarse_sines_keep_their_cycles(samples, n_cycles):
     assert cycles(u).max() == n_cycles
 
 
-def test_foam_has_six_cycles_and_a_tail_in_none():
-    path = DATA / "foam-midsole-compression" / "tidy.csv"
-    if not path.exists():
-        pytest.skip(f"no measured data at {DATA}")
+def test_foam_has_six_cycles_and_a_tail_in_none(measured_data: Path):
+    path = measured_data / "foam-midsole-compression" / "tidy.csv"
     rows = np.genfromtxt(path, delimiter=",", skip_header=1, dtype=None, encoding="utf-8")
     samples = rows["f0"]
     for sample in np.unique(samples):
