@@ -187,7 +187,7 @@ class Optimum(NamedTuple):
     """Where a search ended.
 
     - `q`: unknowns. `chi`: mean squared residual over the noise's variance, no prior in it.
-    - `root`: of the normal equations, prior included, in units of the noise; `deviations` of the priors.
+    - `normal`: equations, prior included, in units of the noise; `deviations` of the priors.
     - `effective`: how many unknowns the data determine. `converged`: whether steps had become small.
     - `place`: where it is, for a search that goes on from there.
     """
