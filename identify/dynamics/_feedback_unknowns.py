@@ -142,7 +142,8 @@ def changes(point: Point, unknowns: Unknowns) -> list[Change]:
     modes = pairs(X + Xc, 1j * (X - Xc))
     signals = np.concatenate([modes, v[:, :nu]], 1)[:, : None if unknowns.driven else 0]
     first, wide = min(modes.shape[1], signals.shape[1]), signals.shape[1]
-    reactions = [reacting(point, i, signals.T).T for i in range(n)]
+    fine = lines.fine(signals.T).T
+    reactions = [reacting(point, i, fine).T for i in range(n)]
     by_shape, by_level, by_law, by_direct = (
         [((w[:, :, [i]], dW[:, columns]),) for i, dW in enumerate(reactions)]
         for columns in (np.s_[:first], np.s_[-1:], np.s_[wide:-1], np.s_[first:wide])
@@ -153,11 +154,11 @@ def changes(point: Point, unknowns: Unknowns) -> list[Change]:
     ]  # fmt: skip
 
 
-def reacting(point: Point, i: int, dZ: np.ndarray, own: bool = True) -> np.ndarray:
-    """Changes of the reaction w_i by changes dZ (signals, lines) of its drive, where `own` by its law's
+def reacting(point: Point, i: int, dz: np.ndarray, own: bool = True) -> np.ndarray:
+    """Changes of the reaction w_i by changes dz (fine, signals) of its drive, where `own` by its law's
     unknowns, and by its level, (columns, lines)."""
     lines, (numbers, dm) = point.lines, point.reactions[i]
-    z, dz = lines.fine(point.state.drives[i]), lines.fine(dZ).T
+    z = lines.fine(point.state.drives[i])
     wide = np.concatenate([np.zeros((len(dm), dz.shape[1])), dm if own else dm[:, :0]], 1)
     both = np.zeros((2 * len(z), wide.shape[1]))
     both[:, : dz.shape[1]] = np.tile(dz, (2, 1))
@@ -198,7 +199,9 @@ def refined(point: Point, of: list[Change], rounds: int = ROUNDS) -> tuple[np.nd
     off = 0.0
     for turn in range(rounds):
         dZ = found[:, ny:]
-        beside = np.stack([reacting(point, i, dZ[:, i].T, own=False)[:-1].T for i in range(n)], 1)
+        fine = (point.lines.fine(dZ[:, i].T).T for i in range(n))
+        each = [reacting(point, i, dz, own=False)[:-1].T for i, dz in enumerate(fine)]
+        beside = np.stack(each, 1)
         beside -= point.gains[:, None] * dZ
         found = (first + T[:, :, -n:] @ beside).astype(np.complex64)
         size = float(np.linalg.norm(loop @ beside) / max(np.linalg.norm(dZ), 1e-300))

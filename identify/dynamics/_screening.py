@@ -73,7 +73,7 @@ STOPS = (0.05, 0.2, 0.8)
 LAWS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     "stops": lambda z: stops(np.append(0.0, np.tile(z, 2)), np.array(STOPS))[-len(z) :].T,
     "square": lambda z: z[None] ** 2,
-    "cube": lambda z: z[None] ** 3,
+    "cube": lambda z: z[None] * z**2,
     "level": lambda z: z[None] * np.log(np.sqrt(np.mean(z**2))),
 }
 """Reactions to a periodic drive (fine,)."""
