@@ -68,8 +68,10 @@ def run_in_of(status: np.ndarray, record: Record, start: str = "unknown") -> Run
             return RunIn(float(ok[used].mean()), None, None, start)
         row = rows.start + int(np.flatnonzero(used[rows])[reached[0]])
         turns = record.cycle[rows]
-        own = np.flatnonzero(turns == record.cycle[row]) + rows.start
-        cycles = max(cycles, record.cycle[row] - turns.min() + (row - own[0]) / len(own))
+        turns = np.where(turns > 0, turns, turns.max() + 1)  # what follows the last cycle has none
+        turn = turns[row - rows.start]
+        own = np.flatnonzero(turns == turn) + rows.start
+        cycles = max(cycles, turn - turns.min() + (row - own[0]) / len(own))
         if record.time is not None:
             latest = max(latest, float(record.time[row] - record.time[rows.start]))
     time = None if record.time is None else latest

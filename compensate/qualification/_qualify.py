@@ -221,6 +221,7 @@ def qualify(
         back = float(np.abs(again - y)[fine & ~held].max(initial=0.0))
         flat_width = _flat_width(model, record, value, used & (status == Status.FLAT))
     progress(2, parts, "round trip")
+    unit = over(record.input_unit, record.time_unit)
     found: dict[str, Any] = {
         "errors": errors,
         "nrmse_percent": 100 * errors.rmse / span if span > 0 else float("nan"),
@@ -230,10 +231,8 @@ def qualify(
             for name, sign in (("rising", 1), ("falling", -1))
             if (rows := used & (record.branch == sign)).any()
         },
-        "by_rate": _thirds(
-            "|du/dt|", over(record.input_unit, record.time_unit), _speeds(record), error, used
-        ),
-        "by_level": _thirds(record.input_name, record.input_unit, u, error, used),
+        "by_rate": _thirds("|du/dt|", _speeds(record), error, used, unit),
+        "by_level": _thirds(record.input_name, u, error, used),
         "loop": loop_widths(record, value),
         "statuses": {Status(s).name: n / int(used.sum()) for s, n in sorted(shares.items())},
         "output_range": (float(y[fine].min()), float(y[fine].max())) if fine.any() else None,
@@ -325,10 +324,10 @@ def _speeds(record: Record) -> Float[np.ndarray, " samples"] | None:
 
 def _thirds(
     name: str,
-    unit: str,
     value: Float[np.ndarray, " samples"] | None,
     error: Float[np.ndarray, " samples"],
     used: Bool[np.ndarray, " samples"],
+    unit: str = "1",
 ) -> dict[str, Errors]:
     """Errors over thirds of the counted rows by a value; fewer where many share one, none if all do."""
     if value is None:

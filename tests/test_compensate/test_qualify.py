@@ -198,7 +198,6 @@ def test_every_figure_of_a_verdict_comes_from_the_arrays():
     )
     seconds = qualify(off, record(time_unit="s"))
     assert all(name.endswith(" N / s") for name in seconds.by_rate)
-    assert all(name.endswith(" N") for name in seconds.by_level)
     far = qualify(Off(invert(model()), 3.0), whole, max_error=5.0, rate=0.5)
     assert numbers(far, "large-error") == [pytest.approx(15, rel=0.06), 5]
     assert numbers(far, "below-max-error") == [5]

@@ -13,7 +13,7 @@ from hysteresis import LinearSponge, Record
 from hysteresis.curves import PolynomialCurve
 from identify import FitResult
 from tests.problems import play
-from tests.test_hysid.command import run
+from tests.test_hysid.command import COLUMNS, LINE, put, run, sponge, text
 
 QUICK: dict[str, Any] = {"noise": "gaussian", "starts": 1}
 TIME = np.arange(241) / 60
@@ -105,3 +105,11 @@ def test_the_command_says_what_the_verdict_is_for(tmp_path: Path):
     refused = run("fit", file, *hold, "--out", tmp_path / "hold")
     assert refused.code == 2
     assert "cannot be recovered" in refused.err
+
+
+@pytest.mark.usefixtures("empty_folder")
+def test_ok_is_reached_after_as_many_cycles_as_its_time_has():
+    put(text(sponge()[:-7]))  # the last cycle is not whole
+    found = run("fit", "run.csv", *COLUMNS, *LINE, "--json").json()
+    after = found["compensator"]["ok_after"]
+    assert after["cycles"] == pytest.approx(after["time"] / 120, rel=0.1)
