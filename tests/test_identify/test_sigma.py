@@ -13,6 +13,7 @@ import hysteresis
 import identify
 from hysteresis import InputError, Note, Record
 from hysteresis.curves import PolynomialCurve
+from tests.thorough import rest_thorough
 
 U = np.tile(np.concatenate([np.linspace(0, 2, 30), np.linspace(2, 0, 30)]), 3)
 
@@ -111,7 +112,7 @@ def test_the_verdict_tells_the_reduced_chi_square():
     assert "reduced chi-square" in note.text
 
 
-@pytest.mark.parametrize("model", ["Preisach", "Composition"])
+@pytest.mark.parametrize("model", rest_thorough(["Preisach", "Composition"], 1))
 def test_the_posterior_of_weights_has_the_noise_of_weighted_rows(model):
     record = made()
     found = identify.fit(record, model)

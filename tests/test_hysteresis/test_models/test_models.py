@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from hysteresis import AbstractModel, InputError, parameters
 from tests.problems import (
+    KINDS,
     PROBLEMS,
     SAMPLES,
     Problem,
@@ -20,6 +21,7 @@ from tests.problems import (
     kinds_often,
     variants_thorough,
 )
+from tests.thorough import rest_thorough
 
 every = pytest.mark.parametrize("problem", variants_thorough(PROBLEMS), ids=lambda p: p.name)
 kinds = pytest.mark.parametrize("problem", kinds_often(PROBLEMS), ids=lambda p: p.name)
@@ -146,7 +148,11 @@ def test_gradients_in_every_parameter_and_in_the_input(problem: Problem):
         assert abs(along - difference) <= 1e-7 * (abs(along) + size), k
 
 
-@every
+@pytest.mark.parametrize(  # where time does not matter, two programs are compiled
+    "problem",
+    rest_thorough(PROBLEMS, lambda p: p.name in KINDS or "rates" in p.tags),
+    ids=lambda p: p.name,
+)
 def test_time_is_needed_where_the_rate_matters_and_nowhere_else(problem: Problem):
     model, t = problem.model(), clock(0)
     u = np.linspace(problem.low, problem.high, SAMPLES)

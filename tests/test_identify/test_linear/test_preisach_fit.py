@@ -11,6 +11,7 @@ from hysteresis import Preisach, Record
 from hysteresis.preisach import GridDensity
 from identify import fit, load, save
 from identify.internal import excited_cells
+from tests.thorough import rest_thorough
 
 
 def history(seed: int, turns: int = 30, samples: int = 12) -> np.ndarray:
@@ -30,7 +31,7 @@ def true_model(n: int, leading: bool, seed: int = 0, initial: str = "negative") 
     return Preisach(GridDensity(0, 1, weights), reversible, 0.3, leading=leading, initial=initial)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("leading", [False, True])
+@pytest.mark.parametrize("leading", rest_thorough([False, True], 1))
 def test_finds_the_model_that_made_the_data(leading: bool) -> None:
     """Noise of 0.1 % of the range; judged on another history, against the truth without noise."""
     truth, random = true_model(12, leading), np.random.default_rng(1)
