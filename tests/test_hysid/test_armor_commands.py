@@ -33,7 +33,7 @@ def fit_of(force: str, length: str, folder: Path, turned: bool = False) -> Path:
     if turned:
         given, units = given[::-1], units[::-1]
     names = {"input_unit": units[0], "output_unit": units[1]}
-    fit = hysid.fit(*given, model="LinearSponge", noise="gaussian", **names)
+    fit = hysid.fit(*given, model="LinearSponge", noise="gaussian", starts=2, **names)
     return identify.save(fit, folder / f"{force}-{length}-{turned}", overwrite=True)
 
 

@@ -148,6 +148,7 @@ def test_specimens_are_drawn_to_the_mean_as_far_as_their_data_leave_open() -> No
 FORCE = force_path((0.0,) + (20.0, 0.0) * 5, 2.0)
 CLEAN = SpongeRig().follow(FORCE, dt=6.0)
 NOISE, PAIRS = 0.05, 8  # mm
+LINE = {"model": "LinearSponge", "noise": "gaussian", "conditioning": "keep", "starts": 2}
 
 
 def fitted(seed: int, softer: float = 1.0, cycles: int = 5) -> FitResult:
@@ -155,8 +156,7 @@ def fitted(seed: int, softer: float = 1.0, cycles: int = 5) -> FitResult:
     noise = np.random.default_rng(seed).normal(0, NOISE, len(FORCE))
     d = (softer * CLEAN + noise)[rows]
     record = Record.from_arrays(FORCE[rows], d, dt=6.0, input_unit="N", output_unit="mm")
-    line = record.select(range=(2.0, 20.0))
-    return identify.fit(line, "LinearSponge", noise="gaussian", conditioning="keep")
+    return identify.fit(record.select(range=(2.0, 20.0)), **LINE)
 
 
 @pytest.fixture(scope="module")
@@ -166,9 +166,7 @@ def fits() -> list[FitResult]:
 
 def of_later_cycles(fit: FitResult) -> FitResult:
     """The same without the first cycle, in which the foam softens."""
-    return identify.fit(
-        fit.train.select(cycle=range(2, 6)), "LinearSponge", noise="gaussian", conditioning="keep"
-    )
+    return identify.fit(fit.train.select(cycle=range(2, 6)), **LINE)
 
 
 @pytest.mark.thorough
