@@ -128,7 +128,7 @@ class LinearFit(Generic[Unknowns]):
         if isinstance(self.meaning, CompositionUnknowns) and self.meaning.free.all():
             return (
                 self.unknowns
-                + scipy.linalg.solve_triangular(factor, steps.T, trans="T", lower=True).T
+                + scipy.linalg.solve_triangular(factor, steps.T, trans=1, lower=True).T
             )
         steps, inside = steps @ factor.T, self.unknowns != 0
         return np.stack([self.meaning.minimum(self.H, self.b + step, inside) for step in steps])
