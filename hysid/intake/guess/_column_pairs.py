@@ -56,6 +56,11 @@ class Pair(NamedTuple):
     output: Column
     score: float
 
+    @property
+    def follows(self) -> float:
+        """How far one column follows the other: the size of the rank correlation."""
+        return abs(rank_correlation(self.input.x, self.output.x))
+
 
 def columns_of(table: Table) -> dict[str, Column]:
     """The columns of numbers by name; columns of words or without a value are skipped."""

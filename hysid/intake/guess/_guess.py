@@ -303,13 +303,12 @@ def _measured(
             continue
         hot = column.kind.name == "temperature" and not (magnetic or asked)
         (heat if hot else found).append(column)
-    follows = lambda pair: abs(rank_correlation(pair.input.x, pair.output.x))  # noqa: E731
-    others = [follows(pair) for pair in pairs(found)]
+    others = [pair.follows for pair in pairs(found)]
     if heat and len(found) > 1 and max(others, default=0.0) < FOLLOWS:
         # A heated wire, a bath: what nothing else drives.
         least = HEATS if others else FOLLOWS
         hot = [p for p in pairs([*heat, *found]) if any(p.input is c for c in heat)]
-        found += [p.input for p in hot[:1] if follows(p) > least]
+        found += [p.input for p in hot[:1] if p.follows > least]
     return found
 
 
