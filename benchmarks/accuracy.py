@@ -287,7 +287,7 @@ def fitted(task: Task, folder: Path) -> Fitted:
     value = test["nrmse_percent"] if task.span is None else 100 * test["rmse"] / task.span
     line, quintic, black_box = task.references
     beside = f"{document['model']}; line {line:g}, quintic {quintic:g}, black box {black_box:g}"
-    best = min(document["baselines"], key=lambda one: one["nrmse_percent"], default=None)
+    best = min(document.get("baselines", ()), key=lambda one: one["nrmse_percent"], default=None)
     if best is not None and task.span is None and task.part == "test":
         beside += f", {best['name']} {best['nrmse_percent']:.3g}"
     if (rival := network.frozen().get(task.what)) is not None:
