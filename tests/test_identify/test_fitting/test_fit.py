@@ -161,7 +161,8 @@ def test_a_spent_budget_gives_the_best_so_far() -> None:
     result = fit(record, "LinearSponge, Preisach, Composition", budget=1e-6, noise="gaussian")
     assert result.name == "LinearSponge"
     assert set(result.skipped) == {"Preisach", "Composition"}
-    assert result.starts is not None and len(result.starts.objective) == 1
+    assert result.starts is not None
+    assert len(result.starts.objective) == 1
     assert fit(record, "LinearSponge", budget=60.0, noise="gaussian").skipped == {}
     refuses("bad-option", lambda: fit(record, "LinearSponge", budget=0.0), "budget")
 
