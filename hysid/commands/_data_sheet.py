@@ -7,6 +7,7 @@ import numpy as np
 import identify
 from hysteresis import InputError, Record
 from hysteresis.records._excitation import suspicions
+from hysteresis.records._loop_cut import loop_rows
 from hysteresis.records._loop_table import left_out
 
 from ..intake._selection import Selection, all_of
@@ -39,7 +40,7 @@ def run(asked: Datasheet) -> Done:
     for place in places:
         write_data_sheet(sheet, place)
     said = [f"{name}: {note.text}" for name, run in runs.items() for note in suspicions(run)]
-    if left := int((~record.loops().full).sum()):
+    if left := len(loop_rows(record).first) - len(sheet.rising):
         said.append(left_out(left))
     return Done(
         sheet.document() | {"files": [str(place) for place in places], "warnings": said},

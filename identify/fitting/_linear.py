@@ -82,8 +82,9 @@ def fit_composition(data: TrainingData, options: Options) -> list[Trial]:
         choices, data = _of_latest(choices, data, state, keeps_drift)
         path = fitted(choices)
         for mean in averaged(choices[-1], options.either_sign) if options.is_auto else ():
-            beside = mean.meaning.shares
-            path = (*(one for one in path if beside or one.held_out > mean.held_out), mean)
+            if not mean.meaning.shares:  # one of either sign stands beside
+                path = tuple(one for one in path if one.held_out > mean.held_out)
+            path = (*path, mean)
     else:
         path = fit_conditioned(data.record, data.parts, data.condition, data.leadings, state)
     outputs_together(path, data.record)

@@ -50,16 +50,12 @@ class Column(NamedTuple):
 
 
 class Pair(NamedTuple):
-    """Input, output, and the score of the pair, in [0, 1]."""
+    """Input, output, the score of the pair, in [0, 1], and how far one follows the other, by ranks."""
 
     input: Column
     output: Column
     score: float
-
-    @property
-    def follows(self) -> float:
-        """How far one column follows the other: the size of the rank correlation."""
-        return abs(rank_correlation(self.input.x, self.output.x))
+    follows: float
 
 
 def columns_of(table: Table) -> dict[str, Column]:
@@ -97,7 +93,7 @@ def pairs(columns: list[Column], clock: np.ndarray | None = None) -> list[Pair]:
                 sure = a.kind.sure * b.kind.sure * (0.5 if a.kind.commanded else 1.0)
                 sure *= 0.5 if b.kind.commanded else 1.0
                 sure *= _shared(a.x, b.x, clock)
-                found.append(Pair(a, b, usual * sure * (0.4 + 0.6 * follows)))
+                found.append(Pair(a, b, usual * sure * (0.4 + 0.6 * follows), follows))
     return sorted(found, key=lambda pair: -pair.score)
 
 

@@ -103,7 +103,7 @@ def choose(seen: Seen, columns: list[Column], still: list[Column]) -> Choice:
         usable = by_shape(table, usable, time, {asked_in, asked_out} - {None})
     clock = table.columns[time] if time else None
     every = pairs(usable, clock)
-    turned = [Pair(p.output, p.input, p.score) for p in every]
+    turned = [Pair(p.output, p.input, p.score, p.follows) for p in every]
     wanted = lambda p: asked_in in (None, p.input.name) and asked_out in (None, p.output.name)  # noqa: E731
     found = [*filter(wanted, every)] or [*filter(wanted, turned if asked_in or asked_out else ())]
     if asked_in and asked_out:

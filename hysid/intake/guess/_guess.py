@@ -303,7 +303,7 @@ def _measured(
             continue
         hot = column.kind.name == "temperature" and not (magnetic or asked)
         (heat if hot else found).append(column)
-    others = [pair.follows for pair in pairs(found)]
+    others = [pair.follows for pair in pairs(found)] if heat else []
     if heat and len(found) > 1 and max(others, default=0.0) < FOLLOWS:
         # A heated wire, a bath: what nothing else drives.
         least = HEATS if others else FOLLOWS
