@@ -271,9 +271,9 @@ class CompositionUnknowns(NamedTuple):
     def minimum(
         self,
         H: Float[np.ndarray, "n n"],
-        b: Float[np.ndarray, " n"],
+        b: Float[np.ndarray, "*draws n"],
         start: Bool[np.ndarray, " n"] | None = None,
-    ) -> Float[np.ndarray, " n"]:
+    ) -> Float[np.ndarray, "*draws n"]:
         """The minimum of x'Hx/2 - b'x with no unknown negative that is not `free`."""
         return nonnegative_least_squares(H, b, self.free, start)
 

@@ -81,9 +81,9 @@ class ConditionedUnknowns(NamedTuple):
     def minimum(
         self,
         H: Float[np.ndarray, "n n"],
-        b: Float[np.ndarray, " n"],
+        b: Float[np.ndarray, "*draws n"],
         start: Bool[np.ndarray, " n"] | None = None,
-    ) -> Float[np.ndarray, " n"]:
+    ) -> Float[np.ndarray, "*draws n"]:
         """The minimum of x'Hx/2 - b'x with no unknown negative that is not free in `base`."""
         free = np.tile(self.base.free, len(self.knots))
         return nonnegative_least_squares(H, b, free, start)

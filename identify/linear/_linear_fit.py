@@ -131,7 +131,7 @@ class LinearFit(Generic[Unknowns]):
                 + scipy.linalg.solve_triangular(factor, steps.T, trans=1, lower=True).T
             )
         steps, inside = steps @ factor.T, self.unknowns != 0
-        return np.stack([self.meaning.minimum(self.H, self.b + step, inside) for step in steps])
+        return self.meaning.minimum(self.H, self.b + steps, inside)
 
     def totals(
         self, noise: Noise, count: int, random: np.random.Generator

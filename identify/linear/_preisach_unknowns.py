@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, NotRequired, TypedDict
 
 import jax
@@ -220,12 +220,15 @@ class GridUnknowns:
     def minimum(
         self,
         H: Float[np.ndarray, "n n"],
-        b: Float[np.ndarray, " n"],
+        b: Float[np.ndarray, "*draws n"],
         start: Bool[np.ndarray, " n"] | None = None,
-    ) -> Float[np.ndarray, " n"]:
+    ) -> Float[np.ndarray, "*draws n"]:
         """The unknowns that minimise x'Hx/2 - b'x among the models there can be."""
         if len(self.constraints):
-            return constrained_least_squares(H, b, self.constraints, self.free, start)
+            solve = partial(
+                constrained_least_squares, H, C=self.constraints, free=self.free, start=start
+            )
+            return np.apply_along_axis(solve, -1, b)
         return nonnegative_least_squares(H, b, self.free, start)
 
     def masses(self, unknowns: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, " weights"]:

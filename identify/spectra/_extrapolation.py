@@ -22,7 +22,7 @@ import scipy.special
 from jaxtyping import Float
 
 from .._levels import CONFIDENCE
-from ..linear._nnls import nonnegative_least_squares
+from ..linear._nnls import SignedMinimum
 from ..noise._residual_statistics import Noise
 from ._prony_series import Fitted, Input, Problem, response, to_unit
 
@@ -81,7 +81,8 @@ def allowed(problem: Problem, fitted: Fitted, noise: Noise, step: float, span: f
     def square(c: Float[np.ndarray, " columns"]) -> float:
         return float(np.sum((A @ c - problem.target) ** 2))
 
-    best = nonnegative_least_squares(H, b, free)
+    signed = SignedMinimum(H, free)
+    best = signed.of(b)
     facts = max(min(noise.effective, len(A)) - fitted.parameters, 1.0)
     quantile = float(scipy.special.fdtri(fitted.parameters, facts, CONFIDENCE))
     limit = square(best) * (1 + fitted.parameters * quantile / facts)
@@ -94,7 +95,7 @@ def allowed(problem: Problem, fitted: Fitted, noise: Noise, step: float, span: f
         for sign, (begin, last) in near.items():
             way, edge, low, high = begin * sign * unit, best, 0.0, np.inf
             for _ in range(TRIED):
-                c = nonnegative_least_squares(H, b + way * e, free, last)
+                c = signed.of(b + way * e, last)
                 last, used = c != 0, (square(c) - least) / (limit - least)
                 if used <= 1:
                     edge, low = c, abs(way)
