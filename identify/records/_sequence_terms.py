@@ -2,11 +2,11 @@
 
     y = F x + R z + c + e,    z ~ N(0, V),  c ~ N(0, v exp(-|t - t'| / T)),  e ~ N(0, s^2)
 
-x is shared by all sequences: a curve and powers of the input, stops, the same by the distance from the
-middle of the range, and the input's rate, and its root, behind low-pass filters of 0 to 64 sampling steps
-(eddies, ringing). z is of each sequence: an offset, the first state of every stop, which the rows before
-the first one have left there, the strength of the stops and of some rates. So a sequence is predicted from
-its known rows k by
+x is shared by all sequences: a curve and powers of the input, stops that are relaxed before the first row,
+the same by the distance from the middle of the range, stops that have come from that middle, and the
+input's rate, and its root, behind low-pass filters of 0 to 64 sampling steps (eddies, ringing). z is of
+each sequence: an offset, the first state of every stop, which the rows before the first one have left
+there, the strength of the stops and of some rates. So a sequence is predicted from its known rows k by
 
     y = F x + K_k (K_kk + s^2)^-1 (y_k - F_k x),    K = R V R' + cov(c)
 
@@ -123,11 +123,12 @@ class SequenceTerms(NamedTuple):
         clock = np.arange(len(u), dtype=float) if t is None else (t - t[0]) / self.step
         place = (2 * u - self.low - self.high) / (self.high - self.low)
         thresholds = (self.high - self.low) * THRESHOLDS
-        n, thrice = len(thresholds), np.tile(thresholds, 3)
-        begun = np.concatenate([0 * thresholds, thresholds, -thresholds])
-        middle = clamped(u[:, None] - thrice, u[:, None] + thrice, u[0] - begun)
-        strained = (u[:, None] - middle) / thrice
-        stops, first = strained[:, :n], strained[:, n:] - np.tile(strained[:, :n], 2)
+        n, each = len(thresholds), np.tile(thresholds, 4)
+        rested = np.clip(u[0] - (self.low + self.high) / 2, -thresholds, thresholds)
+        begun = np.concatenate([0 * thresholds, rested, thresholds, -thresholds])
+        middle = clamped(u[:, None] - each, u[:, None] + each, u[0] - begun)
+        strained = (u[:, None] - middle) / each
+        stops, first = strained[:, : 2 * n], strained[:, 2 * n :] - np.tile(strained[:, :n], 2)
         dt = np.diff(clock, prepend=clock[0] - 1)
         v = np.diff(u, prepend=u[0]) / np.where(dt > 0, dt, 1) / self.speed
         decay = np.exp(-dt[:, None] / CUTOFFS)
@@ -138,14 +139,14 @@ class SequenceTerms(NamedTuple):
         far = hats_of(np.abs(place), PLACES)[:, 1:]
         inside = np.clip(place, -1, 1)
         powers = np.where(POWERS > 1, inside[:, None] ** POWERS, place[:, None])
-        by_place = (stops[:, :, None] * far[:, None]).reshape(len(u), -1)
+        by_place = (stops[:, :n, None] * far[:, None]).reshape(len(u), -1)
         roots = np.sign(rates) * np.sqrt(np.abs(rates))
         curve = hats_of(inside, CELLS)
         kinds = {"rates": rates, "roots": roots, "stops": stops, "curve": curve, "places": by_place,
                  "powers": powers}  # fmt: skip
         F = np.hstack([np.sqrt(LOOSE[kind]) * columns for kind, columns in kinds.items()])
         wide = np.tile(THRESHOLDS / THRESHOLDS[-1], 2) ** 0.5
-        return F, [np.ones((len(u), 1)), first * wide, stops, rates[:, OWN_RATES]], clock
+        return F, [np.ones((len(u), 1)), first * wide, stops[:, :n], rates[:, OWN_RATES]], clock
 
 
 class _Sequence(NamedTuple):
