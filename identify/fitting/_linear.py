@@ -13,6 +13,7 @@ from ..linear._average import averaged
 from ..linear._composition import CompositionUnknowns
 from ..linear._composition_fit import Problem, Tried, fitted, path_of
 from ..linear._composition_lag import fit_lagging
+from ..linear._composition_parts import DRIFTS
 from ..linear._conditioned_fit import fit_conditioned
 from ..linear._linear_fit import LinearFit, outputs_together
 from ..linear._preisach_fit import GRIDS, fit_preisach
@@ -114,9 +115,13 @@ def _of_latest(
     for parts in latest(data.record, data.parts):
         own = best.problem
         few = Problem(data.record, parts.merged, own.whole, own.memory)
-        if not earned(best.blocks, few.tried(best.parts, best.strength).blocks):
+        same = few.tried(best.parts, best.strength)
+        if not earned(best.blocks, same.blocks):
             continue
         again = path_of(data.record, parts, data.leadings, initial, keeps_drift=keeps_drift)
+        # Few cycles may not lead part by part to where all of them have led; a drift they tell less of.
+        if not set(DRIFTS) & {*same.parts} and earned(again[-1].blocks, same.blocks):
+            again.append(same)
         if earned(path[-1].blocks, again[-1].blocks):
             path, found = again, replace(data, parts=parts)
     return path, found

@@ -14,7 +14,8 @@ from hysteresis.numerics._normal import NORMAL_95
 from ..noise._residual_statistics import Noise
 from ..records._run_model import same_inputs
 from ._composition import CompositionUnknowns
-from ._composition_memory import memory_blocks
+from ._composition_memory import MemoryLayout, memory_blocks
+from ._composition_parts import PARTS
 from ._conditioned_unknowns import ConditionedUnknowns
 from ._preisach_unknowns import NOT_SEPARABLE, GridUnknowns
 from ._unknown_vectors import in_units
@@ -179,16 +180,17 @@ class LinearFit(Generic[Unknowns]):
 def outputs_together(fits: Sequence[LinearFit], record: Record) -> None:
     """Compute the outputs of several fits on a record, which `LinearFit.outputs` then gives.
 
-    Compositions whose input passes the same curve first read the same memory of it, which is computed once.
+    Compositions that read the same memory of the input have it computed once.
     """
-    kinds: dict[tuple[float, ...], list[tuple[LinearFit, CompositionUnknowns]]] = {}
+    kinds: dict[MemoryLayout, list[tuple[LinearFit, CompositionUnknowns]]] = {}
     for fit in fits:
         if not fit._has_columns(record):
             continue
         if isinstance(fit.meaning, GridUnknowns):
             _keep(fit, record, fit.meaning.outputs(record, fit.unknowns))
         elif isinstance(fit.meaning, CompositionUnknowns):
-            kinds.setdefault(fit.meaning.first, []).append((fit, fit.meaning))
+            whole = fit.meaning._replace(parts=PARTS).memory()
+            kinds.setdefault(whole, []).append((fit, fit.meaning))
     for alike in kinds.values():
         parts = tuple(dict.fromkeys(part for _, meaning in alike for part in meaning.parts))
         layout = alike[0][1]._replace(parts=parts).memory()

@@ -98,6 +98,13 @@ def test_a_drift_is_in_no_model_of_new_runs_unless_it_is_kept(fits: dict[str, Fi
     np.testing.assert_allclose(late[0], late[1], atol=1e-6)
 
 
+def test_every_candidate_predicts_what_its_model_does(fits: dict[str, FitResult]):
+    """Candidates read one memory of the input together, their models each its own."""
+    for one in fits["auto"].candidates:
+        alone = one.model.simulate(one.train.time, one.train.input)
+        np.testing.assert_allclose(one.predict(one.train), alone, atol=1e-9)
+
+
 def test_the_verdict_tells_the_change_with_its_error(fits: dict[str, FitResult]):
     found = fits["auto"]
     (note,) = [r for r in found.verdict.reasons if getattr(r, "code", "") == "drift"]
