@@ -51,7 +51,7 @@ def limited(
     inner: Any = compensator
     while inner is not None and not isinstance(inner, GuardedCompensator):
         inner = getattr(inner, "inner", None)
-    if inner is None or inner.beyond != "limit":
+    if inner is None:
         return compensator, np.zeros(value.shape, bool)
     return inner.inner, (value <= float(inner.low)) | (value >= float(inner.high))
 

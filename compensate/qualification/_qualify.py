@@ -205,7 +205,8 @@ def qualify(
     _check(record, max_error, rate)
     u, y, used = record.input, record.output, record.mask
     parts = 4 if ensemble is None else 5
-    value, status = map(np.asarray, estimate(compensator, record)[:2])
+    told = estimate(compensator, record)
+    value, status = np.asarray(told.value), np.asarray(told.status)
     progress(1, parts, "estimates")
     error = value - u
     fine = used & (status == Status.OK)
@@ -215,8 +216,9 @@ def qualify(
     back = flat_width = None
     if model is not None:
         inner, held = limited(compensator, value)
-        own = np.asarray(estimate(inner, record).value) if held.any() else value
-        driven = with_condition(model, record, own)
+        own = told if inner is compensator else estimate(inner, record)
+        held |= np.asarray(own.status) == Status.SATURATED  # OK where the training had such a reading
+        driven = with_condition(model, record, np.asarray(own.value))
         again = model.simulate(record.time, driven, starts=tuple(record.starts.tolist()))
         back = float(np.abs(again - y)[fine & ~held].max(initial=0.0))
         flat_width = _flat_width(model, record, value, used & (status == Status.FLAT))

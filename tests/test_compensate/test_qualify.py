@@ -11,7 +11,9 @@ import pytest
 from compensate import AbstractCompensator, Status, estimate, invert, qualify
 from compensate.internal import Estimate
 from compensate.qualification._qualify import Latency, Step, loop_widths
-from hysteresis import Burgers, InputError, LinearSponge, PrandtlIshlinskii, Record
+from hysteresis import Burgers, InputError, LinearSponge, PrandtlIshlinskii, Preisach, Record
+from hysteresis.preisach import GridDensity
+from tests.problems import weights
 
 THRESHOLD = 1.0
 NORMAL_95 = 1.6448536269514722
@@ -56,6 +58,13 @@ def test_the_round_trip_goes_on_from_what_was_found_beyond_the_trained_inputs():
     assert 0.1 < found.statuses["OK"] < 1
     assert found.round_trip < 1e-9
     assert all(reason.code != "round-trip" for reason in found.verdict.reasons)
+    # Noise takes relays at rest beyond the outputs that they have: OK, as the training had such readings.
+    relays = Preisach(GridDensity(0.0, 1.0, weights(np.random.default_rng(0))), initial="negative")
+    u = 0.5 - 0.5 * np.cos(np.linspace(0, 12, 400))
+    y = np.asarray(relays.simulate(None, u)) + 0.05 * np.sin(np.arange(400))
+    for beyond in ("limit", "nan", "free"):
+        guarded = invert(relays, trained=(0.0, 1.0), beyond=beyond, seen=(y.min(), y.max()))
+        assert qualify(guarded, Record.from_arrays(u, y), relays).round_trip < 1e-9
 
 
 class Off(AbstractCompensator[AbstractCompensator, Estimate]):
