@@ -14,7 +14,7 @@ def quantity(x: float, unit: str, digits: int = 4) -> str:
 def with_error(x: float, error: float) -> str:
     """A value with its error in two digits, rounded where that ends."""
     nothing = not x or abs(x) < error / 200 < math.inf
-    value = "0" if nothing else f"{x:#.{digits_of(x, error, 4)}g}".rstrip(".")
+    value = "0" if nothing else f"{x:#.{digits_of(x, error, 4)}g}".replace(".e", "e").rstrip(".")
     return f"{value} ± {error:.2g}"
 
 

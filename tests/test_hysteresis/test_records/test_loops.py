@@ -245,7 +245,7 @@ def test_any_motion_has_a_table(ends, rows, noise, units):
         assert (figure.error[told] >= 0).all()
         assert np.isnan(figure.value[~told]).all()
     assert json.dumps(table.document())
-    assert str(table)
+    assert ".e" not in str(table)
 
 
 @pytest.mark.parametrize("rows", [120.37, 500.37])
