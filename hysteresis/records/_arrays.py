@@ -1,6 +1,7 @@
 """What a record is given, as rows of numbers of one length."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from datetime import datetime, timedelta
 from difflib import get_close_matches
 from typing import Any
 
@@ -8,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._errors import InputError
+from .._quantities import conversion
 
 PIECE = 2**16
 """Rows that are worked on at a time."""
@@ -75,12 +77,14 @@ def tell_nothing(sigma: np.ndarray) -> np.ndarray:
     return np.isfinite(sigma) & (sigma > 1e3 * np.median(known if len(known) else 1.0))
 
 
-def seconds(values: ArrayLike) -> np.ndarray:
-    """Times as float64, dates as seconds from the first one. Raises `InputError` `not-numbers`."""
-    given = np.asarray(values)
-    if given.dtype.kind not in "mM" or not given.size:
+def times(values: ArrayLike, unit: str = "s") -> np.ndarray:
+    """Times as float64, dates in a unit from the first one. Raises `InputError` `not-numbers`."""
+    given, factor = np.asarray(values), conversion("s", unit)
+    if given.size and isinstance(given.flat[0], datetime | timedelta):  # such as those of a time zone
+        given = np.array([x - given.flat[0] for x in given.flat], "timedelta64[ns]")
+    if given.dtype.kind not in "mM" or not given.size or factor is None:
         return numbers("time", values, keep=True)
-    return (given - given.flat[0]) / np.timedelta64(1, "s")
+    return (given - given.flat[0]) / np.timedelta64(1, "s") * factor
 
 
 def same_length(**arrays: np.ndarray | None) -> None:

@@ -18,7 +18,7 @@ from .._errors import InputError
 from .._note import Note
 from .._show import at_most
 from ._abstract_record import AbstractRecord
-from ._arrays import fill, named_columns, numbers, same_length, seconds, tell_nothing
+from ._arrays import fill, named_columns, numbers, same_length, tell_nothing, times
 from ._branch_rows import common_part, constant_within, resampled, selected
 from ._excitation import describe, summary
 from ._loop_table import LoopTable, loop_table
@@ -174,7 +174,7 @@ class Record(AbstractRecord):
         shared, kept = nan != "interpolate", dict(columns or {})
         y, done = numbers("output", output, shared), [*map(Note.of, history)]
         more = *(channels or ()), *(conditions or ())
-        n, t = y.size, None if time is None else seconds(time)
+        n, t = y.size, None if time is None else times(time, time_unit)
         u: np.ndarray = np.zeros(n) if input is None else numbers("input", input, shared)
         group = np.zeros(n, np.int8) if groups is None else np.asarray(groups)
         used = np.ones(n, bool) if mask is None else np.array(mask, bool)

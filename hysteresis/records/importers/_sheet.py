@@ -10,7 +10,7 @@ import numpy as np
 
 from ..._errors import InputError
 from ..._note import Note
-from .._arrays import seconds
+from .._arrays import times
 from .._cells import MISSING
 from .._units import bare_unit, is_unit, spelled, written_unit
 
@@ -233,7 +233,7 @@ def sheet_of_arrays(
             continue
         rows = max(lengths, key=lambda n: (lengths.count(n), n))
         own = {key: x for key, x in arrays.items() if len(x) == rows}
-        stamps = {key: seconds(x) for key, x in own.items() if x.dtype.kind == "M"}
+        stamps = {key: times(x) for key, x in own.items() if x.dtype.kind == "M"}
         own |= stamps
         names = {key: units.get(key) or written_unit(key, None) or "" for key in own}
         known = tuple((names | dict.fromkeys(stamps, "s")).values())

@@ -3,6 +3,7 @@
 import copy
 import json
 import pickle
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import numpy as np
@@ -295,7 +296,11 @@ def test_a_mask_of_numpy_counts():
 
 def test_dates_are_seconds_and_columns_may_be_numbered():
     dates = np.datetime64("2026-01-01") + (1000 * ROW).astype("timedelta64[ms]")
-    np.testing.assert_allclose(Record.from_arrays(ROW, ROW, dates).time, ROW)
+    zoned = [datetime(2026, 1, 1, tzinfo=UTC) + timedelta(seconds=x) for x in ROW.tolist()]
+    for when in (dates, dates - dates[0], zoned):
+        np.testing.assert_allclose(Record.from_arrays(ROW, ROW, when).time, ROW)
+        record = Record.from_arrays(ROW, ROW, when, time_unit="ms")
+        np.testing.assert_allclose(record.time, 1000 * ROW)
     record = Record.from_columns({0: dates, 1: ROW, 2: -ROW}, 1, 2, 0)
     np.testing.assert_allclose(record.time, ROW)
     assert (record.input_name, record.output_name, record.time_unit) == ("1", "2", "s")
