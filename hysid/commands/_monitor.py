@@ -16,14 +16,14 @@ from compensate.recalibration._adaptive import AdaptiveCompensator, Recalibrated
 from compensate.recalibration._advice import Advice
 from hysteresis import InputError, Record
 from hysteresis._atomic_file import write_table
-from hysteresis._format import quantity
+from hysteresis._format import number_of, quantity
 
 from ..intake._columns import for_new_file, selection_of_fit
 from ._asked import Monitor
 from ._console import Done, warnings
 
 SAID = {
-    Advice.NONE: "No calibration is needed.",
+    Advice.NONE: "Nothing that was seen asks for a calibration now.",
     Advice.ZERO: "Recalibrate now: the zero has changed.",
     Advice.GAIN: "Recalibrate now: the gain has changed.",
     Advice.LOOP: "Recalibrate now: the width of the loop has changed.",
@@ -91,8 +91,12 @@ def _summary(
     """The document, and lines for a reader."""
     unit, other = train.input_unit, train.output_unit
     error = (np.asarray(found.value) - known)[np.isfinite(known)]
-    last = Advice(int(found.advice[-1]))
+    rmse = float(np.sqrt(np.mean(error**2))) if len(error) else None
+    usual, last = float(own.settings["error"]), Advice(int(found.advice[-1]))
     lines = [SAID[last]]
+    if rmse is not None:
+        text = f"At {number_of(len(error), 'reference')} the error is {quantity(rmse, unit, 3)} rms"
+        lines.append(f"{text}, and {quantity(usual, unit, 3)} of an unchanged sensor.")
     if last:
         lines.append(f"Accuracy lost until then: {quantity(float(found.lost[-1]), unit, 3)} rms.")
     events = list(_events(record, found))
@@ -106,8 +110,8 @@ def _summary(
         "advice": last.name, "lost": float(found.lost[-1]), "zero": float(found.zero[-1]),
         "gain": float(found.gain[-1]), "loop": float(found.loop[-1]), "found": events,
         "rows": len(record), "references": len(error),
-        "rmse": float(np.sqrt(np.mean(error**2))) if len(error) else None,
-        "fit_error": float(own.settings["error"]),
+        "rmse": rmse,
+        "fit_error": usual,
         "flagged": int((np.asarray(found.status) != Status.OK).sum()),
     }, lines  # fmt: skip
 

@@ -49,7 +49,9 @@ def test_a_sensor_that_has_not_changed_needs_nothing(folder: Path):
     assert (found["advice"], found["found"], found["references"]) == ("NONE", [], 2 * ROWS)
     assert abs(found["gain"] - 1) < 0.002
     said = run("monitor", folder / "fit", folder / "same.csv").out
-    assert "No calibration is needed." in said
+    assert "Nothing that was seen asks for a calibration now." in said
+    assert f"80 references the error is {found['rmse']:.3g} N rms" in said
+    assert f"{found['fit_error']:.3g} N of an unchanged sensor." in said
 
 
 def test_a_change_is_found_with_its_line_and_its_size(folder: Path):
