@@ -217,7 +217,8 @@ def qualify(
     if model is not None:
         inner, held = limited(compensator, value)
         own = told if inner is compensator else estimate(inner, record)
-        held |= np.asarray(own.status) == Status.SATURATED  # OK where the training had such a reading
+        # Readings that the training had are OK where the model is saturated by them.
+        held |= np.asarray(own.status) == Status.SATURATED
         driven = with_condition(model, record, np.asarray(own.value))
         again = model.simulate(record.time, driven, starts=tuple(record.starts.tolist()))
         back = float(np.abs(again - y)[fine & ~held].max(initial=0.0))

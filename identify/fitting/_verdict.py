@@ -194,7 +194,7 @@ def _held_out(fit: FitResult, found: Reasons) -> None:
     for name, part, words in (
         ("input", beyond.input, _trained_inputs(fit)),
         ("rate", beyond.rate, "the trained rates of the input"),
-        ("time", beyond.time, "the longest trained hold"),
+        ("time", beyond.time, "the longest time for which a trained input stayed near one value"),
     ):
         if part.rows <= SHARE * int(fit.test.mask.sum() if fit.test is not None else 0):
             continue
