@@ -80,7 +80,7 @@ def tell_nothing(sigma: np.ndarray) -> np.ndarray:
 def times(values: ArrayLike, unit: str = "s") -> np.ndarray:
     """Times as float64, dates in a unit from the first one. Raises `InputError` `not-numbers`."""
     given, factor = np.asarray(values), conversion("s", unit)
-    if given.size and isinstance(given.flat[0], datetime | timedelta):  # such as those of a time zone
+    if given.size and isinstance(given.flat[0], datetime | timedelta):  # as of a time zone
         given = np.array([x - given.flat[0] for x in given.flat], "timedelta64[ns]")
     if given.dtype.kind not in "mM" or not given.size or factor is None:
         return numbers("time", values, keep=True)
