@@ -41,9 +41,9 @@ class RunIn(NamedTuple):
         after = document["ok_after"]
         return cls(document["ok_share"], after["cycles"], after["time"], document["start"])
 
-    def sentence(self, time_unit: str) -> str:
+    def sentence(self, time_unit: str, since: str = "Switched on at the first row") -> str:
         """When the compensator is OK, and for how much of the record."""
-        of_rows = f"Switched on at the first row, {100 * self.share:.3g} % of the estimates are OK"
+        of_rows = f"{since}, {100 * self.share:.3g} % of the estimates are OK"
         if self.cycles is None:
             return f"{of_rows}; nine tenths of what follows never are."
         time = "" if self.time is None else f", {quantity(self.time, time_unit, 3)}"
@@ -53,11 +53,12 @@ class RunIn(NamedTuple):
 def run_in_of(status: np.ndarray, record: Record, start: str = "unknown") -> RunIn:
     """Of the statuses of a record's rows, each sequence of which is a start of its own.
 
-    OK is reached at the first row from which nine tenths of all later ones are OK; of several sequences the
-    latest counts.
+    OK is reached at the first row from which nine tenths of all later ones are OK, after the first reading,
+    or the first behind known rows; of several sequences the latest counts.
     """
     used = record.mask & np.isfinite(record.output)
     ok, latest, cycles = status == Status.OK, 0.0, 0.0
+    read = np.isfinite(record.output) & (True if record.known is None else ~record.known)
     for _, rows in record.sequences():
         known = ok[rows][used[rows]]
         if not len(known):
@@ -69,11 +70,15 @@ def run_in_of(status: np.ndarray, record: Record, start: str = "unknown") -> Run
         row = rows.start + int(np.flatnonzero(used[rows])[reached[0]])
         turns = record.cycle[rows]
         turns = np.where(turns > 0, turns, turns.max() + 1)  # what follows the last cycle has none
-        turn = turns[row - rows.start]
-        own = np.flatnonzero(turns == turn) + rows.start
-        cycles = max(cycles, turn - turns.min() + (row - own[0]) / len(own))
+        begin = rows.start + int(np.argmax(read[rows]))
+        ends = []
+        for at in (begin, row):
+            turn = turns[at - rows.start]
+            own = np.flatnonzero(turns == turn) + rows.start
+            ends.append(turn + (at - own[0]) / len(own))
+        cycles = max(cycles, ends[1] - (turns.min() if begin == rows.start else ends[0]))
         if record.time is not None:
-            latest = max(latest, float(record.time[row] - record.time[rows.start]))
+            latest = max(latest, float(record.time[row] - record.time[begin]))
     time = None if record.time is None else latest
     return RunIn(float(ok[used].mean()), float(cycles), time, start)
 

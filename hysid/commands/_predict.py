@@ -31,9 +31,9 @@ def run(asked: Predict) -> Done:
     """Run a fitted model, or its compensator, over a file; write the result beside the fit.
 
     Error figures are over every row of the file that has both readings. `flagged` counts rows beyond
-    the trained inputs (of a step: times), or, for the compensator, estimates whose status is not OK. Of the
-    compensator's band, `held_out` is the part of the fit's held-out rows that value +- 1.645 deviations
-    hold, and `here` that of this file's; None where it is not known.
+    the trained inputs (of a step: times), or, for the compensator, estimates whose status is not OK, known
+    rows aside. Of the compensator's band, `held_out` is the part of the fit's held-out rows that value +-
+    1.645 deviations hold, and `here` that of this file's; None where it is not known.
     Beside a step's prediction stands the range that the fitted record leaves open. `steady`: an oscillator
     has run through the force so often that its motion repeats itself.
     """
@@ -69,7 +69,8 @@ def run(asked: Predict) -> Done:
             values, deviation, status, bands[value] = _run_backwards(fitted, record, compared)
             words = [Status(int(s)).name for s in status]
             run_in = run_in_of(status, record)
-            said.append(run_in.sentence(record.time_unit))
+            since = () if record.known is None else ("From the known rows on",)
+            said.append(run_in.sentence(record.time_unit, *since))
         elif motion is not None:
             values = motion.steady(record) if steady else motion.from_rest(record)
             words = _outside(fitted, record)
@@ -89,7 +90,8 @@ def run(asked: Predict) -> Done:
                     f"{int(record.known.sum())} known rows tell the states before the others. They leave"
                     f" open {left} rms of the prediction."
                 )
-        flagged += sum(w != "OK" for w in words)
+        counted = np.ones(len(record), bool) if record.known is None else ~record.known
+        flagged += sum(w != "OK" for w in compress(words, counted))
         driving = fitted.combined(record).input
         more = open_range(fitted, record) if with_range else np.empty((len(record), 0))
         more = more if deviation is None else deviation[:, None]

@@ -126,8 +126,12 @@ def test_predict_begins_in_the_state_that_known_rows_tell(fitted, folder, invers
     assert known.json()["rmse"] == pytest.approx(np.sqrt(np.mean(error**2)))
     assert known.json()["nrmse_percent"] < 3
     assert np.isfinite(numbers(rows, "standard deviation")).all()
+    assert known.json()["flagged"] == sum(row["status"] != "OK" for row in rows[30:])
     if inverse:
-        assert rows[30]["status"] != "RUN_IN"
+        assert rows[0]["status"] != "OK"
+        assert rows[30]["status"] == "OK"
+        assert known.json()["compensator"]["ok_after"] == {"cycles": 0, "time": 0}
+        assert known.json()["notes"][-1].startswith("From the known rows on, ")
     else:
         assert "30 known rows" in " ".join(known.json()["notes"])
 
