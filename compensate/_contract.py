@@ -11,6 +11,7 @@ from jaxtyping import Array, Float, Int
 from numpy.typing import ArrayLike
 
 from hysteresis._drawing import html_of, plot_of
+from hysteresis._model import same_samples
 from hysteresis._precision import in_own_precision, keep_precision
 from hysteresis._quantities import Units, as_units
 from hysteresis._show import one_line, table
@@ -65,6 +66,7 @@ class AbstractStreamed(eqx.Module, Generic[State, Found]):
     @in_own_precision
     def simulate(self, t: ArrayLike | None, y: ArrayLike, state: State | None = None) -> Found:
         """`step` over all samples: arrays of the shape of `y`; `t` may be None without rates."""
+        same_samples(t, y)
         return self.stream(t, jnp.asarray(y, float), self.init() if state is None else state)[1]
 
 

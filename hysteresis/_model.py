@@ -105,6 +105,7 @@ class AbstractModel(eqx.Module, Generic[State, Prepared]):
         starts: tuple[int, ...] = (0,),
     ) -> Float[Array, " samples"]:
         """`evaluate(prepare(t, u, state, starts=starts))`, compiled."""
+        same_samples(t, u)
         if (simulated := getattr(self, "simulated", None)) is not None:
             return simulated(t, u, state, starts)
         evaluate: Any = partial(evaluated, self) if self.traced else self.evaluate
@@ -230,6 +231,13 @@ class AbstractFollowingModel(AbstractModel[State, Prepared]):
         times = None if t is None else jnp.asarray(t, float)[None]
         state, y = self.follow(times, jnp.asarray(u, float)[None], state)
         return state, y[0]
+
+
+def same_samples(t: Any, values: Any) -> None:
+    """Raise `InputError` `length-mismatch` where times are given, but not one for every sample."""
+    if t is not None and np.shape(t)[:1] != np.shape(values)[:1]:
+        said = f"There are times of shape {np.shape(t)} for samples of shape {np.shape(values)}."
+        raise InputError("length-mismatch", said, fix="give one time for every sample.")
 
 
 def needed_time(name: str, time: Any, place: str = "") -> Any:

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
+from compensate import invert
 from hysteresis import (
     Burgers,
     GeneralizedKelvinVoigt,
@@ -232,6 +233,8 @@ def test_largest_stable_step(seed: int):
         (lambda: GeneralizedMaxwell(-1.0, [1.0], [1.0]), "parameter-out-of-bounds"),
         (lambda: GeneralizedMaxwell(1.0, [1.0], [np.nan]), "parameter-out-of-bounds"),
         (lambda: GeneralizedMaxwell(1.0, [1.0], [1.0]).simulate(None, [1.0]), "no-time"),
+        (lambda: StandardLinearSolid(1, 1, 1).simulate([0], [1, 2]), "length-mismatch"),
+        (lambda: invert(StandardLinearSolid(1, 1, 1)).simulate([0], [1, 2]), "length-mismatch"),
     ],
 )
 def test_what_is_refused(make: Any, code: str):
