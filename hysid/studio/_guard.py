@@ -3,11 +3,12 @@
 import hashlib
 import hmac
 import secrets
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 from http import HTTPStatus
 from typing import Any
 from urllib.parse import quote
 
+from starlette.datastructures import MutableHeaders
 from starlette.requests import Request
 
 from .._plots_script import script_rule
@@ -106,13 +107,19 @@ class Guard:
         self._host = host
 
     async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
-        send = _adding_rules(send)
+        async def ruled(message: Any) -> None:
+            if message["type"] == "http.response.start":
+                headers = MutableHeaders(scope=message)
+                for name, value in RULES.items():
+                    headers.setdefault(name, value)
+            await send(message)
+
         try:
             self._check(Request(scope))
         except RequestError as error:
-            await refusal(error)(scope, receive, send)
+            await refusal(error)(scope, receive, ruled)
             return
-        await self._app(scope, receive, send)
+        await self._app(scope, receive, ruled)
 
     def _check(self, request: Request) -> None:
         """Raise `RequestError` for a request from elsewhere, and for one without a session."""
@@ -150,16 +157,3 @@ def no_session() -> RequestError:
 
 def _same(given: str, known: str) -> bool:
     return hmac.compare_digest(given.encode("utf-8", "replace"), known.encode())
-
-
-def _adding_rules(send: Callable[[Any], Awaitable[None]]) -> Callable[[Any], Awaitable[None]]:
-    async def wrapped(message: Any) -> None:
-        if message["type"] == "http.response.start":
-            headers = list(message.get("headers", []))
-            there = {name.lower() for name, _ in headers}
-            new = [(name.encode(), value.encode()) for name, value in RULES.items()]
-            headers += [(name, value) for name, value in new if name not in there]
-            message = message | {"headers": headers}
-        await send(message)
-
-    return wrapped
