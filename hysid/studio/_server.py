@@ -141,14 +141,10 @@ def _folder_of(files: Sequence[Path]) -> Folder:
 
 
 def _listening(port: int) -> socket.socket:
-    found = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-    try:
-        found.bind((ADDRESS, port))
+    try:  # a browser may come before the server has started
+        return socket.create_server((ADDRESS, port), backlog=128)
     except OSError:
-        found.close()
         raise InputError(
             "bad-option", f"Another program uses port {port}.", place=f"--port {port}",
             fix="Choose another one, or --port 0 for any that is free.",
         ) from None  # fmt: skip
-    found.listen(128)  # a browser may come before the server has started
-    return found
