@@ -16,6 +16,7 @@ import identify
 from compensate.export.targets._export_to import TARGETS
 from hysteresis import InputError, Record
 from hysteresis._format import plain
+from hysteresis.records._cells import floats
 from hysteresis.records._loads import kind_of_units
 from identify import load_posterior
 
@@ -260,7 +261,7 @@ def written_rows(file: Path) -> dict[str, Any]:
     with file.open(encoding="utf-8", newline="") as opened:
         header, *table = csv.reader(opened)
     first, at, n = header.index("line"), header.index("status"), len(table)
-    columns = [np.array([_number(row[k]) for row in table]) for k in range(first, at)]
+    columns = [floats([row[k] for row in table]) for k in range(first, at)]
     line, *before, estimated = columns
     chosen = peaks((*before, estimated), slice(0, n)) if n else np.zeros(0, int)
     flagged = np.array([row[at] != "OK" for row in table], bool)
@@ -285,13 +286,6 @@ def _loops(
         curve = _curve(name, fit.train, fit.train.output + residual, np.isfinite(residual))
         found.append({key: curve[key] for key in ("word", "rms", "u", "model", "gap")})
     return found
-
-
-def _number(cell: str) -> float:
-    try:
-        return float(cell)
-    except ValueError:
-        return float("nan")
 
 
 def _stale(
