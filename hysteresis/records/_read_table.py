@@ -17,13 +17,11 @@ from ._cells import check_room, floats, long_cell, parsed
 from ._clock_columns import with_clocks
 from ._column_quantity import kind_of
 from ._compiled_rows import CompiledRows, OddRowsError
-from ._dialect import header_of, made_square
-from ._table import Table, TextColumns, followed, with_column
+from ._table import Table, TextColumns, followed, headless, with_column
 from ._units import are_units, bare_unit, named_unit, spelled
 from .importers._binary import binary
-from .importers._encoding import decode
-from .importers._file import fault, file_bytes, mapped
-from .importers._json_lines import json_lines
+from .importers._file import decode, fault, file_bytes, mapped
+from .importers._json_lines import MOST_COLUMNS, json_lines
 from .importers._labview import labview
 from .importers._notes import clock_in, noted_units, units_behind_blanks, without_settings
 from .importers._sheet import Layout, Sheet, feet_left_out, feet_of, trimmed
@@ -202,13 +200,49 @@ def _rows(
     return rows, line
 
 
+def _header(path: Path, cells: list[str]) -> list[str]:
+    """The names of the columns. Raises `duplicate-column`, or `no-header` where they are numbers."""
+    names = [" ".join(c.split()) if "\n" in c else c.strip() for c in trimmed(cells)]
+    if len(names) > MOST_COLUMNS:
+        problem = f"The header has {len(names):,} columns, and the limit is {MOST_COLUMNS:,}."
+        mend = "write one row for each moment, not one column, or leave columns out."
+        raise InputError("too-many-columns", problem, place=str(path), fix=mend)
+    names = [name or f"column {k}" for k, name in enumerate(names, 1)]
+    for k, name in enumerate(names):
+        if (first := names.index(name)) < k:
+            problem = f"Column {name!r} is there twice, as column {first + 1} and {k + 1}."
+            cause, code, fix = headless(names), "duplicate-column", "rename one."
+            if cause:
+                code, fix = "no-header", "write a line above it that names each column."
+            raise InputError(code, problem, place=str(path), cause=cause, fix=fix)
+    return names
+
+
+def _make_square(path: Path, rows: list[list[str]], line: np.ndarray, width: int, sep: str) -> None:
+    """Make every row `width` cells long by dropping empty cells at its end, or name the line."""
+    lengths = np.fromiter(map(len, rows), int, len(rows))
+    for k in np.flatnonzero(lengths != width):
+        row = rows[k]
+        if lengths[k] > width and not any(c.strip() for c in row[width:]):
+            del row[width:]
+            continue
+        problem = f"{lengths[k]} cells, the header has {width}."
+        cause = f"a line cut short, another separator than {sep!r}, a stray one, or an open quote."
+        code, fix = "ragged-line", "mend that line, or start it with # to leave it out."
+        longer = sum(len(trimmed(r)) > width for r in rows)
+        if sep == "," and (lengths[k] == 2 * width or 2 * longer > len(rows)):
+            code, cause = "decimal-comma", "numbers written with a decimal comma."
+            fix = 'separate the cells by ";" and give decimal="," (--decimal ,).'
+        raise InputError(code, problem, place=f"{path}, line {line[k]}", cause=cause, fix=fix)
+
+
 def _plain(asked: _Asked, numbered: Sequence[tuple[int, str]]) -> Sheet:
     """The columns of a text of a header, perhaps a row of units, and rows that are all as long."""
     path, decimal, separator, units_row, *_ = asked
     notes: list[Note] = []
     sep = separator or splitter([s for _, s in numbered[:30]])[0] or ","
     rows, line = _rows(path, numbered, sep)
-    header = header_of(path, rows[0])
+    header = _header(path, rows[0])
     units, body, at = {}, rows[1:], (line[1:2] or [2])[0]
     if units_row and units_row != at:
         problem = f"Line {units_row} is not the row under the header."
@@ -234,7 +268,7 @@ def _plain(asked: _Asked, numbered: Sequence[tuple[int, str]]) -> Sheet:
     if not body:
         raise fault("no-rows", path, "a header and no rows.")
     line = np.array(line[1:])
-    made_square(path, body, line, len(header), sep)
+    _make_square(path, body, line, len(header), sep)
     columns = dict(zip(header, zip(*body, strict=True), strict=False))
     layout = None if blank or feet else Layout(sep, plain=True)
     return Sheet(columns, line, units, tuple(notes), decimal, layout)

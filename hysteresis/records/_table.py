@@ -1,7 +1,7 @@
 """Table: the columns of a file as numbers and as text, before any of them is an input or an output."""
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 
@@ -12,7 +12,6 @@ from .._note import Note
 from ._abstract_record import AbstractRecord
 from ._cells import LARGEST, LONG_CELL, floats, missing, parsed
 from ._compiled_rows import CompiledRows
-from ._dialect import headless
 
 _OVERLOAD = ("OVLD", "OVER", "OVERLOAD", "OVF", "OL", "SAT", "CLIP")
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}([,.' ]\d{3})+([.,]\d+)?")
@@ -184,3 +183,9 @@ def column_of(table: "Table | AbstractRecord", name: str) -> np.ndarray:
         cause=cause,
         fix="give the exact header, with its unit (--input, --output, --time, --group, --each).",
     )
+
+
+def headless(names: Sequence[str]) -> str:
+    """What is said where the names of all columns are numbers; "" where they are not."""
+    numeric = bool(names) and not np.isnan(floats(names)).any()
+    return "the file has no header: its first line is numbers." if numeric else ""
