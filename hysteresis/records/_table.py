@@ -1,9 +1,11 @@
 """Table: the columns of a file as numbers and as text, before any of them is an input or an output."""
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections import UserDict
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
+from typing import Any
 
 import numpy as np
 
@@ -103,25 +105,17 @@ class Table:
         raise InputError(code, problem, place=place, cause=cause, fix=fix)
 
 
-class TextColumns(Mapping[str, np.ndarray]):
+class TextColumns(UserDict[str, Any]):
     """Columns of text that are made when they are asked for, and not kept.
 
     - `names`: of the columns; `make`: gives (n,) str for one of them.
     """
 
     def __init__(self, names: Iterable[str], make: Callable[[str], np.ndarray]):
-        self._names, self._make = dict.fromkeys(names), make
+        super().__init__(dict.fromkeys(names, make))
 
     def __getitem__(self, name: str) -> np.ndarray:
-        if name not in self._names:
-            raise KeyError(name)
-        return self._make(name)
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._names)
-
-    def __len__(self) -> int:
-        return len(self._names)
+        return self.data[name](name)
 
 
 def with_column(table: Table, name: str, values: np.ndarray, unit: str | None = None) -> Table:
