@@ -26,8 +26,8 @@ export class DataPanel {
       sameLines(look.equivalents.data),
     );
     // The plots first: what is wrong with the rows is told when all of them are read.
-    const drawn = plots.hidden ? Promise.resolve() : this.fetch().catch((error) => this.refused(error, this.notice));
-    if (!open) drawn.then(() => this.judge());
+    const drawn = plots.hidden ? Promise.resolve() : this.fetch();
+    if (!open) drawn.then(() => this.attempt(() => this.judge()));
     else fill(this.warnings);
   }
 
@@ -38,16 +38,21 @@ export class DataPanel {
       h("p", {}, "Give one column the role “input” and one the role “output”, and hysid looks for the rest."), fault?.fix && h("p", { class: "soft" }, fault.fix));
   }
 
-  refused(error, at = this.refusal) {
-    if (error.name === "AbortError") return;
-    this.both?.setAttribute("aria-busy", "false");
-    fill(at, faultOf(error));
+  /** Do what the studio may refuse, and tell it then. */
+  async attempt(does, at = this.refusal) {
+    try {
+      await does();
+    } catch (error) {
+      if (error.name === "AbortError") return;
+      this.both?.setAttribute("aria-busy", "false");
+      fill(at, faultOf(error));
+    }
   }
 
   makePlots() {
     const timeAt = h("div"), loopAt = h("div");
     this.time = new TimePlot(timeAt, {
-      ask: () => this.fetch().catch((error) => this.refused(error, this.notice)),
+      ask: () => this.fetch(),
       brushed: (low, high) => this.choose({ low, high, box: null }),
       hovered: (at) => this.loops.point(at),
     });
@@ -75,7 +80,11 @@ export class DataPanel {
     return { low: view[0], high: view[1] };
   }
 
-  async fetch() {
+  fetch() {
+    return this.attempt(() => this.read(), this.notice);
+  }
+
+  async read() {
     this.query.abort?.abort();
     const abort = this.query.abort = new AbortController();
     this.both.setAttribute("aria-busy", "true");
@@ -95,21 +104,17 @@ export class DataPanel {
     this.time.element.setAttribute("aria-label", `${said} over ${x}. Arrow keys move the view, plus and minus zoom, 0 shows all.`);
     this.loops.element.setAttribute("role", "img");
     this.loops.element.setAttribute("aria-label", `Loops: ${about.names.y} against ${about.names.u}.`);
-    if (!about.whole) setTimeout(() => { if (this.element.isConnected) this.fetch().catch((error) => this.refused(error, this.notice)); }, 700);
+    if (!about.whole) setTimeout(() => this.element.isConnected && this.fetch(), 700);
   }
 
   choose(part, ask = false) {
     const clear = () => { this.time.clear(); this.loops.clear(); fill(this.bar); };
     if (part.box === null) this.loops.clear();
-    const act = async (action) => {
-      try {
-        clear();
-        this.changed(await post("api/brush", { name: this.name, action, ...part }));
-        say("The configuration was changed.");
-      } catch (error) {
-        this.refused(error, this.notice);
-      }
-    };
+    const act = (action) => this.attempt(async () => {
+      clear();
+      this.changed(await post("api/brush", { name: this.name, action, ...part }));
+      say("The configuration was changed.");
+    }, this.notice);
     const button = (text, does) => h("button", { type: "button", class: "small", onclick: does }, text);
     const edge = (which, text) => h("label", { class: "field" }, text, h("input", { type: "number", step: "any", value: String(Number(part[which].toPrecision(7))),
       onchange: (event) => { part[which] = Number(event.target.value); this.time.mark(part.low, part.high); } }));
@@ -129,32 +134,23 @@ export class DataPanel {
   }
 
   async judge() {
-    const serial = this.query.serial += 1;
-    try {
-      const found = await getJson("api/judged", { name: this.name });
-      if (serial !== this.query.serial) return;
-      const items = found.warnings.map((warning) => h("li", {}, warning.text,
-        warning.lines.length > 0 && h("button", { type: "button", class: "quiet small", onclick: () => this.showLines(warning.lines) }, "Show these rows")));
-      fill(this.warnings, found.fault && !this.look.fault ? faultBox(found.fault) : "",
-        items.length ? h("ul", { class: "warnings", "aria-label": "Warnings" }, items) : "",
-        found.records.length ? h("details", { class: "same" }, h("summary", {}, "The record in words"),
-          found.records.slice(0, 20).map((record) => h("pre", { tabIndex: 0, role: "region", "aria-label": "The record in words" }, record.text))) : "");
-    } catch (error) {
-      this.refused(error);
-    }
+    const serial = this.query.serial += 1, found = await getJson("api/judged", { name: this.name });
+    if (serial !== this.query.serial) return;
+    const items = found.warnings.map((warning) => h("li", {}, warning.text,
+      warning.lines.length > 0 && h("button", { type: "button", class: "quiet small", onclick: () => this.attempt(() => this.showLines(warning.lines), this.notice) }, "Show these rows")));
+    fill(this.warnings, found.fault && !this.look.fault ? faultBox(found.fault) : "",
+      items.length ? h("ul", { class: "warnings", "aria-label": "Warnings" }, items) : "",
+      found.records.length ? h("details", { class: "same" }, h("summary", {}, "The record in words"),
+        found.records.slice(0, 20).map((record) => h("pre", { tabIndex: 0, role: "region", "aria-label": "The record in words" }, record.text))) : "");
   }
 
   async showLines(lines) {
     const ends = lines.flatMap((range) => range.split("-").map(Number));
-    try {
-      const found = await getJson("api/lines", { name: this.name, first: Math.min(...ends), last: Math.max(...ends) });
-      const room = 0.1 * (found.high - found.low) || 1;
-      this.time.to(found.low - room, found.high + room);
-      this.time.mark(found.low, found.high);
-      this.time.element.focus();
-    } catch (error) {
-      this.refused(error, this.notice);
-    }
+    const found = await getJson("api/lines", { name: this.name, first: Math.min(...ends), last: Math.max(...ends) });
+    const room = 0.1 * (found.high - found.low) || 1;
+    this.time.to(found.low - room, found.high + room);
+    this.time.mark(found.low, found.high);
+    this.time.element.focus();
   }
 
   heldOut() {
@@ -196,7 +192,7 @@ export class DataPanel {
         h("thead", {}, h("tr", {}, ["Column", "Role", "Unit", "Why"].map((text) => h("th", { scope: "col" }, text)))), h("tbody", {}, rows))),
       h("div", { class: "row" },
         typeof selection.input === "string" && selection.output && h("button", { type: "button", class: "small", onclick: () => this.swap() }, "Exchange input and output"),
-        h("button", { type: "button", class: "small", onclick: () => this.again() }, "Guess again")),
+        h("button", { type: "button", class: "small", onclick: () => this.attempt(() => this.again()) }, "Guess again")),
       others.length > 0 && h("ul", { class: "why" }, others.map((one) => h("li", {}, `${one.what}: ${one.value} (${one.sure}: ${one.why})`))),
       settingFields(this.settings, "selection", selection, (changes) => this.set({ selection: changes }), this.look.asks));
   }
@@ -229,27 +225,17 @@ export class DataPanel {
   /** Change the configuration, after the changes before it. A command waits for `pending`. */
   set(changes) {
     this.waiting = (this.waiting ?? 0) + 1;
-    this.pending = (this.pending ?? Promise.resolve()).then(() => this.write(changes));
+    this.pending = (this.pending ?? Promise.resolve()).then(() => this.attempt(() => this.write(changes)));
     return this.pending;
   }
 
   async write(changes) {
-    try {
-      const look = await post("api/change", { name: this.name, ...changes });
-      this.waiting -= 1;
-      if (!this.waiting) this.changed(look); // what is chosen meanwhile stays
-      say("The configuration was changed.");
-    } catch (error) {
-      this.waiting -= 1;
-      this.refused(error);
-    }
+    const look = await post("api/change", { name: this.name, ...changes }).finally(() => { this.waiting -= 1; });
+    if (!this.waiting) this.changed(look); // what is chosen meanwhile stays
+    say("The configuration was changed.");
   }
 
   async again() {
-    try {
-      this.changed(await post("api/again", { name: this.name }));
-    } catch (error) {
-      this.refused(error);
-    }
+    this.changed(await post("api/again", { name: this.name }));
   }
 }
