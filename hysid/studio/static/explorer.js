@@ -1,22 +1,12 @@
 // A record in a notebook: the plots of plots.js, with rows from Python and the chosen ones sent back.
-import { columnsOf, LoopPlot, loopCurves, TimePlot } from "./plots.js";
+import { columnsOf, h, LoopPlot, loopCurves, TimePlot } from "./plots.js";
 
 function render({ model, el }) {
-  const make = (tag, words = "", text = "") => {
-    const element = document.createElement(tag);
-    element.className = words;
-    element.textContent = text;
-    return element;
-  };
-  const root = make("div", "hysid-explorer"), plots = make("div", "plots"), timeAt = make("div"), loopAt = make("div");
-  const said = make("p", "said"), bar = make("div", "bar");
-  const forget = make("button", "", "Choose none"), all = make("button", "", "Show all");
-  plots.append(timeAt, loopAt);
-  bar.append(said, all, forget);
-  root.append(plots, bar);
-  el.append(root);
-  let box = null;
-  const ask = () => model.send({ view: time.view, box });
+  const timeAt = h("div"), loopAt = h("div", { role: "img" }), said = h("p", { class: "said" });
+  const all = h("button", { onclick: () => time.all() }, "Show all");
+  const forget = h("button", { onclick: () => { time.clear(); loops.clear(); choose([]); } }, "Choose none");
+  el.append(h("div", { class: "hysid-explorer" }, h("div", { class: "plots" }, timeAt, loopAt), h("div", { class: "bar" }, said, all, forget)));
+  const ask = () => model.send({ view: time.view });
   const choose = (chosen) => {
     model.set("chosen", chosen);
     model.save_changes();
@@ -26,8 +16,6 @@ function render({ model, el }) {
     brushed: (low, high) => { loops.clear(); choose([low, high, null]); },
   });
   const loops = new LoopPlot(loopAt, { brushed: (edges) => { time.clear(); choose([...(time.view ?? [null, null]), edges]); } });
-  all.addEventListener("click", () => time.all());
-  forget.addEventListener("click", () => { time.clear(); loops.clear(); choose([]); });
   const tell = () => { said.textContent = model.get("said"); };
   const show = (about, buffers) => {
     const view = buffers[0];
@@ -36,7 +24,6 @@ function render({ model, el }) {
     time.show(rows, about.names, true);
     loops.show(loopCurves(ofLoops, about.joined), about.names.u, about.names.y);
     timeAt.setAttribute("aria-label", `${about.names.u} and ${about.names.y} over ${about.names.x}. Arrow keys move the view, plus and minus zoom, 0 shows all.`);
-    loopAt.setAttribute("role", "img");
     loopAt.setAttribute("aria-label", `Loops: ${about.names.y} against ${about.names.u}.`);
   };
   model.on("change:said", tell);

@@ -1,17 +1,7 @@
 // Elements, requests and numbers, as every part of the page needs them.
+import { h } from "./plots.js";
 
-/** An element with attributes and children; text is always text, whatever a file may hold. */
-export function h(tag, attributes = {}, ...children) {
-  const element = document.createElement(tag);
-  for (const [name, value] of Object.entries(attributes)) {
-    if (value === undefined || value === null || value === false) continue;
-    if (name.startsWith("on")) element.addEventListener(name.slice(2), value);
-    else if (name in element && typeof value !== "string") element[name] = value;
-    else element.setAttribute(name, value === true ? "" : value);
-  }
-  element.append(...children.flat(3).filter((child) => child !== null && child !== undefined && child !== false));
-  return element;
-}
+export { h };
 
 /** Put children into an element in place of what was there; what is not there is left out. The focus stays, and
     what was unfolded. */

@@ -2,6 +2,19 @@
 
 const USED = 0, EXCLUDED = 1, HELD_OUT = 2, GAP = 8;
 
+/** An element with attributes and children; text is always text, whatever a file may hold. */
+export function h(tag, attributes = {}, ...children) {
+  const element = document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) {
+    if (value === undefined || value === null || value === false) continue;
+    if (name.startsWith("on")) element.addEventListener(name.slice(2), value);
+    else if (name in element && typeof value !== "string") element[name] = value;
+    else element.setAttribute(name, value === true ? "" : value);
+  }
+  element.append(...children.flat(3).filter((child) => child !== null && child !== undefined && child !== false));
+  return element;
+}
+
 const css = (element, name) => getComputedStyle(element).getPropertyValue(name).trim();
 
 /** A colour, or the one that a custom property has now, as canvas understands it. */
@@ -83,6 +96,10 @@ class Base {
   redraw() {
     this.u?.redraw(false, true);
   }
+
+  clear() {
+    this.u?.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
+  }
 }
 
 /** Input and output over time. `ask(low, high)` gets the rows of a stretch; `brushed(low, high)` what was chosen. */
@@ -103,22 +120,19 @@ export class TimePlot extends Base {
   }
 
   show(rows, names, whole) {
-    this.names = names;
     if (!this.full || whole) this.full = extent(rows.x);
-    this.set(rows);
-  }
-
-  set(rows) {
-    this.rows = rows;
     const { x, u, y, state } = rows, n = x.length;
     const xs = [], us = [], lines = { [USED]: [], [EXCLUDED]: [], [HELD_OUT]: [] };
+    this.points = []; // beside each of xs
     for (let k = 0; k < n; k += 1) {
       if (k && state[k] >= GAP) {
         xs.push(x[k]);
         us.push(null);
         for (const line of Object.values(lines)) line.push(null);
+        this.points.push({ u: u[k], y: y[k] });
       }
       xs.push(x[k]);
+      this.points.push({ u: u[k], y: y[k] });
       us.push(Number.isFinite(u[k]) ? u[k] : null);
       const now = state[k] % GAP, before = k ? state[k - 1] % GAP : now;
       for (const word of [USED, EXCLUDED, HELD_OUT]) {
@@ -127,7 +141,7 @@ export class TimePlot extends Base {
       }
     }
     const data = [xs, us, lines[EXCLUDED], lines[USED], lines[HELD_OUT]];
-    const label = `${this.names.x} ${this.names.u} ${this.names.y}`;
+    const label = `${names.x} ${names.u} ${names.y}`;
     if (this.u && this.label === label) {
       this.u.setData(data, false);
       this.u.setScale("x", { min: this.low, max: this.high });
@@ -141,8 +155,8 @@ export class TimePlot extends Base {
         x: { time: false, range: () => [this.low, this.high] },
         u: { range: (_, low, high) => padded(low, high) }, y: { range: (_, low, high) => padded(low, high) },
       },
-      axes: [axis(e, this.names.x, { size: 34 }), axis(e, this.names.y, { scale: "y" }),
-        axis(e, this.names.u, { scale: "u", side: 1, grid: { show: false }, stroke: () => colour(e, "--input") })],
+      axes: [axis(e, names.x, { size: 34 }), axis(e, names.y, { scale: "y" }),
+        axis(e, names.u, { scale: "u", side: 1, grid: { show: false }, stroke: () => colour(e, "--input") })],
       series: [{}, line("--input", "u", 1), line("--excluded", "y"), line("--measured", "y"), line("--held", "y")],
       cursor: { drag: { x: true, y: false, setScale: false }, points: { show: false }, y: false },
       hooks: {
@@ -150,7 +164,7 @@ export class TimePlot extends Base {
           if (plot.select.width < 3) return;
           this.brushed?.(plot.posToVal(plot.select.left, "x"), plot.posToVal(plot.select.left + plot.select.width, "x"));
         }],
-        setCursor: [(plot) => this.hovered?.(plot.cursor.idx == null ? null : this.nearest(plot.data[0][plot.cursor.idx]))],
+        setCursor: [(plot) => this.hovered?.(this.points[plot.cursor.idx])],
         ready: [(plot) => {
           plot.over.addEventListener("wheel", (event) => {
             event.preventDefault();
@@ -162,17 +176,6 @@ export class TimePlot extends Base {
         }],
       },
     }, data);
-  }
-
-  nearest(x) {
-    const at = this.rows.x;
-    let low = 0, high = at.length - 1;
-    while (low < high) {
-      const middle = (low + high) >> 1;
-      if (at[middle] < x) low = middle + 1;
-      else high = middle;
-    }
-    return { u: this.rows.u[low], y: this.rows.y[low], line: this.rows.line[low] };
   }
 
   get low() { return this.view ? this.view[0] : this.full[0]; }
@@ -205,10 +208,6 @@ export class TimePlot extends Base {
   mark(low, high) {
     const left = this.u.valToPos(low, "x"), right = this.u.valToPos(high, "x");
     this.u.setSelect({ left, top: 0, width: Math.max(right - left, 2), height: this.u.over.clientHeight }, false);
-  }
-
-  clear() {
-    this.u?.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
   }
 }
 
@@ -254,10 +253,8 @@ export class LoopPlot extends Base {
   constructor(element, { brushed = null, key = null, height = 280 } = {}) {
     super(element, height);
     Object.assign(this, { brushed, key, box: null, hidden: new Set() });
-    this.dot = document.createElement("div");
-    this.dot.className = "dot";
-    this.tip = document.createElement("div");
-    this.tip.className = "tip";
+    this.dot = h("div", { class: "dot" });
+    this.tip = h("div", { class: "tip" });
   }
 
   /** `within`: the curves that the axes are to hold, where they are more; `logarithmic` names such axes: "x", "xy". */
@@ -298,15 +295,12 @@ export class LoopPlot extends Base {
   }
 
   button({ name, colour: tone }, again) {
-    const item = document.createElement("li"), button = document.createElement("button");
-    item.style.setProperty("--tone", tone.startsWith("--") ? `var(${tone})` : tone);
-    Object.assign(button, { type: "button", textContent: name, ariaPressed: String(!this.hidden.has(name)) });
-    button.addEventListener("click", () => {
+    const item = h("li", {}, h("button", { type: "button", "aria-pressed": String(!this.hidden.has(name)), onclick: () => {
       if (!this.hidden.delete(name)) this.hidden.add(name);
       again();
       [...this.key.querySelectorAll("button")].find((one) => one.textContent === name).focus();
-    });
-    item.append(button);
+    } }, name));
+    item.style.setProperty("--tone", tone.startsWith("--") ? `var(${tone})` : tone);
     return item;
   }
 
@@ -349,10 +343,6 @@ export class LoopPlot extends Base {
     if (!here) return;
     this.dot.style.left = `${this.u.valToPos(at.u, "x")}px`;
     this.dot.style.top = `${this.u.valToPos(at.y, "y")}px`;
-  }
-
-  clear() {
-    this.u?.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
   }
 }
 
