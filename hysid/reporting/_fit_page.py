@@ -24,10 +24,9 @@ from ..intake._selection_options import FIELDS, HELD_OUT
 from . import _section_creep as _report_step
 from . import _section_motion as _motion
 from ._case import TARGET, Case, Section
-from ._section_channels import channels
 from ._section_diagnostics import believed
 from ._section_fit import baselines, candidates, data, loop_figures, loops, parameters, residuals
-from ._section_model import compensator, density, posterior
+from ._section_model import channels, compensator, density, posterior
 
 TEMPLATE, LIVE = "report.html.j2", "live.js"
 HEADLINES = {
