@@ -1,4 +1,4 @@
-"""Report sections on creep and relaxation: the curve, its spectrum, predictions of later times."""
+"""Report sections on creep, relaxation and moduli: the curve, its spectrum, predictions of later times."""
 
 from collections.abc import Iterator
 
@@ -7,12 +7,12 @@ import numpy as np
 import identify
 from hysteresis import GeneralizedKelvinVoigt
 from identify.results._detail import DiscreteSpectrum
-from identify.spectra._spectrum import Spectrum
+from identify.spectra._superposition import Shifts
 
 from ..figures import _base as f
 from ..figures._format import label, number, pretty, quantity
+from ..figures._survey import clock_of, master_of, pieces_of, shift_factors
 from ..figures._survey import spectrum as drawn
-from . import _section_survey
 from ._case import Case, Section, Table
 
 LATER = (1.5, 3.0, 10.0, 30.0, 100.0)
@@ -25,8 +25,8 @@ WORDS = {"creep": "Creep", "relaxation": "Relaxation"}
 def curve(case: Case) -> Section:
     """The measured answer, the model and its range, over linear and logarithmic time."""
     if identify.internal.is_survey(case.fit.train):
-        return _section_survey.curve(case)
-    found, step = spectrum_of(case), step_of(case)
+        return _master_curve(case)
+    found, step = detail_of(case).spectrum, step_of(case)
     drawn = []
     for word, colour, t, y in _records(case):
         # Evenly in log time, so that the first seconds of a day are seen.
@@ -69,7 +69,7 @@ def curve(case: Case) -> Section:
 
 def spectrum(case: Case) -> Section:
     """Strengths over time constants, and what other orders would have given."""
-    found, model, unit = spectrum_of(case), case.fit.model, case.fit.train.time_unit
+    found, model, unit = detail_of(case).spectrum, case.fit.model, case.fit.train.time_unit
     unit = "s" if identify.internal.is_moduli(case.fit.train) else unit
     creep = isinstance(model, GeneralizedKelvinVoigt)
     known = {p.name: p for p in case.fit.parameters}
@@ -118,8 +118,8 @@ def spectrum(case: Case) -> Section:
 def residuals(case: Case) -> Section:
     """Residuals relative to the output, over logarithmic time."""
     if identify.internal.is_survey(case.fit.train):
-        return _section_survey.residuals(case)
-    found, step = spectrum_of(case), step_of(case)
+        return _master_residuals(case)
+    found, step = detail_of(case).spectrum, step_of(case)
     curves = []
     for word, colour, t, y in _records(case):
         relative = 100 * (step * found.predict(t).value / y - 1)
@@ -142,7 +142,7 @@ def residuals(case: Case) -> Section:
 
 def in_words(case: Case) -> str:
     """The model in a sentence."""
-    found, model = spectrum_of(case), case.fit.model
+    found, model = detail_of(case).spectrum, case.fit.model
     count = f"{found.order} time constant{'s' if found.order != 1 else ''}"
     names = {p.name for p in case.fit.parameters if p.value}
     if isinstance(model, GeneralizedKelvinVoigt):
@@ -156,7 +156,7 @@ def in_words(case: Case) -> str:
 
 def facts(case: Case) -> list[tuple[str, str]]:
     """The figures under the verdict, besides the errors."""
-    found = spectrum_of(case)
+    found = detail_of(case).spectrum
     decades = np.log10(found.span / found.step)
     return [
         ("time constants", f"{found.order}"),
@@ -170,13 +170,12 @@ def title(case: Case) -> str:
     if identify.internal.is_moduli(case.fit.train):
         return f"{case.output} over frequency"
     step = quantity(step_of(case), case.units[0])
-    return f"{WORDS[spectrum_of(case).kind]} of {case.output} under {step}"
+    return f"{WORDS[detail_of(case).spectrum.kind]} of {case.output} under {step}"
 
 
-def spectrum_of(case: Case) -> Spectrum:
-    detail = case.fit.detail
-    assert isinstance(detail, DiscreteSpectrum)
-    return detail.spectrum
+def detail_of(case: Case) -> DiscreteSpectrum:
+    assert isinstance(case.fit.detail, DiscreteSpectrum)
+    return case.fit.detail
 
 
 def step_of(case: Case) -> float:
@@ -192,3 +191,54 @@ def _records(case: Case) -> Iterator[tuple[str, str, np.ndarray, np.ndarray]]:
             rows = record.mask & np.isfinite(record.output)
             assert record.time is not None
             yield word, colour, record.time[rows], record.output[rows]
+
+
+def _master_curve(case: Case) -> Section:
+    """The master curve with its pieces; with temperatures the shifts, their law and what is left over."""
+    shifts = detail_of(case).shifts
+    moduli = identify.internal.is_moduli(case.fit.train)
+    section = Section("Moduli" if moduli else "Master curve")
+    caption = "Measured rows, and lines of the spectrum."
+    if shifts is not None:
+        caption += " Every temperature is shifted along the axis by its factor."
+    section.draw(master_of(case.fit), f"{case.output}: measured rows and the spectrum", caption)
+    if shifts is not None:
+        _shifts(section, shifts)
+    return section
+
+
+def _shifts(section: Section, shifts: Shifts) -> None:
+    names = ("C1", "C2 in K") if shifts.law == "WLF" else ("activation energy in kJ/mol",)
+    told = ", ".join(f"{n} {number(x)}" for n, x in zip(names, shifts.constants, strict=True))
+    caption = (
+        f"Shift factors with standard errors. {shifts.law}: {told}, from {number(shifts.reference)} °C."
+        f" The factors lie {number(shifts.law_error)} decades rms from it."
+    )
+    section.draw(shift_factors(shifts), "Shift factors over temperature", caption)
+    columns = shifts.temperature, shifts.log_a, shifts.error, shifts.left, shifts.alone
+    rows = [
+        (number(T), number(a), number(e), quantity(100 * left, "%"), quantity(100 * alone, "%"))
+        for T, a, e, left, alone in zip(*columns, strict=True)
+    ]
+    said = "Shift factors, and what the spectrum of all temperatures leaves beside one of each."
+    heads = ("Temperature, °C", "log10 a", "Standard error", "Left over",
+             "By a spectrum of its own")  # fmt: skip
+    section.tables.append(Table(said, heads, rows))
+
+
+def _master_residuals(case: Case) -> Section:
+    """Residuals in per cent of the reading over the reduced clock."""
+    colours = {"storage": f.BLUE, "loss": f.VERMILLION}
+    curves: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
+    for piece, residual in pieces_of(case.fit):
+        curves.setdefault(piece.part, []).append((np.log10(piece.x), 100 * residual))
+    drawn = []
+    for part, parts in curves.items():
+        x, y = (np.concatenate(one) for one in zip(*parts, strict=True))
+        drawn.append(f.Curve(part, x, y, colours.get(part, f.BLUE), "dots"))
+    x_label, y_label = f"log10 of {clock_of(case.fit)}", "residual / size of the modulus (%)"
+    figure = f.chart(drawn, x_label, y_label, zero=True)
+    section = Section("Residuals")
+    caption = "Pieces that lie beside each other are not described by one spectrum."
+    section.draw(figure, "Relative residuals", caption)
+    return section
