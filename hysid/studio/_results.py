@@ -3,25 +3,28 @@
 import csv
 import hashlib
 import inspect
+import math
 import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
+import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 
 import identify
 from compensate.export.targets._export_to import TARGETS
-from hysteresis import InputError, Record
+from hysteresis import AbstractModel, InputError, Record, parameters
 from hysteresis._format import plain
+from hysteresis._parameter import ParameterInfo, parameter_at
 from hysteresis.records._cells import floats
 from hysteresis.records._loads import kind_of_units
 from identify import load_posterior
 
 from ..figures._format import axes_of
-from ..figures._sliders import moved, sliders_of
 from ..intake._columns import selection_of_fit
 from ..intake._folders import folders_of
 from ..intake._selection import Selection
@@ -124,6 +127,67 @@ def _slower(record: Record, by: float) -> Record:
     if record.time is None or by == 1.0:
         return record
     return replace(record, time=record.time[0] + (record.time - record.time[0]) / by)
+
+
+MOST = 12
+"""Sliders, at most."""
+NEAR = 1e-3
+"""How near to a bound a slider goes, as a part of the distance between both bounds."""
+
+
+class Slider(NamedTuple):
+    """A parameter with its value and its meaning, and the ends of its slider: `logarithmic` where it is
+    positive."""
+
+    name: str
+    value: float
+    unit: str
+    low: float
+    high: float
+    logarithmic: bool
+    meaning: str = ""
+
+
+def sliders_of(fit: identify.FitResult) -> list[Slider]:
+    """A slider for each scalar parameter of a fit's model that is not fixed, at most `MOST`; none for those
+    of a composition's parts, which mean little one by one.
+
+    It spans a factor of ten to either side of a positive value, else twice its size, and never leaves the
+    parameter's bounds.
+    """
+    train = fit.train
+    try:
+        units = fit.model.unit_words(train.input_unit, train.output_unit, train.time_unit)
+        return [
+            Slider(name, value, info.in_units(units), *_ends(info, value), info.meaning)
+            for name, info, array in parameters(fit.model)
+            if array is not None and array.ndim == 0 and not info.fixed and "." not in name
+            for value in (float(array),)
+        ][:MOST]
+    except (ValueError, TypeError, NotImplementedError):  # a model of a user's own
+        return []
+
+
+def moved(model: AbstractModel, values: Mapping[str, float]) -> AbstractModel:
+    """The model with some scalar parameters at other values; it is as it was where none differs."""
+    new = model
+    for name, value in values.items():
+        old = parameter_at(model, name)
+        if value != float(old):
+            # A default binds the name of this round.
+            new = eqx.tree_at(
+                lambda m, name=name: parameter_at(m, name), new, jnp.asarray(value, old.dtype)
+            )
+    return new
+
+
+def _ends(info: ParameterInfo, value: float) -> tuple[float, float, bool]:
+    low, high = info.bounds
+    inside = NEAR * (high - low) if math.isfinite(high - low) else 0.0  # a bound itself is no value
+    positive, size = value > 0 and low >= 0, 2 * abs(value) or 1.0
+    least, most = (value / 10, value * 10) if positive else (value - size, value + size)
+    least, most = max(least, low + inside), min(most, high - inside)
+    return min(least, value), max(most, value), positive
 
 
 BINS = 24
