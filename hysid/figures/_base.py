@@ -5,6 +5,7 @@ Colours are Okabe and Ito's, which the colour-blind can tell apart.
 
 import base64
 import io
+import math
 import warnings
 from collections.abc import Callable, Sequence
 from functools import wraps
@@ -12,10 +13,13 @@ from typing import Any, Literal, NamedTuple, TypeVar
 
 import matplotlib
 import numpy as np
-from matplotlib.colors import ListedColormap, to_rgb
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import ListedColormap, to_hex, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.path import Path
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+
+from hysteresis._escape import visible
 
 from ._format import power_of_ten
 
@@ -23,6 +27,8 @@ BLUE, GREEN, VERMILLION, ORANGE, SKY = "#0072B2", "#009E73", "#D55E00", "#E69F00
 GREY, DIM, INK, EDGE = "#8c8c8c", "#b5b5b5", "#222222", "#666666"
 MOST = 4000
 """Points of a curve, at most."""
+PIXELS = 96 / 72
+"""Of a point."""
 
 STYLE: dict[str, Any] = {
     "font.family": "sans-serif",
@@ -79,6 +85,58 @@ def png(figure: Figure) -> tuple[str, int, int]:
     # A palette is a third of the size, and a chart has few colours.
     image.quantize(128, dither=Image.Dither.NONE).save(packed, "png", optimize=True)
     return base64.b64encode(packed.getvalue()).decode(), image.width // 2, image.height // 2
+
+
+def live(figure: Figure) -> dict[str, Any] | None:
+    """Curves, labels and limits of a figure, by which `plots.js` draws it again where scripts run.
+
+    None where it is more than lines and ranges over two axes.
+    """
+    axes = figure.axes[0]
+    ranges = [part for part in axes.collections if isinstance(part, PolyCollection)]
+    others = [*axes.patches, *axes.images, *axes.texts, *figure.axes[1:], *axes.child_axes]
+    if others or not axes.lines or len(ranges) < len(axes.collections):
+        return None
+    scales = {"x": axes.get_xscale(), "y": axes.get_yscale()}
+    limits = {"x": np.array(axes.get_xlim()), "y": np.array(axes.get_ylim())}
+    curves = []
+    for part in ranges:
+        colour: Any = part.get_facecolor()
+        look = {"colour": to_hex(colour[0], keep_alpha=True), "filled": True}
+        curves.append((part, np.asarray(part.get_paths()[0].vertices), look))
+    for line in axes.lines:
+        points = np.array(line.get_xydata(), float)
+        for k, name in enumerate("xy"):  # a mark from end to end of an axis is told in shares of it
+            if line.get_transform().contains_branch_seperately(axes.transData)[k]:
+                continue
+            points[:, k] = limits[name][0] + points[:, k] * np.ptp(limits[name])
+        dots = line.get_linestyle() == "None"
+        size = float(line.get_markersize() if dots else line.get_linewidth())
+        look = {"colour": to_hex(line.get_color()), "width": size * PIXELS, "dots": dots}
+        if line.get_linestyle() in ("--", ":", "-."):
+            look["dash"] = [5, 3] if line.get_linestyle() == "--" else [2, 3]
+        curves.append((line, points, look))
+    return {
+        "x": visible(axes.get_xlabel()), "y": visible(axes.get_ylabel()),
+        "logarithmic": "".join(name for name, scale in scales.items() if scale == "log"),
+        "limits": {name: ends.tolist() for name, ends in limits.items()},
+        "curves": [
+            {"name": "" if name.startswith("_") else visible(name), **_numbers(points), **look}
+            for part, points, look in curves
+            for name in (str(part.get_label()),)
+        ],
+    }  # fmt: skip
+
+
+def _numbers(points: np.ndarray) -> dict[str, list[float | None]]:
+    """Columns with as many digits as a far zoom shows."""
+    found = {}
+    for name, column in zip("xy", points.T, strict=True):
+        known = column[np.isfinite(column)]
+        most, span = np.abs(known).max(initial=0), float(np.ptp(known)) if len(known) else 0.0
+        digits = 5 + (max(math.ceil(math.log10(most / span)), 0) if span else 12)
+        found[name] = [float(f"{x:.{digits}g}") if np.isfinite(x) else None for x in column]
+    return found
 
 
 class Curve(NamedTuple):
@@ -174,10 +232,8 @@ def chart(
             axes.plot(x, y, lw=width, ls=style, color=colour, label=label)
     logarithmic(axes, log)
     if diagonal:
-        ends = [
-            min(axes.get_xlim()[0], axes.get_ylim()[0]),
-            max(axes.get_xlim()[1], axes.get_ylim()[1]),
-        ]
+        low, high = zip(axes.get_xlim(), axes.get_ylim(), strict=True)
+        ends = min(low), max(high)
         axes.plot(ends, ends, color=EDGE, lw=0.8, ls="--", label="exact")
     if limits is not None:
         axes.set_xlim(*widened(limits[0]))

@@ -15,9 +15,8 @@ from hysteresis import InputError, Record
 from identify.internal import predict
 
 from .._invert import exported
-from ..figures._base import png
+from ..figures._base import live, png
 from ..figures._format import label_of, name_of
-from ..figures._live import live
 
 TRIP = 4_000
 """Rows sent through a compensator, at most, twice. The slowest inverses take 0.35 ms a row."""
