@@ -30,14 +30,13 @@ def residual_correlation(found: Whiteness) -> Figure:
         >>> len(figure.axes)
         3
     """
-    charts = [("rows before", "autocorrelation", found.itself)]
-    charts.append(("rows before", "with the input", found.input))
+    charts = {"autocorrelation": found.itself, "with the input": found.input}
     if found.speed is not None:
-        charts.append(("rows before", "with the input's speed", found.speed))
+        charts["with the input's speed"] = found.speed
     figure = Figure(figsize=(WIDE, 2.9), layout="constrained")
     grid = figure.subplots(1, len(charts), sharey=True, squeeze=False)[0]
-    most = max(np.abs(c.values).max() for _, _, c in charts)
-    for axes, (x_label, title, c) in zip(grid, charts, strict=True):
+    most = max(np.abs(c.values).max() for c in charts.values())
+    for axes, (title, c) in zip(grid, charts.items(), strict=True):
         axes.axhspan(-c.band, c.band, color=SKY, alpha=0.35, lw=0, label="99 % band of one lag")
         for side in (-1, 1):
             name = "99 % band of all lags" if side > 0 else None
@@ -48,7 +47,7 @@ def residual_correlation(found: Whiteness) -> Figure:
         axes.vlines(c.lags[beyond], 0, c.values[beyond], color=VERMILLION, lw=2 if wide else 0.9,
                     label="significant")  # fmt: skip
         axes.axhline(0, color=EDGE, lw=0.8)
-        axes.set(xlabel=x_label, title=title)
+        axes.set(xlabel="rows before", title=title)
         axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
         axes.set_ylim(-1.15 * max(most, c.family), 1.15 * max(most, c.family))
     grid[0].set_ylabel("correlation")

@@ -94,10 +94,9 @@ def residuals(case: Case) -> Section:
         caption += f" The excluded cycle reaches {quantity(left, unit)}, outside the picture."
     section.draw(figure, "Residuals in the order of the rows", caption)
 
-    signs, curves, means = {1: "loading", -1: "unloading"}, [], []
-    branch = rows.branch
-    for (sign, word), colour in zip(signs.items(), (f.ORANGE, f.SKY), strict=True):
-        at = np.flatnonzero((branch == sign) & counted)
+    curves, means = [], []
+    for sign, word, colour in ((1, "loading", f.ORANGE), (-1, "unloading", f.SKY)):
+        at = np.flatnonzero((rows.branch == sign) & counted)
         if not len(at):
             continue
         shown = at[f.thin(f.MOST // 2, rows.residual[at])]

@@ -17,7 +17,8 @@ LINES = 400
 def response(case: Case) -> Section:
     """The best linear approximation, with the levels of noise and of nonlinear distortion."""
     linear = motion_of(case).linear
-    x, y = _frequency(case), label("displacement / force", " / ".join(case.units[::-1]))
+    x = label("frequency", _rate(case))
+    y = label("displacement / force", " / ".join(case.units[::-1]))
     hertz = linear.frequencies
     curves = [f.Curve("measured", hertz, np.abs(linear.response), f.BLUE, "dots")]
     for word, level, colour in (
@@ -73,7 +74,8 @@ def residuals(case: Case) -> Section:
         f.Curve("residuals", at, shown[1], f.VERMILLION),
         f.Curve("noise", at[[0, -1]], np.full(2, fit.noise.sigma), f.GREY, "dashed"),
     ]
-    figure = f.chart(curves, _frequency(case), label("rms per line", case.units[1]), log="y")
+    x_label, y_label = label("frequency", _rate(case)), label("rms per line", case.units[1])
+    figure = f.chart(curves, x_label, y_label, log="y")
     caption = (
         f"chi2 per row of the averaged motion is {number(motion.chi2)}; noise alone leaves 1. Residuals"
         " that rise at the resonance mean that the class of hysteresis is wrong."
@@ -101,10 +103,6 @@ def motion_of(case: Case) -> Motion:
     """The kind of fit that these sections are about."""
     assert isinstance(case.fit.detail, Motion)
     return case.fit.detail
-
-
-def _frequency(case: Case) -> str:
-    return label("frequency", _rate(case))
 
 
 def _rate(case: Case) -> str:
