@@ -1,5 +1,6 @@
 """Fits of many specimens: where they lie, what each says of its parameters, and which stand out."""
 
+import os
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -96,28 +97,19 @@ def places(folders: Sequence[Path]) -> dict[str, Path]:
 
     Raises `InputError` `file-not-found` for a folder that holds none, to the depth of two.
     """
-    found: list[Path] = []
-    named: dict[Path, str] = {}
-    for folder in folders:
-        inside = _inside(folder)
-        found += inside.values()
-        if len(folders) == 1:
-            named = {place: name for name, place in inside.items()}
-    unique = list({place.resolve(): place for place in found}.values())
-    if not named:
-        tops = [place.resolve() for place in unique]
-        above = common(unique)
-        named = dict(zip(unique, (top.relative_to(above).as_posix() for top in tops), strict=True))
-    return {named[place]: place for place in unique}
+    each = [_inside(folder) for folder in folders]
+    unique = {place.resolve(): place for inside in each for place in inside.values()}
+    if len(each) == 1:
+        named = {place.resolve(): name for name, place in each[0].items()}
+    else:
+        above = common([*unique])
+        named = {top: top.relative_to(above).as_posix() for top in unique}
+    return {named[top]: place for top, place in unique.items()}
 
 
 def common(found: Sequence[Path]) -> Path:
     """The folder that holds all of these folders."""
-    parents = [place.resolve().parent for place in found]
-    above = parents[0]
-    while not all(parent.is_relative_to(above) for parent in parents):
-        above = above.parent
-    return above
+    return Path(os.path.commonpath([place.resolve().parent for place in found]))
 
 
 def _natural(file: Path) -> list[tuple[int, str]]:
