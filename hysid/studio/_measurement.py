@@ -12,7 +12,6 @@ import numpy as np
 from hysteresis import InputError, Record, read_table
 from hysteresis.records._excitation import check_identifiable, clipped
 from hysteresis.records._table import Table
-from hysteresis.records._units import written_unit
 
 from ..figures._format import plain_name, pretty
 from ..intake._constant_input import CONSTANT
@@ -196,19 +195,13 @@ class Measurement:
             said = "No row is in the chosen part."
             raise InputError("no-rows", said, fix="Choose a larger part.")
         line = table.line
-        left_out, held = (
-            on_lines(line, selection.exclude_lines),
-            on_lines(line, selection.test_lines),
-        )
+        left_out = on_lines(line, selection.exclude_lines) & ~rows
+        held = on_lines(line, selection.test_lines) & ~rows
         if action == "exclude":
             left_out |= rows
-            held &= ~rows
         elif action == "hold-out":
             held |= rows
-            left_out &= ~rows
-        elif action == "include":
-            left_out, held = left_out & ~rows, held & ~rows
-        else:
+        elif action != "include":
             raise InputError("bad-option", f"There is no action {action!r}.")
         ranges = {"exclude_lines": as_ranges(line, left_out), "test_lines": as_ranges(line, held)}
         if max(map(len, ranges.values())) > MOST_RANGES:
@@ -248,11 +241,7 @@ class Measurement:
         found = Guess()
         table = table_of(self.file, found, given)
         moves = {n for n, c in columns_of(table).items() if np.nanmax(c.x) > np.nanmin(c.x)}
-        found.rows = int(len(table.line) / table.share)
-        found.columns = [
-            {"name": name, "unit": written_unit(name, table.written_units.get(name)) or ""}
-            for name in sorted(table.columns, key=lambda name: name not in moves)
-        ]
+        found.columns.sort(key=lambda one: one["name"] not in moves)
         return asdict(found)
 
     def _guess_key(self) -> Any:

@@ -108,9 +108,9 @@ def guess(file: Path, given: Mapping[str, Any] | None = None) -> Guess:
     if isinstance(inputs := given.get("input"), str | tuple):
         given["input"] = [inputs] if isinstance(inputs, str) else [*inputs]
     found = _guess(file, given)
-    number = 0
-    while found.no_roles and number < MOST_TABLES and "table" not in given:
-        number += 1  # the longest table shows results at times, and another one the samples
+    doubted = found.no_roles and "table" not in given
+    # The longest table shows results at times, and another one the samples.
+    for number in range(1, MOST_TABLES + 1) if doubted else ():
         try:
             other = _guess(file, {**given, "table": number})
         except InputError:
@@ -128,12 +128,7 @@ def _guess(file: Path, given: Mapping[str, Any]) -> Guess:
     out = Guess()
     table = table_of(file, out, given)
     columns = columns_of(table)
-    out.rows = int(len(table.line) / table.share)
-    out.columns = [
-        {"name": name, "unit": written_unit(name, table.written_units.get(name)) or ""}
-        for name in table.columns
-    ]
-    time = _time(table, columns, given, out)
+    time = _time(columns, given, out)
     if in_turn := logged_in_turn(columns):
         columns |= {name: filled(columns[name]) for name in in_turn}
         why = "each has rows of its own; gaps are interpolated linearly to compare them"
@@ -175,7 +170,7 @@ def _guess(file: Path, given: Mapping[str, Any]) -> Guess:
     why += ", as far as the part that was read shows" if table.share < 1 else ""
     said = ", ".join(f"{key} = {value}" for key, value in kept.items())
     out.says("held out", said or "nothing", LIKELY, why)
-    _memory(table, columns, choice, out)
+    _memory(columns, choice, out)
     _check(table, out)
     return out
 
@@ -188,7 +183,7 @@ def _of_spectrum(table: Table, out: Guess) -> Guess:
 
 
 def table_of(file: Path, out: Guess, given: Mapping[str, Any]) -> Table:
-    """The table of a file by the way of reading that it seems to ask for, which is said in `out`."""
+    """The table of a file, read as it seems to ask for; `out` says how, and has its rows and columns."""
     options = {key: given[key] for key in OF_READING if given.get(key)}
     try:
         table = read_table(file, **options, most=HEAD)
@@ -221,6 +216,11 @@ def table_of(file: Path, out: Guess, given: Mapping[str, Any]) -> Table:
         out.says("reading", note, _SURE_OF.get(note.code, SURE), "")
     for what, value, why in notes:
         out.says(what, value, SURE, why)
+    out.rows = int(len(table.line) / table.share)
+    out.columns = [
+        {"name": name, "unit": written_unit(name, table.written_units.get(name)) or ""}
+        for name in table.columns
+    ]
     return table
 
 
@@ -233,9 +233,7 @@ def _head(table: Table, file: Path) -> Table:
     return rows_of(table, np.flatnonzero(table.line <= lines))
 
 
-def _time(
-    table: Table, columns: Mapping[str, Column], given: Mapping[str, Any], out: Guess
-) -> str | None:
+def _time(columns: Mapping[str, Column], given: Mapping[str, Any], out: Guess) -> str | None:
     """The clock: a column named so that rises."""
     for key in ("dt", "time"):
         if given.get(key):
@@ -419,7 +417,7 @@ def _goes_and_stays(record: Record) -> bool:
     return one_way and np.ptp(record.input) > 0 and held(record.input) > STAYS
 
 
-def _memory(table: Table, columns: Mapping[str, Column], choice: Choice, out: Guess) -> None:
+def _memory(columns: Mapping[str, Column], choice: Choice, out: Guess) -> None:
     """First-order reversal curves come down from saturation before they rise."""
     reversal = any({"reversal", "reversals", "umkehr"} & set(words_of(name)) for name in columns)
     if reversal and choice.input is not None and choice.input.kind.name in ("field", "current"):
