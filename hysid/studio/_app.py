@@ -184,10 +184,10 @@ def app_of(studio: Studio, sessions: Sessions) -> Starlette:
     }  # fmt: skip
     routes = [
         Route("/", _page),
-        *(Route(f"/api/{name}", _answer(studio, does)) for name, does in read.items()),
         *(
-            Route(f"/api/{name}", _answer(studio, does), methods=["POST"])
-            for name, does in write.items()
+            Route(f"/api/{name}", _answer(studio, does), methods=[method])
+            for method, known in (("GET", read), ("POST", write))
+            for name, does in known.items()
         ),
         Route("/api/upload", functools.partial(_upload, studio), methods=["POST"]),
         Route("/files/{name:path}", _answer(studio, _file)),

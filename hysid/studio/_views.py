@@ -50,11 +50,8 @@ class Series(NamedTuple):
 
         `box`: least and greatest input, least and greatest output.
         """
-        found = np.ones(len(self.x), bool)
-        if low is not None:
-            found &= self.x >= low
-        if high is not None:
-            found &= self.x <= high
+        first, last = -np.inf if low is None else low, np.inf if high is None else high
+        found = (self.x >= first) & (self.x <= last)
         return found if box is None else found & in_box(self.u, self.y, box)
 
     def take(self, rows: np.ndarray) -> np.ndarray:
@@ -79,7 +76,7 @@ def clock_of(record: Record) -> np.ndarray:
     return record.time
 
 
-def over_time(series: Series, low: float | None = None, high: float | None = None) -> np.ndarray:
+def over_time(series: Series, low: float | None, high: float | None) -> np.ndarray:
     """(5, m) rows of a stretch of time that show each of its peaks."""
     rows = series.rows(low, high)
     return series.take(peaks((series.u, series.y), rows))
@@ -91,10 +88,7 @@ def peaks(columns: tuple[np.ndarray, ...], rows: slice) -> np.ndarray:
 
 
 def of_loops(
-    series: Series,
-    low: float | None = None,
-    high: float | None = None,
-    box: Sequence[float] | None = None,
+    series: Series, low: float | None, high: float | None, box: Sequence[float] | None
 ) -> tuple[np.ndarray, bool]:
     """(5, m) rows of the loops in a stretch of time, and whether they are all, in order, to join by lines.
 
