@@ -1,7 +1,7 @@
 """Scores of column pairs: which quantities, or without names which shapes, make a loop."""
 
 from collections.abc import Mapping
-from itertools import combinations
+from itertools import combinations, permutations
 from typing import NamedTuple
 
 import numpy as np
@@ -81,19 +81,16 @@ def pairs(columns: list[Column], clock: np.ndarray | None = None) -> list[Pair]:
     the `clock` (n,).
     """
     found = []
-    for a in columns:
-        for b in columns:
-            if a is b:
-                continue
-            usual = PAIRS.get((a.kind.name, b.kind.name), 0.0)
-            if a.kind.name == b.kind.name == "field" and a.unit in STRENGTH and b.unit in FLUX:
-                usual = 0.9
-            if usual and not is_scaled(a.x, b.x):
-                follows = abs(rank_correlation(a.x, b.x))
-                sure = a.kind.sure * b.kind.sure * (0.5 if a.kind.commanded else 1.0)
-                sure *= 0.5 if b.kind.commanded else 1.0
-                sure *= _shared(a.x, b.x, clock)
-                found.append(Pair(a, b, usual * sure * (0.4 + 0.6 * follows), follows))
+    for a, b in permutations(columns, 2):
+        usual = PAIRS.get((a.kind.name, b.kind.name), 0.0)
+        if a.kind.name == b.kind.name == "field" and a.unit in STRENGTH and b.unit in FLUX:
+            usual = 0.9
+        if usual and not is_scaled(a.x, b.x):
+            follows = abs(rank_correlation(a.x, b.x))
+            sure = a.kind.sure * b.kind.sure * (0.5 if a.kind.commanded else 1.0)
+            sure *= 0.5 if b.kind.commanded else 1.0
+            sure *= _shared(a.x, b.x, clock)
+            found.append(Pair(a, b, usual * sure * (0.4 + 0.6 * follows), follows))
     return sorted(found, key=lambda pair: -pair.score)
 
 

@@ -169,9 +169,8 @@ def _sampled(table: Table, columns: list[Column], asked: set[str | None]) -> lis
     """
     every, results = columns_of(table).values(), _results(table)
     flow = [c for c in columns if c.kind.name == "rate"]
-    magnet = any(c.kind.name == "field" for c in every) and any(
-        c.kind.name == "moment" for c in columns
-    )
+    field = any(c.kind.name == "field" for c in every)
+    magnet = field and any(c.kind.name == "moment" for c in columns)
     found, spectrum = [], 0
     for c in columns:
         good = np.isfinite(c.x)
@@ -329,10 +328,8 @@ def _step(seen: Seen, columns: list[Column], still: list[Column]) -> Choice:
     others = (c for c in every.values() if c.kind.name in HELD and c.name != output.name)
     once = [c for c in others if _steps_once(c.x)]
     if value is None and kept is None and len(once) == 1:
-        why = {
-            "input": f"it steps to {once[0].x[-1]:g} and stays there",
-            "output": "it goes on changing",
-        }
+        why["input"] = f"it steps to {once[0].x[-1]:g} and stays there"
+        why["output"] = "it goes on changing"
         return Choice(once[0], output, "likely", why, {}, [])
     keys = [*(seen.options.get("group") or ()), seen.options.get("each")]
     named = next((every[k] for k in keys if k in every and every[k].kind.name in HELD), None)
@@ -414,10 +411,8 @@ def _unknown(seen: Seen, columns: list[Column]) -> Choice:
         told = nameless or max(held(a.x), held(b.x)) < STANDS
         if told and (how := theirs or ours):
             a, b = (b, a) if theirs else (a, b)
-            why = {
-                "input": f"{why['input']}; {a.name!r} {how}, so the rig commanded it",
-                "output": "the response to it",
-            }
+            why["input"] += f"; {a.name!r} {how}, so the rig commanded it"
+            why["output"] = "the response to it"
         elif abs(way) >= CROSSED:
             a, b = (b, a) if leads else (a, b)
             why["input"] += "; with this input the output lags"

@@ -118,11 +118,9 @@ WHY = {
 
 
 def _is_sweep(column: Column, there: np.ndarray) -> bool:
-    is_frequency = column.unit in UNITS["frequency"] or {"frequency", "freq", "omega"} & {
-        *words_of(column.name)
-    }
+    named = {"frequency", "freq", "omega"} & {*words_of(column.name)}
     x = column.x[there & np.isfinite(column.x)]
-    if not is_frequency or len(x) < 4 or x.min() <= 0:
+    if not (named or column.unit in UNITS["frequency"]) or len(x) < 4 or x.min() <= 0:
         return False
     return bool(x.max() >= SPAN * x.min() and np.mean(np.diff(x) == 0) <= STANDS)
 
