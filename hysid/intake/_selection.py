@@ -144,16 +144,15 @@ class Selection(SelectionOptions):
         return vars(table)["_records"]
 
     def _records(self, table: Table) -> tuple[dict[str, Pair], dict[str, InputError]]:
-        for condition in self.test_where:
-            parse_condition(condition)(table)  # a column that is not there is said now
+        fulfilling(table, self.test_where)  # a column that is not there is said now
         for lines in (self.test_lines, self.exclude_lines):
             check_lines(lines, table)
-        where = dict(_equality(condition) for condition in self.where)
+        where = dict(map(parse_condition, self.where))
         if self.each is None:
             return {"": self._counted(self._read(table, where))}, {}
         rows = fulfilling(table, self.where)
         if self.each not in table.columns:
-            parse_condition(f"{self.each}=?")(table)  # says what columns there are
+            fulfilling(table, [f"{self.each}=?"])  # says what columns there are
         cells = table.text[self.each][rows]
         if (empty := np.flatnonzero(cells == "")).size:
             raise InputError(
@@ -236,12 +235,6 @@ def all_of(faults: Mapping[str, InputError]) -> InputError:
         problem = f"{value}: {fault.problem} {len(faults) - 1} more have the same fault."
         return InputError(fault.code, problem, place=fault.place, cause=fault.cause, fix=fault.fix)
     return InputError("nothing-fits", f"{value}: {first} {len(faults) - 1} more failed.")
-
-
-def _equality(condition: str) -> tuple[str, list[str]]:
-    parse_condition(condition)  # raises where it is none
-    name, _, values = condition.partition("=")
-    return name.strip(), [value.strip() for value in values.split(",")]
 
 
 def fits_option(name: str, value: Any) -> bool:

@@ -14,7 +14,7 @@ from hysteresis import InputError
 from hysteresis._atomic_file import write_table
 from hysteresis._escape import shell_word
 from hysteresis._show import aligned
-from hysteresis.records._csv import parse_condition
+from hysteresis.records._csv import fulfilling
 from hysteresis.records._table import Table
 from identify.internal import metrics, read_checked
 from identify.results._goodness_of_fit import Metrics
@@ -168,7 +168,7 @@ def _rows(table: Table, selection: Selection, where: Sequence[str]) -> tuple[np.
         if not where and condition.partition("=")[0].strip() not in table.columns:
             notes.append(f"no column for {condition!r}: every row is used.")
             continue
-        used &= parse_condition(condition)(table)
+        used &= fulfilling(table, [condition])
     if not used.any():
         raise InputError("no-rows", f"No row has {' and '.join(where)}.", place=table.path)
     return np.flatnonzero(used), notes

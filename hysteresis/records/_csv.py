@@ -1,7 +1,7 @@
 """Reading a CSV of a test rig; records with a sign turned, a zero moved, or first rows known."""
 
 import re
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from difflib import get_close_matches
 from functools import reduce
@@ -319,32 +319,30 @@ def read_csv(
     return turned(record, turn) if turn else record
 
 
-def parse_condition(text: str) -> Callable[[Table | Record], np.ndarray]:
-    """ "COL=VALUE[,VALUE]" or "COL%2=0" as a function of a table or record: its rows (n,) bool.
-
-    Numbers compare as numbers: `run=4` holds for "4" and 4.0. The function raises `no-column`,
-    and `no-match` where a value occurs nowhere. Raises `bad-condition`.
-    """
+def parse_condition(text: str) -> tuple[str, list[str]]:
+    """Column and values of "COL=VALUE[,VALUE]" or "COL%2=0". Raises `InputError` `bad-condition`."""
     name, equals, right = text.partition("=")
     name, values = name.strip(), [v.strip() for v in right.split(",")]
     if not (name and equals and all(values)):
         mend = "write COL=VALUE[,VALUE] or COL%2=0."
         raise InputError("bad-condition", f"{text!r} is no condition on a column.", fix=mend)
-    stem, _, modulus = name.rpartition("%")
-
-    def rows(table: Table | Record) -> np.ndarray:
-        if stem and modulus.isdigit() and int(modulus) and name not in table.columns:
-            return np.isin(np.mod(floats(column_of(table, stem)), int(modulus)), floats(values))
-        return _matching(table, name, values)
-
-    return rows
+    return name, values
 
 
 def fulfilling(table: Table | Record, conditions: Iterable[str]) -> np.ndarray:
-    """The rows (n,) bool of a table or record that fulfil all conditions; see `parse_condition`."""
+    """The rows (n,) bool of a table or record that fulfil all conditions; see `parse_condition`.
+
+    Numbers compare as numbers: `run=4` holds for "4" and 4.0. Raises `no-column`, and `no-match` where a
+    value occurs nowhere.
+    """
     rows = np.ones(len(table.line), bool)
-    for condition in conditions:
-        rows &= parse_condition(condition)(table)
+    for name, values in map(parse_condition, conditions):
+        stem, _, modulus = name.rpartition("%")
+        if stem and modulus.isdigit() and int(modulus) and name not in table.columns:
+            rest = np.mod(floats(column_of(table, stem)), int(modulus))
+            rows &= np.isin(rest, floats(values))
+        else:
+            rows &= _matching(table, name, values)
     return rows
 
 
