@@ -1,6 +1,7 @@
 """A record on other rows: those of a branch, of an even clock; and what several channels have in common."""
 
 from collections.abc import Collection, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -70,10 +71,8 @@ def _side_by_side(record: Any, loading: np.ndarray, unloading: np.ndarray) -> An
     )
 
 
-def resampled(
-    record: AbstractRecord, dt: float
-) -> tuple[np.ndarray, Note, dict[str, Any], dict[str, np.ndarray]]:
-    """The nearest rows, what is to be noted, the fields on the new clock, and the columns on it."""
+def resampled(record: Any, dt: float) -> Any:
+    """`Record.resample`."""
     if record.time is None or not dt > 0:
         why = "there is no time column" if record.time is None else f"the step is {dt:g}"
         raise InputError("no-time", f"Cannot resample: {why}.", fix="give time= or dt=.")
@@ -95,7 +94,9 @@ def resampled(
     sentence = f"Resampled {len(record)} rows to a step of {quantity(dt, record.time_unit)}."
     said = Note("resampled", sentence)
     changes = {"starts": starts, "input": whole.pop(""), "output": np.concatenate(y)}
-    return np.concatenate(rows), said, changes | {"time": np.concatenate(clock)}, whole
+    changes["time"] = np.concatenate(clock)
+    taken = record._take(np.concatenate(rows), said, **changes)
+    return replace(taken, columns={**taken.columns, **whole})
 
 
 STILL = 0.02

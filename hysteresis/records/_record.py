@@ -394,9 +394,7 @@ class Record(AbstractRecord):
         Mask, lines and further columns are those of the nearest row. No filter: average first
         where the step is much longer than the noise.
         """
-        rows, said, changes, moved = resampled(self, dt)
-        taken = self._take(rows, said, **changes)
-        return replace(taken, columns={**taken.columns, **moved})
+        return resampled(self, dt)
 
     def loops(self, kind: str | None = None) -> LoopTable:
         """A `LoopTable`: of every loop its extremes, widths, stiffness, energy and damping, with errors.
