@@ -74,18 +74,18 @@ def change(record: AbstractRecord) -> Change | None:
     found = [one for one in each if one is not None]
     if not found:
         return None
-    levels = max(found, key=lambda one: len(one.numbers))
-    means, zeros = np.nanmean(levels.apart, axis=1), np.nanmedian(levels.apart, axis=1)
+    numbers, apart, duration = max(found, key=lambda one: len(one[0]))
+    means, zeros = np.nanmean(apart, axis=1), np.nanmedian(apart, axis=1)
     later = _later(len(means))
-    k, y = levels.numbers[later:].astype(float), means[later:]
+    k, y = numbers[later:].astype(float), means[later:]
     k -= k.mean()
     rate = float(k @ y / (k @ k))
     left = y - y.mean() - rate * k
     error = float(np.sqrt(left @ left / (len(k) - 2) / (k @ k)))
     ends = int(np.argmin(zeros)), int(np.argmax(zeros))
-    first, last = (int(levels.numbers[at]) for at in sorted(ends))
+    first, last = (int(numbers[at]) for at in sorted(ends))
     moved = float(zeros[max(ends)] - zeros[min(ends)])
-    return Change(rate, error, len(means), levels.duration, moved, first, last)
+    return Change(rate, error, len(means), duration, moved, first, last)
 
 
 def _later(cycles: int) -> int:
@@ -114,17 +114,10 @@ def change_warnings(record: AbstractRecord) -> list[Note]:
     return [warning("zero-moves", said, {"moved": moved, "percent": percent})]
 
 
-class _Levels(NamedTuple):
-    """Of some cycles, by their numbers, the output less that of the median one: (cycles, inputs)."""
-
-    numbers: Int[np.ndarray, " cycles"]
-    apart: Float[np.ndarray, "cycles inputs"]
-    duration: float
-
-
 def _levels(
     record: AbstractRecord, counted: Bool[np.ndarray, " samples"], cycles: list[Cycle]
-) -> _Levels | None:
+) -> tuple[Int[np.ndarray, " cycles"], Float[np.ndarray, "cycles inputs"], float] | None:
+    """Numbers of cycles alike, the output of each less that of the median one, and how long one lasts."""
     u, y = record.input, record.output
     if len(cycles) < FEWEST:
         return None
@@ -157,4 +150,4 @@ def _levels(
     if record.time is not None:
         duration = float(np.median([np.ptp(record.time[own]) for own in inside(cycles)]))
     numbers = np.array([one.number for one in cycles])
-    return _Levels(numbers, both - np.median(both, axis=0), duration)
+    return numbers, both - np.median(both, axis=0), duration

@@ -10,7 +10,6 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 from datetime import date
-from typing import NamedTuple
 
 import numpy as np
 
@@ -37,13 +36,6 @@ _COUNTED = {"millis": "ms", "micros": "us"}
 """Functions of a microcontroller, and the unit of what they return."""
 
 
-class _Clock(NamedTuple):
-    """Seconds from the first row, and what the column held."""
-
-    seconds: np.ndarray
-    was: str
-
-
 def with_clocks(table: Table) -> Table:
     """The table with columns of dates, times of day and times since 1970 as seconds from the first row.
 
@@ -65,14 +57,16 @@ def with_clocks(table: Table) -> Table:
         else:
             continue
         if found is not None:
-            columns[name], units[name] = found.seconds, "s"
-            read = f"Column {name!r} holds {found.was}: read as seconds from the first row."
+            columns[name], was = found
+            units[name] = "s"
+            read = f"Column {name!r} holds {was}: read as seconds from the first row."
             notes.append(Note("clock", read))
     return replace(table, columns=columns, units=units, notes=tuple(notes))
 
 
-def _stamps(cells: np.ndarray) -> _Clock | None:
-    """NaN where a cell is empty; None where one is neither date nor time.
+def _stamps(cells: np.ndarray) -> tuple[np.ndarray, str] | None:
+    """Seconds from the first row, NaN where a cell is empty, and what the column held; None where a cell is
+    neither date nor time.
 
     Behind a date hours and minutes are enough; without one these may be minutes and seconds, which they are
     if some cell has a fraction. A spreadsheet's minutes begin again after an hour.
@@ -99,7 +93,7 @@ def _stamps(cells: np.ndarray) -> _Clock | None:
     times = np.full(len(cells), np.nan)
     times[filled] = np.round(seconds - seconds[0], 9)
     said = "minutes and seconds" if minutes else "dates or times of day"
-    return _Clock(times, said) if np.ptp(seconds) > 0 else None
+    return (times, said) if np.ptp(seconds) > 0 else None
 
 
 def _seconds(one: dict[str, str]) -> float:
@@ -120,15 +114,14 @@ def _days(parts: Sequence[dict[str, str]]) -> np.ndarray:
     orders = (
         ["abc"] if len(first["a"]) == 4 else ["cba", "cab"] if first["sign"] == "/" else ["cba"]
     )
-    found: list[tuple[bool, float, int, np.ndarray]] = []
-    for k, order in enumerate(orders):
+    found: list[np.ndarray] = []
+    for order in orders:
         try:
             days = [date(*(int(one[key]) for key in order)).toordinal() for one in parts]
         except ValueError:  # there is no month 13
             continue
-        days = np.array(days, float) - days[0]
-        found.append((bool((np.diff(days) < 0).any()), float(np.ptp(days)), k, days))
-    return DAY * min(found, key=lambda one: one[:3])[3]
+        found.append(np.array(days, float) - days[0])
+    return DAY * min(found, key=lambda days: (bool((np.diff(days) < 0).any()), np.ptp(days)))
 
 
 def _unwrapped(x: np.ndarray) -> np.ndarray:
@@ -144,7 +137,7 @@ def _unwrapped(x: np.ndarray) -> np.ndarray:
     return x
 
 
-def _since_a_day(name: str, x: np.ndarray) -> _Clock | None:
+def _since_a_day(name: str, x: np.ndarray) -> tuple[np.ndarray, str] | None:
     """A clock whose values are those of the years from 2001 to 2033 since 1970; or in days since 1900,
     where it is named a date, or moves by less than one: a clock in seconds may pass through such values."""
     good = np.isfinite(x)
@@ -157,4 +150,4 @@ def _since_a_day(name: str, x: np.ndarray) -> _Clock | None:
     in_days = _DAYS_SINCE_1900[0] <= low < high < _DAYS_SINCE_1900[1]
     if in_days and (dated or high - low < 1):
         step, was = DAY, "days since 1900"
-    return None if step is None else _Clock(np.round((x - x[good][0]) * step, 9), was)
+    return None if step is None else (np.round((x - x[good][0]) * step, 9), was)

@@ -31,27 +31,21 @@ NO_VOLUME = "the units tell no volume, or no energy"
 MU0 = 4e-7 * np.pi
 
 
-class FieldUnit(NamedTuple):
-    """What a unit of a field or of its answer measures, and one of it in SI units."""
-
-    quantity: str
-    size: float
-
-
 _ELECTRIC = (
     {"V/m": "E", "V": "voltage"},
     {"C/m^2": "P", "C": "charge"},
 )
 
 
-def field_unit(unit: str, kind: str, role: int) -> FieldUnit | None:
-    """What a unit measures as a field (`role` 0) or its answer (1); None where it is of neither."""
+def field_unit(unit: str, kind: str, role: int) -> tuple[str, float] | None:
+    """What a unit measures as a field (`role` 0) or its answer (1), and one of it in SI units; None of any
+    other."""
     if kind == "magnetic":
         known = SAID["magnetic"][role].get(unit)
-        return None if known is None else FieldUnit(*known)
+        return known and tuple(known)
     for one, quantity in _ELECTRIC[role].items():
         if (size := conversion(unit, one)) is not None:
-            return FieldUnit(quantity, size)
+            return quantity, size
     return None
 
 
@@ -95,11 +89,11 @@ def field_figures(
     yield "high-field slope", high, slope_unit, ""
     yield "saturation", saturation, unit_y, unsettled
     yield "squareness", squareness, "1", unsettled
-    known = [field_unit(unit, kind, role) for role, unit in enumerate((unit_u, unit_y))]
+    field, answer = field_unit(unit_u, kind, 0), field_unit(unit_y, kind, 1)
     unit, size = "J/m^3", np.nan
-    if known[0] and known[1]:
-        unit, size = _LOSSES.get((known[0].quantity, known[1].quantity), (unit, np.nan))
-        size *= known[0].size * known[1].size
+    if field and answer:
+        unit, size = _LOSSES.get((field[0], answer[0]), (unit, np.nan))
+        size *= field[1] * answer[1]
     # Where the output lags, a loop runs counter-clockwise and its polygon is negative: energy is lost.
     loss = -size * around[0], size * around[1]
     each = {"J": "", "J/kg": " and mass"}.get(unit, " and volume")
