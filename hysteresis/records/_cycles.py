@@ -1,6 +1,7 @@
 """Where an input sequence turns: turning points, branches and cycles that noise cannot make."""
 
 from collections.abc import Iterator
+from math import comb
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -31,12 +32,9 @@ def noise_level(u: np.ndarray) -> float:
     levels, d = [], np.diff(u)
     for k in range(2, min(7, u.shape[-1])):
         d = np.diff(d)
-        gain = np.sqrt(_CENTRAL_BINOMIAL[k])  # standard deviation of D^k of unit white noise
+        gain = np.sqrt(comb(2 * k, k))  # standard deviation of D^k of unit white noise
         levels.append(np.median(np.abs(d - np.median(d))) / (0.6745 * gain))
     return float(min(levels, default=0.0))
-
-
-_CENTRAL_BINOMIAL = {2: 6.0, 3: 20.0, 4: 70.0, 5: 252.0, 6: 924.0}
 
 
 def default_dead_band(u: np.ndarray) -> float:

@@ -57,9 +57,8 @@ def is_unit(text: str) -> bool:
     if not re.search(r"[^\W_]|[%°'\"]", text):  # a line below a header
         return False
     number = text[:1].isdigit() and not text.startswith("1/")
-    if re.search(
-        r"\w\s+[(\[]", text
-    ):  # a name and its unit: pint, which takes a second to load, knows none
+    # A name and its unit: pint, which takes a second to load, knows none.
+    if re.search(r"\w\s+[(\[]", text):
         return False
     return text == "1" or _is_of_rigs(text) or (not number and _known(text))
 
@@ -135,11 +134,8 @@ def column_unit(
         raise InputError(
             "unknown-unit", f"Unit {shown!r} is unknown.", place=place, cause=cause, fix=mend
         )
-    if (
-        unit in MASSES
-        and role != "condition"
-        and re.match(r"force|load|f[xyz]?\b", name, re.IGNORECASE)
-    ):
+    of_force = role != "condition" and re.match(r"force|load|f[xyz]?\b", name, re.IGNORECASE)
+    if unit in MASSES and of_force:
         problem = f"{unit} is mass, not force."
         mend = f"{option} with {MASSES[unit]} (1 gf is 0.00981 N)."
         raise InputError("wrong-unit", problem, place=place, fix=mend)
