@@ -24,7 +24,7 @@ from .importers._file import decode, fault, file_bytes, mapped
 from .importers._json_lines import MOST_COLUMNS, json_lines
 from .importers._labview import labview
 from .importers._notes import clock_in, noted_units, units_behind_blanks, without_settings
-from .importers._sheet import Layout, Sheet, feet_left_out, feet_of, trimmed
+from .importers._sheet import Layout, Sheet, feet_of, trimmed
 from .importers._text import arranged, splitter, without_table
 
 _RULED, _RULE = "-=+|_ ", re.compile(r"[\s|+:]*(-{3,}|={3,}|_{3,})[-=_\s|+:]*")
@@ -263,7 +263,8 @@ def _plain(asked: _Asked, numbered: Sequence[tuple[int, str]]) -> Sheet:
         body, line = body[:full], line[: full + 1]
         notes.append(Note("skipped", f"Left out {blank} empty rows at the end."))
     if feet := feet_of(body, len(header)):
-        notes.append(feet_left_out(line[1:][-feet:]))
+        said = f"Left out {feet} lines at the end that are no rows, first line {line[-feet]}."
+        notes.append(Note("skipped", said))
         body, line = body[:-feet], line[:-feet]
     if not body:
         raise fault("no-rows", path, "a header and no rows.")

@@ -221,7 +221,7 @@ def nameless(rows: Rows, dialect: Dialect, above: Sequence[str], text: str) -> l
     if dialect.joined or (not dialect.blank and any(len(run) < 3 for run in runs)):
         runs = [[row for run in runs for row in run]]
     names, over = (_as_wide([*above[at:][:1]], width) if width > 1 else [] for at in (-1, -2))
-    units = list(dialect.units_in(text))
+    units = list(next((own for said, own in dialect.units if said.search(text)), ()))
     if len(over) == len(names) == width and (stated := units_of(names)) is not None:
         names, units = over, stated
     first = next(k for k, (line, _) in enumerate(rows) if line == runs[0][0][0])

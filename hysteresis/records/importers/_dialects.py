@@ -38,15 +38,6 @@ class Dialect(NamedTuple):
         found = self.label.search(text) if self.label is not None else None
         return " ".join(found["label"].split()) if found else ""
 
-    def listing(self, text: str) -> "Dialect":
-        """The dialect with the names of columns that the lines above the table list."""
-        names = [found["name"] for found in self.listed.finditer(text)] if self.listed else []
-        return self._replace(names=tuple(names)) if names else self
-
-    def units_in(self, text: str) -> tuple[str, ...]:
-        """The units of `names`, as the lines above the table say; () where they do not."""
-        return next((units for said, units in self.units if said.search(text)), ())
-
 
 OTHER = Dialect(
     "a table with notes above it", re.compile(""), label=re.compile(r"(?P<label>\S.*)"), sure=False
@@ -61,7 +52,10 @@ def dialect_of(text: str, own: str | Path | None = None) -> Dialect:
     for dialect in (*(dialects_in(Path(own)) if own else ()), *dialects_in(_OWN)):
         if found := dialect.signature.search(text):
             sign = found.groupdict().get("decimal") or ""
-            return dialect.listing(text)._replace(decimal=sign)
+            # The lines above a table may list its columns.
+            listed = dialect.listed.finditer(text) if dialect.listed else ()
+            names = tuple(one["name"] for one in listed) or dialect.names
+            return dialect._replace(names=names, decimal=sign)
     return OTHER
 
 

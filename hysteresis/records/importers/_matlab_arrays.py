@@ -56,10 +56,8 @@ def _groups(
                 yield from _groups(f"{inner} {k}", one, units)
         elif isinstance(value, np.ndarray) and not is_list:
             columns = vectors(key, value)
-            names = next(
-                (words for words in listed if value.ndim == 2 and len(words) == len(columns)), None
-            )
-            group |= dict(zip(names, columns.values(), strict=True)) if names else columns
+            fits = [words for words in listed if value.ndim == 2 and len(words) == len(columns)]
+            group |= dict(zip(next(iter(fits), columns), columns.values(), strict=True))
     if group:
         yield name, group
 
@@ -72,11 +70,9 @@ def _signal(found: dict[str, Any]) -> tuple[str, str, np.ndarray] | None:
     if not any(said) or len(values) != 1 or not isinstance(values[0], np.ndarray):
         return None
     x = np.squeeze(values[0])
-    unit = next(
-        (str(fields[key]) for key in ("unit", "units") if isinstance(fields.get(key), str)), ""
-    )
+    units = [fields[key] for key in ("unit", "units") if isinstance(fields.get(key), str)]
     good = x.ndim == 1 and x.dtype.kind in "biuf" and len(x) > 1
-    return (next(filter(None, said)), unit, x) if good else None
+    return (next(filter(None, said)), "".join(units[:1]), x) if good else None
 
 
 def _words(value: Any) -> list[str]:

@@ -119,10 +119,8 @@ def clock_in(notes: Iterable[str]) -> Clock | None:
         if said is None:
             continue
         key, behind = name_and_unit(said["key"].strip())
-        value, unit = (
-            float(said["value"].replace(",", ".")),
-            said["unit"].strip("()[].") or behind or "",
-        )
+        value = float(said["value"].replace(",", "."))
+        unit = said["unit"].strip("()[].") or behind or ""
         key, (short, _, tail) = _plain(key), _plain(key).rpartition(" ")
         key, unit = (short, unit or tail) if short in (*_STEPS, *_RATES) else (key, unit)
         seconds, hertz = _SECONDS.get(spelled(unit) if unit else ""), _HERTZ.get(unit.casefold())

@@ -5,7 +5,7 @@ import io
 import sqlite3
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing, contextmanager
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -71,8 +71,7 @@ def ros_bag(path: Path, data: bytes, table: int | None = None) -> Sheet | None:
         f"Rows are the messages of {main} ({len(clock)}). Those of {counts} are interpolated linearly to"
         " their times. --table N takes the N-th topic instead, in the order of their messages."
     )
-    notes = (*sheet.notes, Note("one-clock", said))
-    return Sheet(sheet.columns, sheet.line, sheet.units, notes)
+    return replace(sheet, notes=(*sheet.notes, Note("one-clock", said)))
 
 
 def _numbers(name: str, value: Any) -> Iterator[tuple[str, float]]:

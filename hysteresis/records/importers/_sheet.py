@@ -90,12 +90,6 @@ def feet_of(rows: Sequence[Sequence[str]], width: int) -> int:
     return 0 if words or count > min(MOST_FEET, first) else count
 
 
-def feet_left_out(lines: Sequence[int]) -> Note:
-    """What is said of them."""
-    said = f"Left out {len(lines)} lines at the end that are no rows, first line {lines[0]}."
-    return Note("skipped", said)
-
-
 def chosen_table(sizes: Sequence[int], table: int | None) -> int:
     """The place of the largest table, or of the one asked for, from 1. Raises `InputError` `bad-option`."""
     at = int(np.argmax(sizes)) if table is None else table - 1
@@ -218,7 +212,6 @@ def sheet_of_arrays(
     groups: Mapping[str, Mapping[str, np.ndarray]],
     units: Mapping[str, str],
     said: str,
-    column: str = "group",
     table: int | None = None,
 ) -> Sheet | None:
     """Groups of arrays (n,) of numbers or words as one sheet, None without an array of two values.
@@ -242,7 +235,7 @@ def sheet_of_arrays(
         if other := {key: len(x) for key, x in arrays.items() if 1 < len(x) != rows}:
             left = ", ".join(f"{key!r} ({n})" for key, n in list(other.items())[:8])
             notes.append(Note("skipped", f"Left out arrays that have not {rows} values: {left}."))
-    sheet = joined(pieces, said, column, table)
+    sheet = joined(pieces, said, "group", table)
     if sheet is None:
         return None
     rows = np.arange(1, len(sheet.line) + 1)
