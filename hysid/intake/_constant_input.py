@@ -77,10 +77,8 @@ def _with_input(
     few = with_column(few, name, values[rows])
     if asked.time is None or not len(few.line):
         return few
-    y, first = (
-        few.number(asked.output),
-        np.flatnonzero(np.diff(few.number(asked.time), prepend=np.nan) != 0),
-    )
+    y = few.number(asked.output)
+    first = np.flatnonzero(np.diff(few.number(asked.time), prepend=np.nan) != 0)
     if len(first) == len(y):
         return few
     said = Note("averaged", f"Averaged {len(y)} rows to {len(first)} of different times.")

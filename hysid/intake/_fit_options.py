@@ -9,10 +9,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-# Options as fields of dataclasses: the command line, configuration files and the page read them there.
-#
-# No import of this module loads JAX: `hysid --help` reads the fields.
-
 
 def option(help: str, default: Any = MISSING, **said: Any) -> Any:
     """A field with its help text.
