@@ -6,16 +6,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ..._errors import InputError
-from ._excel import is_workbook, workbook
+from ._extras import PARQUET, TDMS, is_workbook, parquet, tdms, workbook
 from ._file import BAG, fault
 from ._matlab import arrays_file, is_arrays_file
-from ._parquet import MARK as PARQUET
-from ._parquet import parquet
 from ._ros_bag import ros_bag
 from ._sheet import Sheet
-from ._tdms import MARK as TDMS
-from ._tdms import tdms
-from ._uff import is_universal_file, universal_file
+from ._uff import BEGINS, universal_file
 
 
 class _Reader(NamedTuple):
@@ -59,7 +55,7 @@ _READERS = (
         instead="print the topics as CSV (rostopic echo -b FILE -p TOPIC)",
     ),
     _Reader(
-        "UFF file", is_universal_file, universal_file,
+        "UFF file", lambda data: BEGINS.match(data[:400]) is not None, universal_file,
         "this is a UFF file without a record over time: values over frequency, or no data set 58.",
         "export values over time.",
     ),

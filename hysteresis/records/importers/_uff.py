@@ -18,7 +18,7 @@ from ._sheet import Sheet, chosen_table, distinct
 _HEAD = 12
 """Lines of a data set 58 before its values, the one with its number included."""
 _EDGE = re.compile(rb"^[ \t]*-1[ \t]*\r?(?:\n|\Z)", re.MULTILINE)
-_FIRST = re.compile(rb"\A\s*-1[ \t]*\r?\n\s*\d+b?\b")
+BEGINS = re.compile(rb"\A\s*-1[ \t]*\r?\n\s*\d+b?\b")
 _OVER_TIME, _TIME, _UNKNOWN = 1, 17, 0
 """A function over time, and the kinds of an abscissa that such a function has."""
 _BYTES = {2: 4, 4: 8}
@@ -34,11 +34,6 @@ class _Record(NamedTuple):
     clock_unit: str
     x: np.ndarray
     y: np.ndarray
-
-
-def is_universal_file(data: bytes) -> bool:
-    """Whether bytes are those of a universal file."""
-    return _FIRST.match(data[:400]) is not None
 
 
 def universal_file(path: Path, data: bytes, table: int | None = None) -> Sheet | None:
