@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Collection, Iterable, Sequence
-from typing import NamedTuple
 
 from ..._unit_words import SAID
 from .._column_quantity import kind_of
@@ -10,6 +9,7 @@ from .._units import UNITS, is_unit, name_and_unit, spelled, written_unit
 from ._sheet import is_number
 
 Lines = Sequence[tuple[int, str]]
+"""Lines that are not blank, each with its number."""
 
 _NUMBERED = re.compile(
     r"""(?ix)^[\s\#%;"'/*]*((?P<word>[a-z]+?)[\s_\[(\#.-]*)?(?P<number>\d+)[\s_\])]*
@@ -29,14 +29,6 @@ _UNIT = re.compile(r"(?i)\b(units?|einheit(en)?|unit[ée]s?|unidad(es)?)\b")
 _OF = re.compile(r"(?i)\b(of|for|the|de|der)\b")
 _MEANT = ("force", "displacement", "time")
 """Quantities whose unit a note tells without their name."""
-
-
-class Clock(NamedTuple):
-    """The time of the first row and from row to row, in seconds, and the note that says so."""
-
-    first: float
-    step: float
-    said: str
 
 
 def _plain(text: str) -> str:
@@ -110,10 +102,13 @@ def _is_behind(stem: str, unit: str) -> bool:
     return bool(stem) and not minimum and name_and_unit(f"x, {unit}")[1] is not None
 
 
-def clock_in(notes: Iterable[str]) -> Clock | None:
-    """The even clock that notes tell, as in `SAMPLE_TIME = 5e-5` or `Sampling rate: 20 kHz`; None where
-    they tell none, or two that differ."""
-    first, found = 0.0, list[Clock]()
+def clock_in(notes: Iterable[str]) -> tuple[float, float, str] | None:
+    """The even clock that notes tell, as in `SAMPLE_TIME = 5e-5` or `Sampling rate: 20 kHz`: the time of
+    the first row and from row to row, in seconds, and the note that says so.
+
+    None where they tell none, or two that differ.
+    """
+    first, found = 0.0, list[tuple[float, str]]()
     for note in notes:
         said = _SAID.match(note.strip()[:LONGEST])
         if said is None:
@@ -127,12 +122,12 @@ def clock_in(notes: Iterable[str]) -> Clock | None:
         if key in _STARTS and seconds:
             first = value * seconds
         elif key in _STEPS and seconds and value > 0:
-            found.append(Clock(0.0, value * seconds, note.strip(" #;,\t")))
+            found.append((value * seconds, note.strip(" #;,\t")))
         elif key in _RATES and hertz and value > 0:
-            found.append(Clock(0.0, 1 / (value * hertz), note.strip(" #;,\t")))
-    if not found or max(c.step for c in found) > 1.001 * min(c.step for c in found):
+            found.append((1 / (value * hertz), note.strip(" #;,\t")))
+    if not found or max(found)[0] > 1.001 * min(found)[0]:
         return None
-    return found[0]._replace(first=first)
+    return first, *found[0]
 
 
 def without_settings(lines: Lines) -> tuple[Lines, list[str]]:

@@ -19,15 +19,13 @@ from ._blocks import (
 )
 from ._dialects import dialect_of, maker_of
 from ._file import fault
-from ._notes import is_numbered
+from ._notes import Lines, is_numbered
 from ._sheet import Layout, Sheet, is_number, trimmed
 
 _LOOK = 400
 """Lines from which the separator and the dialect are found."""
 _SETTINGS = 6
 """A table of fewer rows lists settings or results: no loop has so few."""
-Lines = Sequence[tuple[int, str]]
-"""Lines that are not blank, each with its number."""
 
 
 def arranged(
