@@ -15,14 +15,12 @@ export function h(tag, attributes = {}, ...children) {
   return element;
 }
 
-const css = (element, name) => getComputedStyle(element).getPropertyValue(name).trim();
-
 /** A colour, or the one that a custom property has now, as canvas understands it. */
 function colour(element, name) {
   const probe = colour.probe ??= document.createElement("span");
   probe.style.display = "none";
   if (probe.parentNode !== element) element.append(probe);
-  probe.style.color = name.startsWith("--") ? css(element, name) : name;
+  probe.style.color = name.startsWith("--") ? `var(${name})` : name;
   return getComputedStyle(probe).color;
 }
 

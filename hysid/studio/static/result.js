@@ -83,13 +83,9 @@ export class ResultPanel {
         h("p", { class: "soft" }, "By the model, over the fitted rows. ± is how far the readings of the same cycles or holds are from that.")]));
   }
 
-  async pick(value) {
-    try {
-      const result = await getJson("api/summary", { name: this.name, value });
-      await this.show({ ...this.look, result });
-    } catch (error) {
-      fill(this.slidersAt, faultOf(error));
-    }
+  pick(value) {
+    getJson("api/summary", { name: this.name, value }).then((result) => this.show({ ...this.look, result }))
+      .catch((error) => fill(this.slidersAt, faultOf(error)));
   }
 
   models(found) {
@@ -192,7 +188,7 @@ export class ResultPanel {
         shown.textContent = quantity(x, one.unit);
         redraw();
       } });
-      const element = h("label", {}, h("span", {}, one.label ?? (one.meaning ? `${one.meaning} (${one.name})` : one.name), shown), input);
+      const element = h("label", {}, h("span", {}, one.shape ? one.meaning : one.meaning ? `${one.meaning} (${one.name})` : one.name, shown), input);
       const reset = () => {
         input.value = String(from(one.value));
         shown.textContent = quantity(one.value, one.unit);
