@@ -92,9 +92,8 @@ def sequences_of(table: Table, time: str | None) -> Sequences:
         groups.sort(key=lambda g: -len(np.unique(table.text[g])))
     chosen = tuple(groups[:1])
     if chosen:
-        more = [
-            n for n in (*groups[1:], *([split[0]] if split else [])) if _mends(table, chosen[0], n)
-        ]
+        others = (*groups[1:], *(split or ())[:1])
+        more = [n for n in others if _mends(table, chosen[0], n)]
         chosen += tuple(more[:1])
         count = len(set(zip(*(table.text[n].tolist() for n in chosen), strict=True)))
         said.append(("group", ", ".join(chosen), f"{count} independent sequences of one model"))
