@@ -3,10 +3,9 @@
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import cache
 from inspect import signature
 from pathlib import Path
-from typing import Any, get_args, get_origin, get_type_hints
+from typing import Any, get_args, get_origin
 
 import numpy as np
 
@@ -243,12 +242,8 @@ def fits_option(name: str, value: Any) -> bool:
         return False
     given = tuple(value) if isinstance(value, list) else value
     choices = FIELDS[name].metadata.get("choices")
-    return _is_of_kind(given, _hints()[name]) and (not choices or given in (None, *choices))
-
-
-@cache
-def _hints() -> dict[str, Any]:
-    return get_type_hints(SelectionOptions)
+    fits = _is_of_kind(given, FIELDS[name].type)
+    return fits and (not choices or given in (None, *choices))
 
 
 def _is_of_kind(value: Any, hint: Any) -> bool:
