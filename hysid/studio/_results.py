@@ -261,15 +261,14 @@ class Fits:
             if fit.test is not None:
                 records.append(_curve("held out", fit.test, fit.predict(fit.test)))
             dropped = record.mask & ~fit.used
+            excluded = _curve("excluded", record, modelled, dropped) if dropped.any() else None
             candidates, baselines = identify.internal.residuals_of_all(folder)
             asked = identify.internal.members_and_questions(fit)
             x = f"time ({record.time_unit})" if record.time is not None else "row"
             units = {"u_unit": record.input_unit, "y_unit": record.output_unit}
             return {
                 "records": records,
-                "excluded": _curve("excluded", record, modelled, dropped)
-                if dropped.any()
-                else None,
+                "excluded": excluded,
                 "shapes": [one._asdict() for one in handles_of(fit)],
                 "sliders": [one._asdict() for one in sliders_of(fit)],
                 "candidates": _loops(fit, [one.name for one in fit.candidates], candidates)[1:],
