@@ -21,10 +21,7 @@ def nonnegative_least_squares(
     With H = A'A and b = A'y that is least squares in A x = y. H must be positive definite; a
     prior, however weak, makes it so. `start` guesses which x_i are not zero.
     """
-    signed = SignedMinimum(H, free)
-    if b.ndim > 1:
-        return np.stack([signed.of(one, start) for one in b])
-    return signed.of(b, start)
+    return np.apply_along_axis(SignedMinimum(H, free).of, -1, b, start)
 
 
 SHARE = 0.2
@@ -160,19 +157,19 @@ def _rounding(b: Vector) -> float:
 
 def constrained_least_squares(
     H: Matrix,
-    b: Vector,
+    b: Float[np.ndarray, "*draws n"],
     C: Float[np.ndarray, "constraints n"],
     free: Bool[np.ndarray, " n"] | None = None,
     start: Bool[np.ndarray, " n"] | None = None,
     rounds: int = 30,
     tolerance: float = 1e-9,
-) -> Vector:
+) -> Float[np.ndarray, "*draws n"]:
     """As `nonnegative_least_squares`, with C x >= 0 besides.
 
     Method of multipliers: C x = s, s >= 0 joins the unknowns under the quadratic penalty
     kappa |C x - s - m|^2 / 2, and m collects what is left over, until |C x - s| < tolerance * |x|.
     """
-    n, k = len(b), len(C)
+    n, k = len(H), len(C)
     free = np.zeros(n, bool) if free is None else free
     kappa = 100 * np.trace(H) / n / max(np.mean(np.sum(C**2, 1)), 1e-300)
     E = np.hstack([C, -np.eye(k)])
@@ -180,15 +177,18 @@ def constrained_least_squares(
     big[:n, :n] += H
     signed = SignedMinimum(big, np.append(free, np.zeros(k, bool)))
     inside = None if start is None else np.append(start, np.ones(k, bool))
-    multiplier = np.zeros(k)
-    z = np.zeros(n + k)
-    for _ in range(rounds):
-        right = kappa * E.T @ multiplier
-        right[:n] += b
-        z = signed.of(right, inside)
-        inside = z != 0
-        left_over = E @ z
-        if np.abs(left_over).max(initial=0.0) <= tolerance * np.abs(z[:n]).max(initial=1e-300):
-            break
-        multiplier -= left_over
-    return z[:n]
+
+    def of(b: Vector) -> Vector:
+        z, there, multiplier = np.zeros(n + k), inside, np.zeros(k)
+        for _ in range(rounds):
+            right = kappa * E.T @ multiplier
+            right[:n] += b
+            z = signed.of(right, there)
+            there = z != 0
+            left_over = E @ z
+            if np.abs(left_over).max(initial=0.0) <= tolerance * np.abs(z[:n]).max(initial=1e-300):
+                break
+            multiplier -= left_over
+        return z[:n]
+
+    return np.apply_along_axis(of, -1, b)

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any, NotRequired, TypedDict
 
 import jax
@@ -225,10 +225,7 @@ class GridUnknowns:
     ) -> Float[np.ndarray, "*draws n"]:
         """The unknowns that minimise x'Hx/2 - b'x among the models there can be."""
         if len(self.constraints):
-            solve = partial(
-                constrained_least_squares, H, C=self.constraints, free=self.free, start=start
-            )
-            return np.apply_along_axis(solve, -1, b)
+            return constrained_least_squares(H, b, self.constraints, self.free, start)
         return nonnegative_least_squares(H, b, self.free, start)
 
     def masses(self, unknowns: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, " weights"]:
