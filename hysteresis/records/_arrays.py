@@ -79,10 +79,11 @@ def tell_nothing(sigma: np.ndarray) -> np.ndarray:
 
 def times(values: ArrayLike, unit: str = "s") -> np.ndarray:
     """Times as float64, dates in a unit from the first one. Raises `InputError` `not-numbers`."""
-    given, factor = np.asarray(values), conversion("s", unit)
+    given = np.asarray(values)
     if given.size and isinstance(given.flat[0], datetime | timedelta):  # as of a time zone
         given = np.array([x - given.flat[0] for x in given.flat], "timedelta64[ns]")
-    if given.dtype.kind not in "mM" or not given.size or factor is None:
+    is_dates = given.size and given.dtype.kind in "mM"
+    if not is_dates or (factor := conversion("s", unit)) is None:
         return numbers("time", values, keep=True)
     return (given - given.flat[0]) / np.timedelta64(1, "s") * factor
 
