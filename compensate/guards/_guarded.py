@@ -43,10 +43,11 @@ def within_of(deviation: float, low: float | Array, high: float | Array) -> floa
 def limited(
     compensator: AbstractCompensator, value: np.ndarray
 ) -> tuple[AbstractCompensator, np.ndarray]:
-    """Without the guard that holds estimates at the ends of the trained inputs; which of these it holds.
+    """Without the guard of the trained inputs; which values are not within them.
 
-    There the model's output is not the reading, though they are OK while their band reaches the end. From
-    then on what is inside the guard goes on from its own estimates, which are not those that are told.
+    Where it holds an estimate at an end the model's output is not the reading, though it is OK while its
+    band reaches the end. From then on what is inside goes on from its own estimates, which are not those
+    that are told.
     """
     inner: Any = compensator
     while inner is not None and not isinstance(inner, GuardedCompensator):
