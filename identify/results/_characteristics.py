@@ -132,7 +132,7 @@ def _relaxation(
     holds = [rows for rows in held if len(rows) >= FEWEST]
     if not holds:
         return none("the input is never held")
-    ends = [_ends(outputs[:, rows]) for rows in holds]
+    ends = [_ends(record.time[rows], outputs[:, rows]) for rows in holds]
     changes = np.array([start - end for start, end in ends])
     size = np.abs(changes[:, 0])
     alike = np.flatnonzero(size >= ALIKE * size.max())
@@ -178,10 +178,13 @@ def holds_of(record: Record) -> list[np.ndarray]:
     return found
 
 
-def _ends(y: Float[np.ndarray, "2 rows"]) -> tuple[np.ndarray, np.ndarray]:
-    """Output at the beginning and at the end of a hold, a tenth of its rows for the end."""
-    last = max(1, y.shape[1] // 10)
-    return y[:, 0], y[:, -last:].mean(1)
+def _ends(
+    t: Float[np.ndarray, " rows"], y: Float[np.ndarray, "2 rows"]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Output at the beginning and at the end of a hold: a tenth of its rows, in a tenth of its time."""
+    last = max(1, len(t) // 10)
+    late = t[-last:] >= t[-1] - np.ptp(t) / 10
+    return y[:, 0], y[:, -last:][:, late].mean(1)
 
 
 def _mean(

@@ -58,6 +58,14 @@ def test_figures_of_a_known_loop():
     assert told(record_of(force, x, t))["relaxation time"].value == pytest.approx(TAU, rel=0.1)
 
 
+def test_the_relaxation_time_of_a_logarithmic_clock():
+    """As much relaxes in each decade; the last tenth of the rows is three quarters of the time."""
+    t = np.geomspace(1e-3, 1e3, 301)
+    record = record_of(5 - np.log10(t), np.ones(len(t)), t)
+    mean = 1e3 / np.log(10) / 6  # of log10(1000 / t), over six decades
+    assert told(record)["relaxation time"].value == pytest.approx(mean, rel=0.1)
+
+
 def test_stiffness_is_load_over_deformation_whichever_is_the_input():
     x, force, t = rig()
     for turned in (False, True):
