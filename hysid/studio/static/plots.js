@@ -28,8 +28,19 @@ function colour(element, name) {
 const marks = (plot, at) => at.map((x) => {
   if (x === null) return "";
   const near = Number(x.toPrecision(12));
-  return near && Math.abs(near) < 1e-4 ? near.toExponential() : near.toLocaleString("en", { maximumFractionDigits: 6 });
+  return near && (Math.abs(near) < 1e-4 || Math.abs(near) >= 1e7) ? near.toExponential() : near.toLocaleString("en", { maximumFractionDigits: 6 });
 });
+
+/** A logarithmic axis: uPlot's own marks are every digit of every decade, however many there are. */
+const decades = {
+  filter: (plot, at) => at,
+  splits: (plot, axis, low, high) => {
+    const from = Math.floor(Math.log10(low)), to = Math.log10(high), step = Math.ceil((to - from) / 8);
+    const powers = Array.from({ length: Math.floor((to - from) / step) + 1 }, (_, k) => from + k * step);
+    const digits = to - from > 3 ? [1] : [1, 2, 5];
+    return powers.flatMap((power) => digits.map((digit) => Number(`${digit}e${power}`))).filter((x) => low <= x && x <= high);
+  },
+};
 
 function axis(element, label, more = {}) {
   return {
@@ -270,7 +281,7 @@ export class LoopPlot extends Base {
         x: { time: false, auto: false, distr: logX ? 3 : 1, range: () => (this.box ? this.box.slice(0, 2) : this.across) },
         y: { auto: false, distr: logY ? 3 : 1, range: () => (this.box ? this.box.slice(2) : this.along) },
       },
-      axes: [axis(e, x, { size: 34 }), axis(e, y)],
+      axes: [axis(e, x, { size: 34, ...(logX && decades) }), axis(e, y, logY ? decades : {})],
       series: [null, ...shown.map((curve) => ({
         facets: [{ scale: "x", auto: true }, { scale: "y", auto: true }],
         paths: joinedBy(e, curve), points: { show: false }, stroke: "transparent",
