@@ -73,11 +73,11 @@ class SignedMinimum:
             elif patience:
                 patience -= 1
             else:
-                return self._active_set(b, np.where(free, nearest, nearest.clip(0.0)))
+                return self.from_feasible(b, np.where(free, nearest, nearest.clip(0.0)))
             inside ^= wrong
 
-    def _active_set(self, b: Vector, x: Vector) -> Vector:
-        """The same from a feasible x, by steps that stay feasible."""
+    def from_feasible(self, b: Vector, x: Vector) -> Vector:
+        """The same from an x >= 0 that is near, by steps that stay feasible."""
         inside = self.free | (x > 0)
         barred = np.zeros(len(b), bool)  # let in and thrown out at once: its slope was rounding
         while True:
@@ -109,7 +109,7 @@ class SignedMinimum:
             return x
         Z, added = self._of(changed), inside[changed]
         D = self.H[changed[:, None], changed] * (added[:, None] & added)
-        w = np.linalg.solve(D - Z.T @ Z, b[changed] * added - z @ Z)
+        w = _lapack("gesv", D - Z.T @ Z, b[changed] * added - z @ Z)[-1]
         x[self._at] = self._solved(z - Z @ w, transposed=True)
         x[changed] = w * added
         return x
@@ -125,12 +125,8 @@ class SignedMinimum:
         """The factor is that of this set from now on."""
         self._base, self._at = inside.copy(), np.flatnonzero(inside)
         at = self._at
-        # Rows before columns, and LAPACK without its wrappers: half of the time of a few hundred variables.
-        factored: Any = lapack.dpotrf  # pyright: ignore[reportAttributeAccessIssue]
-        self._factor, failed = factored(self.H[at][:, at].T, lower=True, overwrite_a=True)
-        if failed:
-            said = "The matrix of the normal equations is not positive definite."
-            raise np.linalg.LinAlgError(said)
+        # Rows before columns: half of the time of a few hundred variables.
+        (self._factor,) = _lapack("potrf", self.H[at][:, at].T, lower=True, overwrite_a=True)
         self._columns = np.empty((len(at), len(self.H)), order="F")
         self._made = np.zeros(len(self.H), bool)
 
@@ -146,8 +142,16 @@ class SignedMinimum:
         return self._columns[:, changed]
 
     def _solved(self, right: np.ndarray, transposed: bool = False) -> np.ndarray:
-        solve: Any = lapack.dtrtrs  # pyright: ignore[reportAttributeAccessIssue]
-        return solve(self._factor, right, lower=True, trans=int(transposed))[0]
+        return _lapack("trtrs", self._factor, right, lower=True, trans=int(transposed))[0]
+
+
+def _lapack(name: str, *matrices: np.ndarray, **how: Any) -> tuple[Any, ...]:
+    """What a routine of LAPACK returns, without the wrappers that cost as much for few variables."""
+    *found, failed = getattr(lapack, f"d{name}")(*matrices, **how)
+    if failed:
+        said = "The matrix of the normal equations is not positive definite."
+        raise np.linalg.LinAlgError(said)
+    return tuple(found)
 
 
 def _rounding(b: Vector) -> float:

@@ -8,8 +8,9 @@ the true spectrum lies, with 90 % (Scheffé), among the curves of
 
 p numbers fitted, m independent facts in the residuals, F the 90 % point of F(p, m - p). At a time t the
 range is the least and the largest e(t)'c over C, e(t) the answer of each column. Each is found from
-the minimum of q(c) / 2 -+ lambda e'c, with lambda as large as C lets it be. No prior is needed: where
-the record says nothing of slow processes, the range runs from none of them to as many as fit.
+the minimum of q(c) / 2 -+ lambda e'c, with lambda as large as C lets it be: of one lambda inside and one
+beyond, the mixture of both spectra that is at the limit. No prior is needed: where the record says
+nothing of slow processes, the range runs from none of them to as many as fit.
 
 Source: Stark, Inference in infinite-dimensional inverse problems, J. Geophys. Res. 97 (1992), strict
 bounds; Scheffé, The Analysis of Variance (1959).
@@ -36,7 +37,7 @@ narrow."""
 FIRST = 1e-3
 """Of lambda |e| |c| / q, where the search for the largest lambda begins."""
 TRIED = 10
-"""Values of lambda tried, at most, and how near to the limit the last one comes."""
+"""Values of lambda tried, at most; one so near to the limit is taken for it."""
 NEAR = 0.02
 
 
@@ -78,42 +79,49 @@ def allowed(problem: Problem, fitted: Fitted, noise: Noise, step: float, span: f
     H = A.T @ A + 1e-9 * np.eye(len(size))
     b, free = A.T @ problem.target, np.append(problem.free, np.zeros(len(log_tau), bool))
 
-    def square(c: Float[np.ndarray, " columns"]) -> float:
-        return float(np.sum((A @ c - problem.target) ** 2))
+    def left(c: Float[np.ndarray, " columns"]) -> Float[np.ndarray, " rows"]:
+        return A @ c - problem.target
 
     signed = SignedMinimum(H, free)
-    best = signed.of(b)
+    best = signed.from_feasible(b, fit * size)
+    least = float(np.sum(left(best) ** 2))
     facts = max(min(noise.effective, len(A)) - fitted.parameters, 1.0)
     quantile = float(scipy.special.fdtri(fitted.parameters, facts, CONFIDENCE))
-    limit = square(best) * (1 + fitted.parameters * quantile / facts)
+    limit = least * (1 + fitted.parameters * quantile / facts)
 
-    found, least = [fit], square(best)
-    # The edge at the time before is near: half of the solutions, and 30 % of the processor's time.
-    near = dict.fromkeys((1.0, -1.0), (FIRST, best != 0))
+    found, near = [fit], dict.fromkeys((1.0, -1.0), (FIRST, best))
     for e in _step_answers(problem, log_tau, step, span) / size:
         unit = limit / (np.linalg.norm(e) * np.linalg.norm(best))
-        for sign, (begin, last) in near.items():
-            way, edge, low, high = begin * sign * unit, best, 0.0, np.inf
+        # The edge at the time before is near: half of the solutions, and 30 % of the processor's time.
+        for sign, (way, c) in near.items():
+            inner, low, outer, high = best, 0.0, None, np.inf
             for _ in range(TRIED):
-                c = signed.of(b + way * e, last)
-                last, used = c != 0, (square(c) - least) / (limit - least)
+                c = signed.from_feasible(b + way * sign * unit * e, c)
+                used = (np.sum(left(c) ** 2) - least) / (limit - least)
                 if used <= 1:
-                    edge, low = c, abs(way)
+                    inner, low = c, way
                 else:
-                    high = abs(way)
-                if 1 - NEAR < used <= 1:
+                    outer, high = c, way
+                if low and used < 2 and (outer is not None or used > 1 - NEAR):
                     break
                 # Among spectra of the same branches the square grows by that of lambda.
-                guess = abs(way) * np.clip(np.sqrt((1 - NEAR / 2) / max(used, 1e-12)), 1e-3, 1e3)
-                if not low < guess < high:
-                    guess = np.sqrt(low * high) if low and np.isfinite(high) else guess
-                way = sign * guess
-            near[sign] = float(abs(way) / unit), last
-            found.append(edge / size)
+                aim = 0.8 if used > 1 else 1.2
+                guess = way * float(np.clip(np.sqrt(aim / max(used, 1e-12)), 1e-3, 1e3))
+                way = guess if low < guess < high else float(np.sqrt(low * high))
+            near[sign] = way, c
+            if outer is not None:
+                inner = inner + _share(left(inner), A @ (outer - inner), limit) * (outer - inner)
+            found.append(inner / size)
     rows = np.array(found)
     for k, value in problem.known:
         rows[:, k] = value
     return Allowed(log_tau, rows)
+
+
+def _share(r: Float[np.ndarray, " rows"], d: Float[np.ndarray, " rows"], limit: float) -> float:
+    """The s > 0 of |r + s d|^2 = limit."""
+    square, cross, rest = d @ d, r @ d, r @ r - limit
+    return float((np.sqrt(cross**2 - square * rest) - cross) / square)
 
 
 def _step_answers(

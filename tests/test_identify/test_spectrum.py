@@ -103,6 +103,19 @@ def test_extrapolation_is_covered(kind: str):
     assert np.median(widths) < 0.3
 
 
+@pytest.mark.parametrize("seed", [0, 2, 5])
+def test_every_edge_of_the_range_is_reached(seed: int):
+    """Each uses up what noise allows a spectrum to leave more than the best one."""
+    t = np.geomspace(0.1, 100, 60)
+    y = noisy(0.7 + 0.5 * np.exp(-t) + 0.8 * np.exp(-t / 30), seed, 3e-3)
+    allowed = spectrum(Response(t, y, "relaxation")).allowed
+    branches = np.exp(-t[:, None] / np.exp(allowed.log_tau))
+    columns = np.column_stack([np.ones_like(t), branches])
+    fit, *edges = np.sum((allowed.strengths @ columns.T / y - 1) ** 2, axis=1)
+    # Of ten steps the last is near: 0.955 and more here.
+    assert np.min(edges) - fit > 0.9 * (np.max(edges) - fit)
+
+
 def test_what_is_outside_the_record_s_times_is_said():
     slow = GeneralizedMaxwell(0.5, [1.0, 2.0], [2.0, 2000.0])
     found = spectrum(Response(T, np.asarray(slow.relaxation_modulus(T)), "relaxation"), terms=2)
