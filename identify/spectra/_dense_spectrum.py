@@ -28,7 +28,7 @@ import numpy as np
 from jaxtyping import Float
 
 from .._levels import SOME_ROWS
-from ..linear._nnls import nonnegative_least_squares
+from ..linear._nnls import SignedMinimum
 from ._prony_series import Fitted, Problem, Times, to_unit
 
 DENSITIES = (2, 3, 4)
@@ -65,7 +65,7 @@ def smoothed(problem: Problem, log_tau: Times, strengths: Sequence[float] = SMOO
     for strength in strengths:
         # Neighbouring columns are alike: a weak prior keeps the factors.
         H = G + strength * R + 1e-13 * np.eye(n)
-        z = nonnegative_least_squares(H, b, free, last)
+        z = SignedMinimum(H, free).of(b, last)
         at = np.flatnonzero(z)
         residuals = A @ z - y
         last = z != 0

@@ -23,6 +23,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.constants import R, zero_Celsius
 from scipy.optimize import least_squares
+from threadpoolctl import threadpool_limits
 
 from hysteresis import InputError
 
@@ -79,6 +80,8 @@ class MasterCurve(NamedTuple):
     shifts: Shifts
 
 
+# As in `spectrum`: threads of BLAS wait for each other.
+@threadpool_limits.wrap(limits=1, user_api="blas")
 def master_curve(
     responses: Sequence[Response],
     temperatures: Any,
@@ -251,14 +254,14 @@ def _cost(fitted: Fitted) -> float:
 
 def _slopes(problem: Problem, fitted: Fitted) -> Float[np.ndarray, "rows temperatures"]:
     """d residuals / d log a, less what the strengths make up for."""
-    moved = problem.slopes(fitted.log_tau) @ fitted.strengths[fitted.memoryless :]
+    A, there = problem.columns(fitted.log_tau), fitted.strengths != 0
+    moved = problem.slopes(fitted.log_tau, A) @ fitted.strengths[fitted.memoryless :]
     if problem.kind == "creep":  # what flows does so for the reduced time
         moved -= problem.weights * problem.memoryless[:, 1] * fitted.strengths[1]
     edges = [0, *_edges(problem), len(moved)]
     J = np.zeros((len(moved), len(edges) - 1))
     for k, (begin, end) in enumerate(itertools.pairwise(edges)):
         J[begin:end, k] = moved[begin:end]
-    A, there = problem.columns(fitted.log_tau), fitted.strengths != 0
     assert fitted.prior is not None
     A = A[:, there]
     H = A.T @ A + fitted.prior[np.ix_(there, there)]
