@@ -5,8 +5,8 @@ With the unknowns x, z = P x the offset, reversible increments and weights, and 
     |W (A x - y)|^2 / (2 N s^2) + lambda/2 ( (n/20)^4 |D_w z|^2 + (n/20)^3 |D_r z|^2 )
 
 is minimised under x >= 0 but for the offset, and C x >= 0 for a leading model. W weighs the rows. D_w are
-the differences of the weights between neighbouring cells of n x n, D_r those of the increments; the powers
-of n make lambda mean the same on every grid.
+the differences of the weights between neighbouring cells of n x n, mainly along the diagonal, D_r those of
+the increments; the powers of n make lambda mean the same on every grid.
 """
 
 from collections.abc import Iterator, Sequence
@@ -30,6 +30,10 @@ from ._unknown_vectors import relative
 
 COARSE = 20
 """Cells of the grid on which the prior's strength is counted, and the first one tried."""
+
+ACROSS = 0.3
+"""Of the differences between cells whose thresholds are not equally far apart, beside those between cells
+whose thresholds are: friction acts alike everywhere. A loop of one size leaves the rest open."""
 
 
 class PreisachObjective:
@@ -168,11 +172,11 @@ def smoothness(meaning: GridUnknowns) -> sparse.csr_matrix:
     index[i, j] = np.arange(len(i))
     density = np.where(i == j, 2.0, 1.0)  # mass to density: half cells have half the area
     steps = []
-    for di, dj in ((1, 0), (0, 1)):
+    for di, dj, size in ((1, 1, 1.0), (1, 0, ACROSS), (0, 1, ACROSS)):
         here = np.flatnonzero((i + di < n) & (i + di >= j + dj))
         there = index[i[here] + di, j[here] + dj]
         row = np.tile(np.arange(len(here)), 2)
-        values = np.concatenate([-density[here], density[there]])
+        values = size * np.concatenate([-density[here], density[there]])
         shape = (len(here), len(i))
         steps.append(sparse.csr_matrix((values, (row, np.concatenate([here, there]))), shape=shape))
     D_w, D_r = sparse.vstack(steps), sparse.csr_matrix(np.diff(np.eye(n), axis=0))
