@@ -3,12 +3,13 @@
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
+import scipy
 from jaxtyping import Complex, Float
 
 from hysteresis import InputError
 
 from ._measured_motion import MeasuredMotion
-from ._periodic_tests import EXCITED, excited_lines
+from ._periodic_tests import EXCITED, excited_lines, linear_response
 from ._vector_fitting import real
 
 Lines: TypeAlias = Complex[np.ndarray, " lines"] | Any
@@ -18,8 +19,8 @@ LEAKED = 0.03
 """Part of the largest line from which a line of a record without a period is excited."""
 
 PASSES = 12
-NEIGHBOURS = 12
-"""Lines to each side through which a parabola is laid to see how smooth a frequency response is."""
+SMOOTHED = 25
+"""Lines over which the power of the distortion is averaged."""
 
 
 class LinearApproximation(NamedTuple):
@@ -82,7 +83,11 @@ def linear_approximation(motion: MeasuredMotion) -> LinearApproximation:
     noise = np.full(len(f), np.nan)
     if motion.scatter is not None:
         noise = np.sqrt(motion.scatter[lines]) / np.abs(U[lines])
-    distortion = _roughness(response) if motion.periodic else np.full(len(f), np.nan)
+    distortion = np.full(len(f), np.nan)
+    if motion.periodic:
+        _, left, free = linear_response(U[None, :, None], Y[None, :, None], lines, 1)
+        power = np.abs(left[0, :, 0] / U[lines]) ** 2 / free
+        distortion = np.sqrt(scipy.ndimage.uniform_filter1d(power, SMOOTHED, mode="nearest"))
     m, c, k = (float(x) for x in found[:3])
     linear = LinearApproximation(m, c, k, f, response, noise, distortion)
     _check(linear)
@@ -105,16 +110,3 @@ def _check(linear: LinearApproximation) -> None:
         cause="the force never excites the resonance, the columns are exchanged, or another unit.",
         fix="excite a band about the resonance; --input is the force, --output the displacement.",
     )
-
-
-def _roughness(response: Lines) -> Float[np.ndarray, " lines"]:
-    """Rms distance of each line from parabolas through its neighbours."""
-    n, reach = len(response), min(NEIGHBOURS, (len(response) - 1) // 2)
-    if reach < 3:
-        return np.full(n, np.nan)
-    x = np.arange(-reach, reach + 1) / reach
-    basis, _ = np.linalg.qr(np.vander(x, 3))
-    windows = np.lib.stride_tricks.sliding_window_view(response, 2 * reach + 1)
-    left = windows - windows @ basis @ basis.T
-    rms = np.sqrt((np.abs(left) ** 2).sum(1) / (2 * reach + 1 - 3))
-    return np.concatenate([np.full(reach, rms[0]), rms, np.full(n - len(rms) - reach, rms[-1])])
