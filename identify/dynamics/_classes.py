@@ -1,7 +1,6 @@
 """Which hysteresis an oscillator has: classes fitted one after the other, ranked by their evidence."""
 
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 
@@ -29,47 +28,6 @@ STEADY, MOST_WARM = 12.0, 20
 """Time constants of the decay, of a quarter of the linear damping, before steady state."""
 
 
-class Tried(NamedTuple):
-    """A class and its best fit."""
-
-    name: str
-    found: Optimum
-
-    @property
-    def title(self) -> str:
-        """The class with what sets it apart from others of its kind, such as how many knots it has."""
-        own = self.found.family.words
-        if self.name == "BoucWen":
-            return self.name
-        said = f"{self.name}, {own['knots']} knots"
-        return said if own.get("symmetric", True) else f"{said}, not symmetric"
-
-    @property
-    def words(self) -> dict[str, object]:
-        """Plain data for a file."""
-        own = self.found
-        return {
-            "class": self.name,
-            "chi2": own.chi,
-            "effective_parameters": own.effective,
-            "bic": own.bic,
-            "deviations": list(own.deviations),
-            **{k: v for k, v in own.family.words.items() if k != "first"},
-        }
-
-
-class Search(NamedTuple):
-    """What a search ended with.
-
-    - `tried`: every class, the best one first; of it the final fit. `chi2`: of every start.
-    - `setting`: of the final fit.
-    """
-
-    tried: tuple[Tried, ...]
-    setting: Setting
-    chi2: tuple[float, ...]
-
-
 def search(
     motion: MeasuredMotion,
     linear: LinearApproximation,
@@ -79,34 +37,35 @@ def search(
     starts: int = 32,
     seed: int = 0,
     say: Callable[[str], None] = lambda _: None,
-) -> Search:
+) -> tuple[list[Optimum], list[float]]:
     """Fit the class `hysteresis`, or all of them where it is None, and take the one of greatest evidence.
+
+    **Returns:** every class, the best one first, of which the final fit; chi2 of every start.
 
     Raises `InputError` `fit-broke` where no start led to a motion that stays finite.
     """
     warm = periods_to_steady_state(motion, linear)
     coarse = Setting.of(motion, max(1, oversampling // COARSER), (), warm)
-    tried: list[Tried] = []
+    tried: list[Optimum] = []
     chi2: list[float] = []
 
-    def note(name: str, found: Optimum) -> None:
-        if not np.isfinite(found.chi):
-            return
-        tried.append(Tried(name, found))
-        said = f"Oscillator({tried[-1].title}): chi2 per row {found.chi:.4g}"
-        say(f"{said}, {found.effective:.0f} parameters")
+    def note(found: Optimum) -> None:
+        if np.isfinite(found.chi):
+            tried.append(found)
+            said = f"Oscillator({found.title}): chi2 per row {found.chi:.4g}"
+            say(f"{said}, {found.effective:.0f} parameters")
 
     if hysteresis != "GeneralizedPlays":
         # Other classes are tried where the grid of starts does not do.
         best, chi2 = started(coarse, linear, starts if hysteresis == "BoucWen" else 0, seed)
-        note("BoucWen", best)
+        note(best)
         if hysteresis != "BoucWen" and np.isfinite(best.chi):
             _more_knots(coarse, best, note)
-    explained = bool(tried) and min(one.found.chi for one in tried) < motion.explained
+    explained = bool(tried) and min(one.chi for one in tried) < motion.explained
     if hysteresis == "GeneralizedPlays" or (hysteresis is None and not explained):
         for start in candidates(motion, linear):
             found = with_evidence(coarse, start.family, start.q)
-            note("GeneralizedPlays", found)
+            note(found)
             if found.chi < FAR_FROM_ONE:
                 break
     if not tried:
@@ -116,32 +75,27 @@ def search(
             cause="the record is too short, too noisy, or not that of a mass on a spring.",
             fix="measure a longer record about the resonance.",
         )
-    order = sorted(tried, key=lambda one: one.found.bic)
-    best = order[0]
-    setting = _recorder(motion, best.found, oversampling, warm)
-    final = _final(setting, best.found)
+    best, *others = sorted(tried, key=lambda one: one.bic)
+    setting = _recorder(motion, best, oversampling, warm)
+    # Steps as fine as those of the model, and its priors once more by the evidence.
+    steps, tolerance = (4, 1e-4) if best.family.groups else (15, 1e-7)
+    final = with_evidence(
+        setting, best.family, best.q, deviations=best.deviations, rounds=2, steps=steps,
+        tolerance=tolerance, damping=1e-6,
+    )  # fmt: skip
     say(f"Oscillator({best.name}): chi2 per row {final.chi:.4g} at {oversampling} steps a sample")
-    return Search((Tried(best.name, final), *order[1:]), setting, tuple(chi2))
+    return [final, *others], chi2
 
 
-def _more_knots(coarse: Setting, best: Optimum, note: Callable[[str, Optimum], None]) -> None:
+def _more_knots(coarse: Setting, best: Optimum, note: Callable[[Optimum], None]) -> None:
     """Duhem operators with more knots, equal for both directions and not, while the evidence rises."""
     for knots in SIZES:
         both = [refined(coarse, best, knots, symmetric) for symmetric in (True, False)]
         new = min(both, key=lambda one: one.bic)
-        note("Duhem", new)
+        note(new)
         if new.bic > best.bic:
             return
         best = new
-
-
-def _final(setting: Setting, found: Optimum) -> Optimum:
-    """The same fit in steps as fine as those of the model, its priors once more by the evidence."""
-    steps, tolerance = (4, 1e-4) if found.family.groups else (15, 1e-7)
-    return with_evidence(
-        setting, found.family, found.q, deviations=found.deviations, rounds=2, steps=steps,
-        tolerance=tolerance, damping=1e-6,
-    )  # fmt: skip
 
 
 def _recorder(motion: MeasuredMotion, found: Optimum, oversampling: int, warm: int) -> Setting:

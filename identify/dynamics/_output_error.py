@@ -29,6 +29,9 @@ TRIES = 7
 PATIENCE = 3
 """Steps in a row that gain next to nothing: those of a class that does not fit were a fifth of a search."""
 
+BOUC_WEN = 3
+"""Knots of Bouc-Wen's force."""
+
 PLANT, STATE = 3, 3
 """Mass, damping, stiffness; displacement, velocity and hysteretic force at first."""
 
@@ -189,9 +192,10 @@ class Optimum(NamedTuple):
     - `q`: unknowns. `chi`: mean squared residual over the noise's variance, no prior in it.
     - `normal`: equations, prior included, in units of the noise; `deviations` of the priors.
     - `effective`: how many unknowns the data determine. `converged`: whether steps had become small.
-    - `place`: where it is, for a search that goes on from there.
+    - `place`: where it is, for a search that goes on from there. `setting`: how motions were simulated.
     """
 
+    setting: Setting
     family: Family
     q: Float[np.ndarray, " unknowns"]
     chi: float
@@ -206,6 +210,29 @@ class Optimum(NamedTuple):
     def bic(self) -> float:
         """Bayesian information criterion: rows log chi + effective parameters log rows."""
         return self.rows * float(np.log(self.chi)) + self.effective * float(np.log(self.rows))
+
+    @property
+    def name(self) -> str:
+        """The class."""
+        if self.family.rate is None:
+            return "GeneralizedPlays"
+        return "BoucWen" if self.family.words["knots"] == BOUC_WEN else "Duhem"
+
+    @property
+    def title(self) -> str:
+        """The class with what sets it apart from others of its kind, such as how many knots it has."""
+        own = self.family.words
+        if self.name == "BoucWen":
+            return self.name
+        said = f"{self.name}, {own['knots']} knots"
+        return said if own.get("symmetric", True) else f"{said}, not symmetric"
+
+    @property
+    def words(self) -> dict[str, Any]:
+        """Plain data for a file."""
+        figures = {"chi2": self.chi, "effective_parameters": self.effective, "bic": self.bic}
+        own = {k: v for k, v in self.family.words.items() if k != "first"}
+        return {"class": self.name, **figures, "deviations": list(self.deviations), **own}
 
 
 def covariance_of(
@@ -257,7 +284,7 @@ def levenberg_marquardt(
 
     here = here or look(q)
     if here is None:
-        return Optimum(family, q, np.inf, np.eye(count), deviations, count, False, len(y))
+        return Optimum(setting, family, q, np.inf, np.eye(count), deviations, count, False, len(y))
     cost, still, converged = cost_of(here, q), 0, False
     for step_number in range(steps + 1):
         normal = here.jacobian.T @ here.jacobian + np.diag(root**2)
@@ -284,7 +311,7 @@ def levenberg_marquardt(
         damping = max(damping * (1.0 if damping > least else 0.1), 1e-12)
     effective = count - float(np.sum(np.diag(covariance_of(normal)) * root**2))
     chi = float(here.left @ here.left) / len(y)
-    return Optimum(family, q, chi, normal, deviations, effective, converged, len(y), here)
+    return Optimum(setting, family, q, chi, normal, deviations, effective, converged, len(y), here)
 
 
 def with_evidence(

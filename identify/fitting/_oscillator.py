@@ -24,7 +24,7 @@ from hysteresis._format import quantity
 from hysteresis._verdict import Verdict
 from hysteresis.numerics._normal import NORMAL_95
 
-from ..dynamics._classes import CLASSES, Search, Tried, search
+from ..dynamics._classes import CLASSES, COARSER, search
 from ..dynamics._linear_approximation import LinearApproximation, linear_approximation
 from ..dynamics._measured_motion import MeasuredMotion, measured_motion
 from ..dynamics._output_error import (
@@ -109,22 +109,20 @@ def fit_oscillator(
     linear = linear_approximation(motion)
     warnings = [*warnings_of(motion, linear, oversampling)]
     asked = name[len(OSCILLATOR) + 1 : -1] or None
-    found = search(
+    tried, chi2 = search(
         motion, linear, asked, oversampling=oversampling, starts=starts, seed=seed, say=say
     )
-    best, optimum = found.tried[0], found.tried[0].found
-    model = model_of(best, oversampling)
-    theta = optimum.family.T @ optimum.q
+    best, *others = tried
+    model, stages = model_of(best), best.setting.stages
+    y, v, z = map(float, (best.family.T @ best.q)[PLANT:][:STATE])
     recorded = RecordedMotion(
-        model, motion.dt, oversampling, found.setting.stages, motion.period,
-        (float(theta[3]), float(theta[4]), float(theta[5])), motion.force,
-    )  # fmt: skip
+        model, motion.dt, oversampling, stages, motion.period, (y, v, z), motion.force
+    )
     detail = Motion(
-        recorded, optimum.chi, motion.sigma, tuple(one.words for one in found.tried), linear,
-        (digest_of(record), digest_of(test)), best.name == "BoucWen",
-        found.chi2,
+        recorded, best.chi, motion.sigma, tuple(one.words for one in tried), linear,
+        (digest_of(record), digest_of(test)), best.name == "BoucWen", tuple(chi2),
     )  # fmt: skip
-    listed, covariance = _parameters(model, best, optimum, record)
+    listed, covariance = _parameters(model, best, record)
     predicted = recorded.as_fitted(record)
     used = np.zeros(len(predicted), bool)
     used[motion.rows[0] : motion.rows[1]] = True
@@ -133,7 +131,7 @@ def fit_oscillator(
         "train": metrics(record.output, predicted, used),
         "test": None,
     }
-    blocks = _held_out(motion, record, found, optimum)
+    blocks = _held_out(best, record)
     range_ = float(np.ptp(record.output[used]))
     fitted = FitResult(
         name=f"{OSCILLATOR}({best.name})",
@@ -143,38 +141,36 @@ def fit_oscillator(
         residuals=residuals,
         used=used,
         metrics=figures,
-        success=optimum.converged or optimum.chi < motion.explained,
+        success=best.converged or best.chi < motion.explained,
         score=np.nan if blocks is None else 100 * float(np.sqrt(blocks.mean())) / range_,
         noise=estimate_noise([residuals[used]], len(covariance)),
         train=record,
         test=test,
-        notes=_notes(motion, found, detail),
+        notes=_notes(best),
         blocks=blocks,
         purpose=purpose,
         detail=detail,
         seed=seed,
     )
     fitted = _tested(fitted)
-    fitted = replace(fitted, baselines=(_linear_baseline(fitted, motion, linear, found.setting),))
+    fitted = replace(fitted, baselines=(_linear_baseline(fitted, motion, linear),))
     warnings += [*misfit_of(fitted, motion, detail)]
     verdict = judge(fitted, tuple(warnings))
     seconds = time.perf_counter() - begin
     fitted = replace(fitted, verdict=verdict, seconds=seconds)
-    others = tuple(_candidate(one, motion) for one in found.tried[1:])
-    return replace(fitted, candidates=(fitted, *others))
+    return replace(fitted, candidates=(fitted, *map(_candidate, others)))
 
 
-def model_of(tried: Tried, substeps: int) -> Oscillator:
+def model_of(found: Optimum) -> Oscillator:
     """The oscillator of a fit in its own terms."""
-    family, q = tried.found.family, tried.found.q
-    theta = family.T @ q
+    family, theta = found.family, found.family.T @ found.q
     m, c, k = theta[:PLANT]
     own = theta[PLANT + STATE :]
     hysteresis: AbstractModel
     rate, plays = family.rate, family.plays
     if rate is None:
         hysteresis = GeneralizedPlays(plays.radii, plays.reach, own, plays.knots)
-    elif tried.name == "BoucWen":
+    elif found.name == "BoucWen":
         # f+ over -limit, 0, limit: alpha + (gamma - delta) limit, alpha, alpha - (gamma + delta) limit.
         low, alpha, high = own[:3]
         limit = float(rate.limit)
@@ -183,11 +179,12 @@ def model_of(tried: Tried, substeps: int) -> Oscillator:
     else:
         rising, falling = np.split(own, 2)
         hysteresis = DuhemForce(rising, falling, rate.limit)
-    return Oscillator(m, max(c, 0.0) if c > -1e-12 else c, k, hysteresis, substeps)
+    c = max(c, 0.0) if c > -1e-12 else c
+    return Oscillator(m, c, k, hysteresis, found.setting.substeps)
 
 
 def _parameters(
-    model: Oscillator, tried: Tried, optimum: Optimum, record: Record
+    model: Oscillator, optimum: Optimum, record: Record
 ) -> tuple[tuple[Parameter, ...], Float[np.ndarray, "free free"]]:
     """Plant, and the coefficients of Bouc-Wen's force, with 90 % intervals; of others the plant alone.
 
@@ -197,7 +194,7 @@ def _parameters(
     covariance = covariance_of(optimum.normal) * chi2
     unit = np.eye(len(optimum.q))
     rows = [*unit[:PLANT]]
-    if tried.name == "BoucWen":
+    if optimum.name == "BoucWen":
         first = optimum.family.words["first"]
         rows += [unit[first], -unit[first + 1], -unit[first + 2]]
     words = model.unit_words(record.input_unit, record.output_unit, record.time_unit)
@@ -232,20 +229,18 @@ def _tested(fit: FitResult) -> FitResult:
     )
 
 
-def _held_out(
-    motion: MeasuredMotion, record: Record, found: Search, optimum: Optimum
-) -> Float[np.ndarray, " blocks"] | None:
+def _held_out(optimum: Optimum, record: Record) -> Float[np.ndarray, " blocks"] | None:
     """Squared errors of the last period, or quarter, predicted from a fit to the others, in blocks; None
     of a single period."""
-    y = np.asarray(record.output, float)
-    coarse = max(1, found.setting.substeps // 4)
+    y, motion = np.asarray(record.output, float), optimum.setting.motion
+    coarse = max(1, optimum.setting.substeps // COARSER)
     if motion.periodic:
         first, end = motion.rows
         parts = y[first:end].reshape(-1, motion.period)
         if len(parts) < 2:
             return None
         own = replace(motion, displacement=parts[:-1].mean(0))
-        whole = setting = Setting.of(own, coarse, (), max(found.setting.warm, 1))
+        whole = setting = Setting.of(own, coarse, (), max(optimum.setting.warm, 1))
         y, cut, how = parts[-1], 0, {"steps": 2, "damping": 1e-6}
     else:
         whole, how = Setting.of(motion, coarse, (), 0), {"steps": 4, "damping": 1e-4}
@@ -262,20 +257,18 @@ def _held_out(
 
 
 def _linear_baseline(
-    fit: FitResult, motion: MeasuredMotion, linear: LinearApproximation, setting: Setting
+    fit: FitResult, motion: MeasuredMotion, linear: LinearApproximation
 ) -> Baseline:
     """The best linear oscillator on the same rows: without hysteresis."""
     none = BoucWenForce(alpha=1e-12 * linear.stiffness)
-    plain = Oscillator(
-        linear.mass, max(linear.damping, 0.0), linear.stiffness, none, setting.substeps
-    )
+    plain = Oscillator(linear.mass, max(linear.damping, 0.0), linear.stiffness, none)
     detail = fit.detail
     assert isinstance(detail, Motion)
     own = replace(detail.recorded, model=plain)
     tested = _tested(replace(fit, model=plain, detail=replace(detail, recorded=own)))
     predicted = own.as_fitted(fit.train)
     figures = tested.metrics | {"train": metrics(fit.train.output, predicted, fit.used)}
-    error = (predicted - np.asarray(fit.train.output, float))[fit.used]
+    error = (predicted - fit.train.output)[fit.used]
     rows = motion.period if motion.periodic else int(HELD_OUT * len(error))
     blocks = np.array(block_errors(error[-rows:]))
     blocks = blocks if fit.blocks is not None and len(fit.blocks) == len(blocks) else np.array([])
@@ -284,17 +277,17 @@ def _linear_baseline(
     return Baseline("linear oscillator", score, figures, blocks, tested.test_blocks)
 
 
-def _notes(motion: MeasuredMotion, found: Search, detail: Motion) -> tuple[str, ...]:
-    stages = found.setting.stages
+def _notes(found: Optimum) -> tuple[str, ...]:
+    stages, substeps = found.setting.stages, found.setting.substeps
     kept = "sampled without a filter"
     if stages:
         kept = (
             f"decimated by {' x '.join(map(str, stages))} with a low-pass filter of 31 taps a stage"
         )
     return (
-        *(note.text for note in motion.notes),
-        f"The motion is integrated in {found.setting.substeps} steps a sample, and taken as {kept}.",
-        f"chi2 per row is {detail.chi2:.4g}; noise alone leaves 1.",
+        *(note.text for note in found.setting.motion.notes),
+        f"The motion is integrated in {substeps} steps a sample, and taken as {kept}.",
+        f"chi2 per row is {found.chi:.4g}; noise alone leaves 1.",
     )
 
 
@@ -340,19 +333,20 @@ def misfit_of(fit: FitResult, motion: MeasuredMotion, detail: Motion) -> tuple[N
     return tuple(found)
 
 
-def _candidate(tried: Tried, motion: MeasuredMotion) -> Candidate:
+def _candidate(found: Optimum) -> Candidate:
     """The figures of a class that was tried, on the training rows: nothing was held out from its fit.
 
     A row is its mean over n periods and a rest of variance (n - 1) sigma^2, sigma that of the mean.
     """
-    found, span = tried.found, float(np.ptp(motion.displacement))
+    motion = found.setting.motion
+    span = float(np.ptp(motion.displacement))
     rest = (motion.periods - 1) * motion.sigma**2
     rmse = float(np.sqrt(found.chi * motion.sigma**2 + rest))
     r2 = 1 - rmse**2 / (float(motion.displacement.var()) + rest)
     text = f"chi2 per row {found.chi:.4g}, {found.effective:.0f} effective parameters"
     text += f", BIC {found.bic:.0f}."
     return Candidate(
-        name=f"{OSCILLATOR}({tried.title})",
+        name=f"{OSCILLATOR}({found.title})",
         parameters=(),
         metrics={"train": Metrics(rmse, 100 * rmse / span, float("nan"), r2), "test": None},
         success=found.converged,
