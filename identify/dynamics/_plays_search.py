@@ -22,10 +22,9 @@ PLAYS, LARGEST, POWER = 20, 0.95, 1.3
 KNOTS = (2, 21, 31)
 """Of the curve of the smallest play; those of larger plays have as many per displacement."""
 
-RANGES = (0.2, 0.3, 0.42, 0.6, 0.85)
-"""Ranges of the radii, as parts of the largest displacement; the best one is refined."""
+RANGES = np.geomspace(0.2, 0.85, 9)
+"""Of the radii, as parts of the largest displacement."""
 
-REFINEMENTS = 4
 BAND = 1.5
 """Displacements are low-passed at this many times the highest frequency of the force, and then known
 almost without noise."""
@@ -134,23 +133,11 @@ def candidates(motion: MeasuredMotion, linear: LinearApproximation) -> list[Equa
     largest = float(np.abs(motion.displacement).max())
 
     def best_of(knots: int) -> Equation:
-        def at(part: float) -> Equation:
-            family = plays_family(part * largest, knots, linear.stiffness, not motion.periodic)
-            return equation_error(motion, linear, family)
-
-        tried = {part: at(part) for part in RANGES}
-        for _ in range(REFINEMENTS):
-            order = sorted(tried)
-            best = min(order, key=lambda part: tried[part].bic)
-            place = order.index(best)
-            gaps = [
-                (abs(np.log(order[k] / best)), float(np.sqrt(order[k] * best)))
-                for k in (place - 1, place + 1)
-                if 0 <= k < len(order)
-            ]
-            new = max(gaps)[1]
-            tried[new] = at(new)
-        return min(tried.values(), key=lambda one: one.bic)
+        each = (
+            plays_family(reach, knots, linear.stiffness, not motion.periodic)
+            for reach in RANGES * largest
+        )
+        return min((equation_error(motion, linear, one) for one in each), key=lambda one: one.bic)
 
     # FFTs and products of matrices let other threads run.
     with ThreadPoolExecutor(SIDE_BY_SIDE) as pool:
