@@ -94,9 +94,9 @@ def measured_motion(record: Record, period: int | None = None) -> MeasuredMotion
     Raises `InputError`: `no-time`, `several-sequences`, `uneven-clock`, `too-few-rows`, `not-periodic`,
     `constant-input`.
     """
-    dt = clock_of(record)
-    u, y = np.asarray(record.input, float), np.asarray(record.output, float)
-    u, y = _uninterrupted(record, u, y)
+    count = _uninterrupted(record)
+    dt = even_clock(record.time, record.line, record.time_unit)
+    u, y = (np.asarray(x, float)[:count] for x in (record.input, record.output))
     if len(u) < LEAST_ROWS:
         raise InputError(
             "too-few-rows",
@@ -144,32 +144,21 @@ def measured_motion(record: Record, period: int | None = None) -> MeasuredMotion
     )
 
 
-def _uninterrupted(record: Record, u: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The rows that count: from the first row on, without a gap."""
-    count = int(record.mask.sum())
-    if record.mask[:count].all():
-        return u[:count], y[:count]
-    gap = int(np.argmin(record.mask))
+def _uninterrupted(record: Record) -> int:
+    """How many rows count: from the first row on, of one sequence and without a gap."""
+    count, rows, several = int(record.mask.sum()), len(record), len(record.starts) > 1
+    if record.mask[:count].all() and not several:
+        return count
+    row = record.starts[1] if several else np.argmin(record.mask)
     raise InputError(
         "several-sequences",
-        f"{len(u) - count} of {len(u)} rows are excluded, which cuts the motion.",
-        place=f"line {int(record.line[gap])}",
-        fix="fit one uninterrupted run of rows from the beginning of the record (--where, --test-tail).",
+        f"{len(record.starts)} sequences; a fit of an oscillator takes one."
+        if several
+        else f"{rows - count} of {rows} rows are excluded, which cuts the motion.",
+        place=f"line {int(record.line[row])}",
+        fix="fit one uninterrupted run of rows from the beginning of the record (--where, --test-tail), or"
+        " each sequence (--each).",
     )
-
-
-def clock_of(record: Record) -> float:
-    """The time between the samples of a record of one sequence on an even clock.
-
-    Raises `InputError` `no-time`, `several-sequences` or `uneven-clock`.
-    """
-    if len(record.starts) > 1:
-        raise InputError(
-            "several-sequences",
-            f"{len(record.starts)} sequences; a fit of an oscillator takes one.",
-            fix="choose one of them with --where, or fit each with --each.",
-        )
-    return even_clock(record.time, record.line, record.time_unit)
 
 
 def even_clock(time: ArrayLike | None, line: ArrayLike, unit: str) -> float:
