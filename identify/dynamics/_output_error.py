@@ -10,12 +10,13 @@ import numpy as np
 import scipy
 from jaxtyping import Float
 
-from hysteresis import DuhemForce, GeneralizedPlays, decimated, interpolated
+from hysteresis import DuhemForce, GeneralizedPlays, interpolated
 from hysteresis.dynamics._oscillator import MOTION, before_first, law_of
 from hysteresis.dynamics._recorder import clock
 from hysteresis.running import Known, Numbers, numbers_of, place_of, run, tangents
 
 from ._measured_motion import MeasuredMotion
+from ._recorded_motion import as_recorded
 
 ALONE = 1.5
 """Numbers of the law for each unknown up to which derivatives are taken by the former."""
@@ -79,10 +80,7 @@ class Setting:
         limit = FAR * float(np.abs(self.motion.displacement).max())
         if not (-limit < fine.min() and fine.max() < limit):
             return np.full(len(self.motion.force), np.nan), None
-        fine = fine[first:]
-        y = fine[:: self.substeps]
-        if self.stages:
-            y = decimated(fine, self.stages, self.motion.periodic)
+        y = as_recorded(fine[first:], self.substeps, self.stages, self.motion.periodic)
         return y, by
 
     def steady_state(self, family: "Family", q: np.ndarray) -> Float[np.ndarray, " state"]:

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from hysteresis import Oscillator, Record, decimated, interpolated
-from hysteresis.dynamics._oscillator import before_first
+from hysteresis.dynamics._oscillator import MOTION, before_first
 from hysteresis.dynamics._recorder import clock
 from hysteresis.running import Numbers, numbers_of, run
 
@@ -42,10 +42,7 @@ class RecordedMotion:
         one stage."""
         found = np.empty(len(record.input))
         for rows, part, substeps, dt in self._sequences(record):
-            stages = (substeps,) if self.stages and substeps > 1 else ()
-            fine = interpolated(part, substeps)
-            moved = run(self._numbers, fine, clock(len(fine), dt / substeps)).value
-            found[rows] = _kept(moved, substeps, stages)
+            found[rows] = self._moving(part, substeps, dt, self.stages and (substeps,))
         return found
 
     def steady(self, record: Record) -> Float[np.ndarray, " samples"]:
@@ -56,19 +53,19 @@ class RecordedMotion:
             found[rows] = np.resize(self._period(part[:period], substeps, dt), len(part))
         return found
 
-    def as_fitted(self, record: Record) -> Float[np.ndarray, " samples"]:
+    def as_fitted(self, force: Float[np.ndarray, " samples"]) -> Float[np.ndarray, " samples"]:
         """The fitted record itself: in steady state, or from the fitted motion before its first sample."""
-        part = np.asarray(record.input, float)
         if self.period:
-            return np.resize(self._period(part[: self.period], self.substeps, self.dt), len(part))
-        return self._moving(part)
+            once = self._period(force[: self.period], self.substeps, self.dt)
+            return np.resize(once, len(force))
+        return self._moving(force, self.substeps, self.dt, self.stages, self.initial)
 
     def going_on(self, record: Record) -> Float[np.ndarray, " samples"] | None:
         """A record that follows the fitted one: its phase of the period, or the motion that goes on; None
         where its force is no part of the period."""
         part = np.asarray(record.input, float)
         if not self.period:
-            return self._moving(np.concatenate([self.force, part]))[len(self.force) :]
+            return self.as_fitted(np.append(self.force, part))[len(self.force) :]
         once = self.force[: self.period]
         some = part[: min(len(part), self.period)]
         spectrum = np.fft.rfft(once) * np.conj(np.fft.rfft(some, self.period))
@@ -76,8 +73,7 @@ class RecordedMotion:
         wanted = np.resize(np.roll(once, -shift), len(part))
         if np.std(wanted - part) > 5 * REPEATED * np.std(once):
             return None
-        found = self._period(once, self.substeps, self.dt)
-        return np.resize(np.roll(found, -shift), len(part))
+        return np.resize(np.roll(self.as_fitted(once), -shift), len(part))
 
     def _sequences(self, record: Record) -> Iterator[tuple[slice, np.ndarray, int, float]]:
         """Rows and force of each sequence, the steps and the time of a sample: of another clock steps about
@@ -100,15 +96,21 @@ class RecordedMotion:
             found = run(numbers._replace(m=found.m), fine, times)
             if not np.abs(found.value - before).max() > SETTLED * np.abs(found.value).max():
                 break
-        return _kept(found.value[:-1], substeps, self.stages, True)
+        return as_recorded(found.value[:-1], substeps, self.stages, True)
 
-    def _moving(self, force: np.ndarray) -> np.ndarray:
-        """The displacements under a force that begins with the fitted one."""
-        numbers = self._numbers
-        numbers = numbers.with_state(before_first(numbers, self.initial))
-        fine = interpolated(force, self.substeps)
-        moved = run(numbers, fine, clock(len(fine), self.dt / self.substeps)).value
-        return _kept(moved, self.substeps, self.stages)
+    def _moving(
+        self,
+        force: np.ndarray,
+        substeps: int,
+        dt: float,
+        stages: tuple[int, ...],
+        initial: tuple[float, ...] = (0.0,) * len(MOTION),
+    ) -> np.ndarray:
+        """The displacements from a first motion on."""
+        numbers = self._numbers.with_state(before_first(self._numbers, initial))
+        fine = interpolated(force, substeps)
+        moved = run(numbers, fine, clock(len(fine), dt / substeps)).value
+        return as_recorded(moved, substeps, stages)
 
     @property
     def _numbers(self) -> Numbers:
@@ -116,10 +118,10 @@ class RecordedMotion:
         return numbers_of(replace(self.model, substeps=1).tree())
 
 
-def _kept(
+def as_recorded(
     fine: np.ndarray, substeps: int, stages: tuple[int, ...], periodic: bool = False
 ) -> np.ndarray:
     """What a recorder keeps: in one stage where those of the fitted clock do not fit."""
-    if stages and int(np.prod(stages)) != substeps:
-        stages = (substeps,) if substeps > 1 else ()
-    return decimated(fine, stages, periodic) if stages else fine[::substeps]
+    if not stages or substeps == 1:
+        return fine[::substeps]
+    return decimated(fine, stages if np.prod(stages) == substeps else (substeps,), periodic)

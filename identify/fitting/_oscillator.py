@@ -123,7 +123,7 @@ def fit_oscillator(
         (digest_of(record), digest_of(test)), best.name == "BoucWen", tuple(chi2),
     )  # fmt: skip
     listed, covariance = _parameters(model, best, record)
-    predicted = recorded.as_fitted(record)
+    predicted = recorded.as_fitted(record.input)
     used = np.zeros(len(predicted), bool)
     used[motion.rows[0] : motion.rows[1]] = True
     residuals = np.where(record.mask, predicted - np.asarray(record.output, float), np.nan)
@@ -266,7 +266,7 @@ def _linear_baseline(
     assert isinstance(detail, Motion)
     own = replace(detail.recorded, model=plain)
     tested = _tested(replace(fit, model=plain, detail=replace(detail, recorded=own)))
-    predicted = own.as_fitted(fit.train)
+    predicted = own.as_fitted(fit.train.input)
     figures = tested.metrics | {"train": metrics(fit.train.output, predicted, fit.used)}
     error = (predicted - fit.train.output)[fit.used]
     rows = motion.period if motion.periodic else int(HELD_OUT * len(error))

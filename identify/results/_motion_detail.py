@@ -71,7 +71,7 @@ class Motion:
     def outputs(self, record: Record) -> np.ndarray | None:
         digest = digest_of(record)
         if digest == self.records[0]:
-            return self.recorded.as_fitted(record)
+            return self.recorded.as_fitted(record.input)
         if digest == self.records[1]:
             found = self.recorded.going_on(record)
             if found is not None:
