@@ -63,8 +63,8 @@ def search(
             _more_knots(coarse, best, note)
     explained = bool(tried) and min(one.chi for one in tried) < motion.explained
     if hysteresis == "GeneralizedPlays" or (hysteresis is None and not explained):
-        for start in candidates(motion, linear):
-            found = with_evidence(coarse, start.family, start.q)
+        for _, family, q in candidates(motion, linear):
+            found = with_evidence(coarse, family, q)
             note(found)
             if found.chi < FAR_FROM_ONE:
                 break

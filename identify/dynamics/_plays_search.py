@@ -2,7 +2,8 @@
 
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
-from typing import Any, NamedTuple
+from operator import itemgetter
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -15,6 +16,7 @@ from hysteresis.numerics._input_memory import stops
 from ._linear_approximation import LinearApproximation
 from ._measured_motion import MeasuredMotion
 from ._output_error import PLANT, STATE, Family, covariance_of, hats
+from ._vector_fitting import real
 
 PLAYS, LARGEST, POWER = 20, 0.95, 1.3
 """How many plays; the largest radius, of the range; radii are closer for small ones by this power."""
@@ -34,12 +36,8 @@ LEAST_REACH = 0.15
 SIDE_BY_SIDE = 2
 
 
-class Equation(NamedTuple):
-    """How well a family follows the equation of motion, by `bic`."""
-
-    bic: float
-    family: Family
-    q: Float[np.ndarray, " unknowns"]
+Equation = tuple[float, Family, Float[np.ndarray, " unknowns"]]
+"""How well a family follows the equation of motion, by the Bayesian criterion, and with which unknowns."""
 
 
 def plays_family(
@@ -88,8 +86,9 @@ def equation_error(motion: MeasuredMotion, linear: LinearApproximation, family: 
     smooth = np.fft.irfft(np.where(use, Y, 0), n)
     path = interpolated(smooth, FINER, "band-limited", motion.periodic)
     own = family.plays
-    reach = np.asarray(own.reach)
-    plays = plays_along(np.tile(path, ROUNDS if motion.periodic else 1), np.asarray(own.radii))
+    reach, radii = np.asarray(own.reach), np.asarray(own.radii)
+    rounds = np.tile(path, ROUNDS if motion.periodic else 1)
+    plays = rounds[:, None] - stops(np.append(0.0, rounds), radii)[1:]
     plays = plays[-len(path) :: FINER][:n]
     columns = [-(w**2) * Y, 1j * w * Y, Y]
     columns += [np.zeros(len(w))] * STATE
@@ -102,7 +101,7 @@ def equation_error(motion: MeasuredMotion, linear: LinearApproximation, family: 
     stiffness = -linear.mass * w[use] ** 2 + 1j * linear.damping * w[use] + linear.stiffness
     root = np.concatenate([family.prior_root([d for _, d in family.groups]), np.zeros(free)])
     A, b = A / stiffness[:, None], U[use] / stiffness
-    both, right = np.vstack([A.real, A.imag]), np.concatenate([b.real, b.imag])
+    both, right = real(A), real(b)
     normal, projected, square = both.T @ both, both.T @ right, float(right @ right)
     least = (0.5 * motion.sigma) ** 2 * n
     variance = (10 * motion.sigma) ** 2 * n
@@ -118,14 +117,7 @@ def equation_error(motion: MeasuredMotion, linear: LinearApproximation, family: 
     q = q[: len(q) - free]
     if free:
         q[PLANT] = motion.displacement[0]
-    return Equation(bic, family, q)
-
-
-def plays_along(
-    path: Float[np.ndarray, " fine"], radii: Float[np.ndarray, " plays"]
-) -> Float[np.ndarray, "fine plays"]:
-    """The plays of some radii along a path from 0."""
-    return path[:, None] - stops(np.append(0.0, path), radii)[1:]
+    return bic, family, q
 
 
 def candidates(motion: MeasuredMotion, linear: LinearApproximation) -> list[Equation]:
@@ -137,8 +129,8 @@ def candidates(motion: MeasuredMotion, linear: LinearApproximation) -> list[Equa
             plays_family(reach, knots, linear.stiffness, not motion.periodic)
             for reach in RANGES * largest
         )
-        return min((equation_error(motion, linear, one) for one in each), key=lambda one: one.bic)
+        return min((equation_error(motion, linear, one) for one in each), key=itemgetter(0))
 
     # FFTs and products of matrices let other threads run.
     with ThreadPoolExecutor(SIDE_BY_SIDE) as pool:
-        return sorted(pool.map(in_this_precision(best_of), KNOTS), key=lambda one: one.bic)
+        return sorted(pool.map(in_this_precision(best_of), KNOTS), key=itemgetter(0))
