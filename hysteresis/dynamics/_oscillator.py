@@ -83,11 +83,6 @@ class Oscillator(AbstractLawModel):
         if self.substeps < 1:
             raise InputError("bad-option", f"substeps={self.substeps}; at least 1.")
 
-    @property
-    def parts(self) -> tuple[AbstractModel, ...]:
-        """The hysteresis, or the parts of its sum."""
-        return self.hysteresis.parts if isinstance(self.hysteresis, Sum) else (self.hysteresis,)
-
     def moving(self, displacement: float, velocity: float, force: float = 0.0) -> LawState:
         """The state before a first sample that finds the mass in motion, with this `force` in rate form."""
         now = before_first(self._numbers, (displacement, velocity, force))
