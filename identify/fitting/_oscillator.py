@@ -127,12 +127,7 @@ def fit_oscillator(
     used = np.zeros(len(predicted), bool)
     used[motion.rows[0] : motion.rows[1]] = True
     residuals = np.where(record.mask, predicted - np.asarray(record.output, float), np.nan)
-    figures: dict[str, Metrics | None] = {
-        "train": metrics(record.output, predicted, used),
-        "test": None,
-    }
-    blocks = _held_out(best, record)
-    range_ = float(np.ptp(record.output[used]))
+    blocks, span = _held_out(best, record), float(np.ptp(record.output[used]))
     fitted = FitResult(
         name=f"{OSCILLATOR}({best.name})",
         model=model,
@@ -140,9 +135,9 @@ def fit_oscillator(
         covariance=covariance,
         residuals=residuals,
         used=used,
-        metrics=figures,
+        metrics={"train": metrics(record.output, predicted, used), "test": None},
         success=best.converged or best.chi < motion.explained,
-        score=np.nan if blocks is None else 100 * float(np.sqrt(blocks.mean())) / range_,
+        score=np.nan if blocks is None else 100 * float(np.sqrt(blocks.mean())) / span,
         noise=estimate_noise([residuals[used]], len(covariance)),
         train=record,
         test=test,
@@ -155,9 +150,8 @@ def fit_oscillator(
     fitted = _tested(fitted)
     fitted = replace(fitted, baselines=(_linear_baseline(fitted, motion, linear),))
     warnings += [*misfit_of(fitted, motion, detail)]
-    verdict = judge(fitted, tuple(warnings))
     seconds = time.perf_counter() - begin
-    fitted = replace(fitted, verdict=verdict, seconds=seconds)
+    fitted = replace(fitted, verdict=judge(fitted, tuple(warnings)), seconds=seconds)
     return replace(fitted, candidates=(fitted, *map(_candidate, others)))
 
 
