@@ -18,7 +18,7 @@ import numpy as np
 
 from hysteresis import Feedback, InputError, StopsAndPowers
 
-from ._feedback_search import Spectra, gauss_newton, simulated
+from ._feedback_search import Spectra, gauss_newton
 from ._feedback_unknowns import Unknowns
 from ._periodic_tests import (
     PeriodicTest,
@@ -139,7 +139,7 @@ def fit_feedback(
             by_group = screening(model, search.few)[1]
     if names:
         model = search.polished(model)
-    errors, before = search.errors(model), search.errors(linear)
+    errors, before = test.errors(model), test.errors(linear)
     unseen = _unseen(data, out, names, search)
     found = gauss_newton(
         model, data.finer(search.fine), Unknowns(), steps=3 if names else 0, damping=5e-3, thin=4,
@@ -190,8 +190,7 @@ def _unseen(data: Spectra, out: np.ndarray, names: list[str], search: "_Search")
     for name in names:
         model = others.with_group(model, name)
     model = others.polished(model) if names else model
-    middle = data.part(own)
-    error = float(np.mean([*middle.errors(simulated(model, middle).output).values()]))
+    error = float(np.mean([*data.part(own).errors(model).values()]))
     search.say(f"{search.spent():5.0f} s  a level left out: error {100 * error:.2f} %")
     return float("nan") if others.late() else error
 
@@ -213,12 +212,8 @@ class _Search:
     def late(self) -> bool:
         return self.spent() > self.seconds
 
-    def errors(self, model: Feedback) -> dict[int, float]:
-        """On the held-out tests."""
-        return self.test.errors(simulated(model, self.test).output)
-
     def told(self, what: str, model: Feedback) -> Feedback:
-        each = ", ".join(f"{100 * e:.2f}" for e in self.errors(model).values())
+        each = ", ".join(f"{100 * e:.2f}" for e in self.test.errors(model).values())
         self.say(f"{self.spent():5.0f} s  {what}: held-out error {each} %")
         return model
 
@@ -231,7 +226,7 @@ class _Search:
         s = own.lines.s[at]
 
         def error(model: Feedback) -> float:
-            return rest.errors(simulated(model, rest).output)[self.middle]
+            return rest.errors(model)[self.middle]
 
         def tried(count: int, delay: float, thin: int = 1) -> tuple[float, Feedback]:
             model = modal(s, G, count, delay, thin)
@@ -261,7 +256,7 @@ class _Search:
 
     def error(self, model: Feedback) -> float:
         """The mean of the held-out errors."""
-        return float(np.mean([*self.errors(model).values()]))
+        return float(np.mean([*self.test.errors(model).values()]))
 
     def with_group(self, model: Feedback, name: str) -> Feedback:
         """With one more group of channels, fitted in three stages."""

@@ -57,9 +57,10 @@ class Spectra(NamedTuple):
         rest[:, 0] = 0.0
         return rest
 
-    def errors(self, Y: Any) -> dict[int, float]:
+    def errors(self, model: Feedback) -> dict[int, float]:
         """Of each level: root mean square error over that of the output, the mean over realisations and
         outputs."""
+        Y = simulated(model, self).output
         own = np.sqrt((np.abs(self.Y[:, 1:]) ** 2).sum(1))
         e = np.sqrt((np.abs((self.Y - Y)[:, 1:]) ** 2).sum(1)) / own
         return {int(k): float(e[self.level == k].mean()) for k in np.unique(self.level)}
@@ -84,10 +85,10 @@ def simulated(model: Feedback, data: Spectra, starts: list[Steady] | None = None
         steady_state(model, data.lines, u, None if starts is None else starts[r].drives, G)
         for r, u in enumerate(data.U)
     ]
-    Y = np.stack([state.output for state in states])
-    cost = float((np.abs(data.left(Y)) ** 2).sum())
-    settled = max(state.left for state in states) < LEFT
-    return Found(model, states, cost if settled and np.isfinite(cost) else np.inf)
+    found = Found(model, states, np.inf)
+    cost = float((np.abs(data.left(found.output)) ** 2).sum())
+    settled = max(state.left for state in states) < LEFT and np.isfinite(cost)
+    return found._replace(cost=cost) if settled else found
 
 
 def gauss_newton(
