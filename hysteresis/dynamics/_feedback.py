@@ -153,17 +153,14 @@ class Feedback(eqx.Module):
             )
         loop = self.direct[rows - n :, columns - n :]
         known = all(np.isfinite(x).all() for x in arrays)
-        if not known or (self.poles.real >= 0).any() or loop.any():
+        timed = self.delay >= 0 and self.memory > 0
+        if not (known and timed) or (self.poles.real >= 0).any() or loop.any():
             raise InputError(
                 "parameter-out-of-bounds",
-                "a number is not finite, a pole does not decay, or a reaction enters a drive at once.",
-                fix="give poles of negative real part, and zeros from reactions to drives.",
-            )
-        if not (self.delay >= 0 and self.memory > 0):
-            raise InputError(
-                "parameter-out-of-bounds",
-                f"delay={self.delay:g}, memory={self.memory:g}.",
-                fix="give a delay of 0 or more and a memory above 0.",
+                "a number is not finite, a pole does not decay, a reaction enters a drive at once, or a"
+                f" time is out of bounds: delay={self.delay:g}, memory={self.memory:g}.",
+                fix="give poles of negative real part, zeros from reactions to drives, a delay of 0 or more"
+                " and a memory above 0.",
             )
 
     @classmethod
@@ -207,11 +204,8 @@ class Feedback(eqx.Module):
         """
         M, C, K = (np.asarray(x, float) for x in (mass, damping, stiffness))
         n = M.shape[-1] if M.ndim else 0
-        L = (
-            np.eye(n) - np.eye(n, k=-1)
-            if links is None
-            else np.atleast_2d(np.asarray(links, float))
-        )
+        chain = np.eye(n) - np.eye(n, k=-1)
+        L = chain if links is None else np.atleast_2d(np.asarray(links, float))
         sizes, count = [x.shape for x in (M, C, K, L)], len(L)
         models = tuple(hysteresis) or (None,) * count
         fits = sizes[0] in ((n,), (n, n)) and all(s in ((count,), (n, n)) for s in sizes[1:3])
@@ -224,10 +218,8 @@ class Feedback(eqx.Module):
             )
         M = np.diag(M) if M.ndim == 1 else M
         C, K = (x if x.ndim == 2 else L.T @ (x[:, None] * L) for x in (C, K))
-        if (
-            not all(np.allclose(x, x.T, rtol=1e-9, atol=0) for x in (M, C, K))
-            or not (np.linalg.eigvalsh(M) > 0).all()
-        ):
+        symmetric = all(np.allclose(x, x.T, rtol=1e-9, atol=0) for x in (M, C, K))
+        if not symmetric or not (np.linalg.eigvalsh(M) > 0).all():
             raise InputError(
                 "parameter-out-of-bounds",
                 "a matrix is not symmetric, or a mass is not positive.",
@@ -371,7 +363,7 @@ def _fixed_point(
 ) -> tuple[Any, Any, float]:
     """Z = own + loop W(Z), from a start."""
     n = len(own)
-    best, here, kept = np.inf, (Z, None), None
+    best, here, kept = np.inf, (Z, None, None), None
     ways: list[tuple[Any, Any]] = []
     share, failed = 1.0, 0
     for _ in range(STEPS):
@@ -383,10 +375,9 @@ def _fixed_point(
             failed, share, kept, ways = failed + 1, share / 2, None, []
             if failed > FAILED or here[1] is None:
                 break
-            Z, W = here
-            rest = own + (loop @ W.T[:, :, None])[:, :, 0].T - Z
+            Z, W, rest = here
         elif left < best:
-            best, here = left, (Z, W)
+            best, here = left, (Z, W, rest)
         if best < CLOSE:
             break
         power = np.maximum((np.abs(Z) ** 2).sum(1), 1e-300)

@@ -188,10 +188,8 @@ def linear_response(U: Any, Y: Any, at: np.ndarray, spare: int) -> tuple[Any, An
     if count < nu + spare:
         half, orders = -(-3 * (nu + 1) // (2 * count)) + 1, 3
     rows = min(2 * half + 1, len(at))
-    G, left = (
-        np.empty((len(at), Y.shape[2], nu), complex),
-        np.empty((count, len(at), Y.shape[2]), complex),
-    )
+    G = np.empty((len(at), Y.shape[2], nu), complex)
+    left = np.empty((count, len(at), Y.shape[2]), complex)
     for k in range(len(at)):
         first = min(max(k - half, 0), len(at) - rows)
         near = at[first : first + rows]
