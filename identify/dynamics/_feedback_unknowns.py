@@ -25,19 +25,9 @@ SLOWEST = 2e-4
 """Least decay of a pole, in units of the frequencies at hand."""
 
 
-def law_of(thresholds: Any, unknowns: Any) -> StopsAndPowers:
-    """A channel's law by its unknowns: the weights of its stops, then its powers."""
-    stops = len(thresholds)
-    return StopsAndPowers(thresholds, unknowns[:stops], unknowns[stops:])
-
-
-def unknowns_of(law: Any) -> np.ndarray:
-    return np.concatenate([law.weights, law.powers])
-
-
 def numbers_by_unknowns(law: Any) -> tuple[Numbers, np.ndarray]:
-    """The numbers of a channel's law, and their derivatives by its unknowns: of those the law is made,
-    after its thresholds."""
+    """The numbers of a channel's law, and their derivatives by its unknowns, the weights of its stops and
+    its powers: of those the law is made, after its thresholds."""
     numbers = numbers_of(law.tree())
     free = numbers.known.free[len(law.thresholds) :]
     return numbers, np.eye(len(numbers.m))[:, list(free)]
@@ -58,7 +48,8 @@ class Unknowns(NamedTuple):
         o = None if self.driven else ny
         return [
             model.poles, model.entries[:, :v], model.shapes[:o], model.direct[:ny, :v],
-            np.array([model.delay]), model.levels, *map(unknowns_of, model.channels),
+            np.array([model.delay]), model.levels,
+            *(np.asarray(x) for law in model.channels for x in (law.weights, law.powers)),
             model.direct[ny:o, :nu],
         ]  # fmt: skip
 
@@ -75,8 +66,8 @@ class Unknowns(NamedTuple):
         poles, b, c, out, (delay,), levels, *laws, drives = found
         d, ny = model.direct.copy(), model.outputs
         d[:ny, : out.shape[1]], d[ny : ny + len(drives), : model.inputs] = out, drives
-        each: Any = zip(model.channels, laws, strict=True)
-        own = [law_of(x.thresholds, law) for x, law in each]
+        each: Any = zip(model.channels, laws[::2], laws[1::2], strict=True)
+        own = [StopsAndPowers(x.thresholds, *both) for x, *both in each]
         return Feedback(
             -np.maximum(-poles.real, SLOWEST) + 1j * poles.imag,
             np.concatenate([b, model.entries[:, b.shape[1] :]], 1),
