@@ -109,20 +109,13 @@ def measured_motion(record: Record, period: int | None = None) -> MeasuredMotion
             "the force does not change.",
             fix="excite the oscillator with a multisine, a sweep or noise.",
         )
-    rows = period_of(u) if period is None else period
-    notes: list[Note] = []
-    if rows:
-        check_period(u, rows)
-    if not rows:
-        sigma = max(noise_level(y, u), LEAST_NOISE * float(np.std(y)))
-        return MeasuredMotion(dt, u, y, sigma, 0, (0, len(u)), None)
+    period = period_of(u) if period is None else period
+    if period:
+        check_period(u, period)
+    rows = period or len(u)  # a force that does not repeat itself is one part
     count = len(u) // rows
     parts = y[: count * rows].reshape(count, rows)
-    first = 0
-    if count >= 3 and _is_transient(parts):
-        first = 1
-        text = "The first period is still settling, so it is left out."
-        notes.append(Note("transient-period", text))
+    first = int(count >= 3 and _is_transient(parts))
     parts = parts[first:]
     used = u[first * rows : count * rows].reshape(-1, rows).mean(0)
     mean, scatter, color = parts.mean(0), None, None
@@ -131,16 +124,21 @@ def measured_motion(record: Record, period: int | None = None) -> MeasuredMotion
         scatter = np.var(np.fft.rfft(parts, axis=1), axis=0, ddof=1) / len(parts)
         color = noise_color(scatter, len(parts), rows)
     else:
-        sigma = noise_level(mean, used, periodic=True)
+        sigma = noise_level(mean, used, periodic=period > 0)
     sigma = max(sigma, LEAST_NOISE * float(np.std(mean)))
-    text = f"The force repeats itself every {rows} rows; {len(parts)} periods are averaged."
-    notes.insert(0, Note("periods", text))
+    notes: list[Note] = []
+    if period:
+        text = f"The force repeats itself every {rows} rows; {len(parts)} periods are averaged."
+        notes.append(Note("periods", text))
+    if first:
+        text = "The first period is still settling, so it is left out."
+        notes.append(Note("transient-period", text))
     if color is not None:
         text = "The noise is coloured: what differs between the periods has up to"
         text += f" {float(color.max() / color.min()):.2g} times the amplitude in one band as in another."
         notes.append(Note("coloured-noise", f"{text} Residuals are whitened by it."))
     return MeasuredMotion(
-        dt, used, mean, sigma, rows, (first * rows, count * rows), scatter, tuple(notes), color
+        dt, used, mean, sigma, period, (first * rows, count * rows), scatter, tuple(notes), color
     )
 
 
