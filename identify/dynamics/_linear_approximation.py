@@ -98,15 +98,11 @@ def _check(linear: LinearApproximation) -> None:
     f, at = linear.frequencies, linear.resonance
     if linear.mass > 0 and linear.stiffness > 0 and f[0] <= at <= f[-1]:
         return
-    seen = f"the force excites {f[0]:.4g} to {f[-1]:.4g} cycles per unit of time"
-    if linear.mass <= 0 or linear.stiffness <= 0:
-        said = f"{seen}, and the best linear fit there has the mass {linear.mass:.3g} and the stiffness"
-        said += f" {linear.stiffness:.3g}: no mass on a spring."
-    else:
-        said = f"{seen}, and the resonance seems to be at {at:.4g}."
+    seen = f"a resonance at {at:.4g}" if at else "no resonance"
     raise InputError(
         "no-excitation",
-        said,
+        f"the force excites {f[0]:.4g} to {f[-1]:.4g} cycles per unit of time; the best linear fit has"
+        f" there the mass {linear.mass:.3g}, the stiffness {linear.stiffness:.3g} and {seen}.",
         cause="the force never excites the resonance, the columns are exchanged, or another unit.",
         fix="excite a band about the resonance; --input is the force, --output the displacement.",
     )
