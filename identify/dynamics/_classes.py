@@ -10,7 +10,7 @@ from hysteresis.dynamics._recorder import stages_of
 from ._duhem_search import SIZES, refined, started
 from ._linear_approximation import LinearApproximation
 from ._measured_motion import MeasuredMotion
-from ._output_error import Optimum, Setting, with_evidence
+from ._output_error import Optimum, Setting, levenberg_marquardt
 from ._plays_search import candidates
 
 CLASSES = ("BoucWen", "Duhem", "GeneralizedPlays")
@@ -64,7 +64,7 @@ def search(
     explained = bool(tried) and min(one.chi for one in tried) < motion.explained
     if hysteresis == "GeneralizedPlays" or (hysteresis is None and not explained):
         for _, family, q in candidates(motion, linear):
-            found = with_evidence(coarse, family, q)
+            found = levenberg_marquardt(coarse, family, q, rounds=3, steps=8)
             note(found)
             if found.chi < FAR_FROM_ONE:
                 break
@@ -79,7 +79,7 @@ def search(
     setting = _recorder(motion, best, oversampling, warm)
     # Steps as fine as those of the model, and its priors once more by the evidence.
     steps, tolerance = (4, 1e-4) if best.family.groups else (15, 1e-7)
-    final = with_evidence(
+    final = levenberg_marquardt(
         setting, best.family, best.q, deviations=best.deviations, rounds=2, steps=steps,
         tolerance=tolerance, damping=1e-6,
     )  # fmt: skip

@@ -13,7 +13,6 @@ from hysteresis import DuhemForce, GeneralizedPlays
 from hysteresis._precision import in_this_precision
 
 from ._linear_approximation import LinearApproximation
-from ._measured_motion import MeasuredMotion
 from ._output_error import (
     PLANT,
     STATE,
@@ -22,7 +21,6 @@ from ._output_error import (
     Setting,
     hats,
     levenberg_marquardt,
-    with_evidence,
 )
 
 SIZES = (5, 9, 17, 33)
@@ -70,24 +68,6 @@ def unknowns_of_bouc_wen(
     return q
 
 
-def _start(
-    motion: MeasuredMotion,
-    linear: LinearApproximation,
-    family: Family,
-    share: float,
-    loss: float,
-    skew: float,
-) -> Float[np.ndarray, " unknowns"]:
-    """Unknowns of three knots: from stiffness, damping and the size of the motion alone."""
-    alpha, damping = share * linear.stiffness, 0.5 * max(linear.damping, 0.0)
-    per_force = loss / float(motion.displacement.std())  # at the rms motion z loses `loss` of alpha
-    plant = linear.mass, damping, linear.stiffness - alpha
-    initial = np.zeros(family.words["first"] - 3)
-    initial[:1] = motion.displacement[0]
-    values = np.array([*plant, alpha, per_force, skew * per_force])
-    return unknowns_of_bouc_wen(family, values, initial)
-
-
 def started(
     setting: Setting, linear: LinearApproximation, count: int, seed: int
 ) -> tuple[Optimum, list[float]]:
@@ -95,15 +75,26 @@ def started(
     others drawn farther away, up to `count` in all, until one explains the record."""
     motion, random = setting.motion, np.random.default_rng(seed)
     family = duhem_family(3, float(np.std(motion.force)), True, not motion.periodic)
+    initial = np.zeros(family.words["first"] - PLANT)
+    initial[:1] = motion.displacement[0]
+
+    def start(share: float, loss: float, skew: float) -> np.ndarray:
+        """From stiffness, damping and the size of the motion alone."""
+        alpha, damping = share * linear.stiffness, 0.5 * max(linear.damping, 0.0)
+        per_force = loss / float(
+            motion.displacement.std()
+        )  # at the rms motion z loses `loss` of alpha
+        plant = linear.mass, damping, linear.stiffness - alpha
+        values = np.array([*plant, alpha, per_force, skew * per_force])
+        return unknowns_of_bouc_wen(family, values, initial)
 
     def drawn() -> np.ndarray:
         share, skew = random.uniform(0.05, 1.0), random.uniform(-1.5, 1.5)
-        loss = float(np.exp(random.uniform(np.log(0.03), np.log(3.0))))
-        q = _start(motion, linear, family, share, loss, skew)
+        q = start(share, float(np.exp(random.uniform(np.log(0.03), np.log(3.0)))), skew)
         q[:3] *= np.exp(random.normal(0, 0.2, 3))
         return q
 
-    grid = [_start(motion, linear, family, *point) for point in product(SHARES, LOSSES, SKEWS)]
+    grid = [start(*point) for point in product(SHARES, LOSSES, SKEWS)]
     points = [*grid, *(drawn() for _ in range(count - len(grid)))]
     one = in_this_precision(lambda q: levenberg_marquardt(setting, family, q))
     tried: list[Optimum] = []
@@ -131,4 +122,4 @@ def refined(setting: Setting, found: Optimum, knots: int, symmetric: bool) -> Op
     q = new.unknowns_of(np.concatenate([theta[: PLANT + STATE], values]))
     scale = float(np.abs(values).max()) / limit
     new = replace(new, groups=tuple((g, scale) for g, _ in new.groups))
-    return with_evidence(setting, new, q)
+    return levenberg_marquardt(setting, new, q, rounds=3, steps=8)

@@ -190,7 +190,7 @@ class Optimum(NamedTuple):
     - `q`: unknowns. `chi`: mean squared residual over the noise's variance, no prior in it.
     - `normal`: equations, prior included, in units of the noise; `deviations` of the priors.
     - `effective`: how many unknowns the data determine. `converged`: whether steps had become small.
-    - `place`: where it is, for a search that goes on from there. `setting`: how motions were simulated.
+    - `setting`: how motions were simulated.
     """
 
     setting: Setting
@@ -202,7 +202,6 @@ class Optimum(NamedTuple):
     effective: float
     converged: bool
     rows: int
-    place: Place | None = None
 
     @property
     def bic(self) -> float:
@@ -253,12 +252,14 @@ def levenberg_marquardt(
     q: Float[np.ndarray, " unknowns"],
     *,
     deviations: Sequence[float] = (),
-    here: Place | None = None,
+    rounds: int = 1,
     steps: int = 25,
     tolerance: float = 1e-3,
     damping: float = 1e-2,
+    here: Place | None = None,
 ) -> Optimum:
-    """Least squares of the displacement from q, whose place may be known, with a prior of each group.
+    """Least squares of the displacement from q, whose place may be known, with a prior of each group: in
+    rounds, after each of which its deviation is where the evidence is greatest (MacKay 1992).
 
     Each unknown is damped in its own size. The search has converged where an undamped step would gain less
     than `tolerance` of the sum of squares, or where `PATIENCE` steps in a row have gained no more. The loop
@@ -307,32 +308,15 @@ def levenberg_marquardt(
         still = still + 1 if before - cost < tolerance * before else 0
         q, here = new, there
         damping = max(damping * (1.0 if damping > least else 0.1), 1e-12)
-    effective = count - float(np.sum(np.diag(covariance_of(normal)) * root**2))
-    chi = float(here.left @ here.left) / len(y)
-    return Optimum(setting, family, q, chi, normal, deviations, effective, converged, len(y), here)
-
-
-def with_evidence(
-    setting: Setting,
-    family: Family,
-    q: Float[np.ndarray, " unknowns"],
-    *,
-    deviations: Sequence[float] = (),
-    rounds: int = 3,
-    steps: int = 8,
-    tolerance: float = 1e-3,
-    damping: float = 1e-2,
-) -> Optimum:
-    """Least squares with the deviation of each prior where the evidence is greatest (MacKay 1992)."""
-    how: dict[str, Any] = {"steps": steps, "tolerance": tolerance}
-    found = levenberg_marquardt(setting, family, q, deviations=deviations, damping=damping, **how)
-    for _ in range(rounds - 1 if family.groups and np.isfinite(found.chi) else 0):
-        variances, new = np.diag(covariance_of(found.normal)), []
-        for (group, least), deviation in zip(family.groups, found.deviations, strict=True):
-            gamma = len(group) - float(np.sum(variances[group])) / deviation**2
-            size = float(np.sum(found.q[group] ** 2))
-            new.append(float(np.clip(np.sqrt(size / max(gamma, 0.5)), 1e-6 * least, 1e3 * least)))
-        found = levenberg_marquardt(
-            setting, family, found.q, deviations=new, here=found.place, damping=1e-3, **how
-        )
-    return found._replace(place=None)
+    variances, new = np.diag(covariance_of(normal)), []
+    if rounds == 1 or not family.groups:
+        effective, chi = count - float(variances @ root**2), float(here.left @ here.left) / len(y)
+        return Optimum(setting, family, q, chi, normal, deviations, effective, converged, len(y))
+    for (group, least), deviation in zip(family.groups, deviations, strict=True):
+        gamma = len(group) - float(np.sum(variances[group])) / deviation**2
+        size = float(np.sum(q[group] ** 2))
+        new.append(float(np.clip(np.sqrt(size / max(gamma, 0.5)), 1e-6 * least, 1e3 * least)))
+    return levenberg_marquardt(
+        setting, family, q, deviations=new, rounds=rounds - 1, steps=steps, tolerance=tolerance,
+        damping=1e-3, here=here,
+    )  # fmt: skip

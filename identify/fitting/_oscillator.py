@@ -165,10 +165,7 @@ def model_of(found: Optimum) -> Oscillator:
     if rate is None:
         hysteresis = GeneralizedPlays(plays.radii, plays.reach, own, plays.knots)
     elif found.name == "BoucWen":
-        # f+ over -limit, 0, limit: alpha + (gamma - delta) limit, alpha, alpha - (gamma + delta) limit.
-        low, alpha, high = own[:3]
-        limit = float(rate.limit)
-        gamma, delta = (low - high) / (2 * limit), alpha / limit - (low + high) / (2 * limit)
+        alpha, gamma, delta = found.q[family.words["first"] :] * (1, -1, -1)
         hysteresis = BoucWenForce(alpha=alpha, beta_gamma=gamma, beta_delta=delta)
     else:
         rising, falling = np.split(own, 2)
@@ -274,10 +271,8 @@ def _linear_baseline(
 def _notes(found: Optimum) -> tuple[str, ...]:
     stages, substeps = found.setting.stages, found.setting.substeps
     kept = "sampled without a filter"
-    if stages:
-        kept = (
-            f"decimated by {' x '.join(map(str, stages))} with a low-pass filter of 31 taps a stage"
-        )
+    if by := " x ".join(map(str, stages)):
+        kept = f"decimated by {by} with a low-pass filter of 31 taps a stage"
     return (
         *(note.text for note in found.setting.motion.notes),
         f"The motion is integrated in {substeps} steps a sample, and taken as {kept}.",
