@@ -100,11 +100,8 @@ def _more_knots(coarse: Setting, best: Optimum, note: Callable[[Optimum], None])
 
 def _recorder(motion: MeasuredMotion, found: Optimum, oversampling: int, warm: int) -> Setting:
     """The setting whose recorder explains the record best; decimation in stages unless the data tell."""
-    stages = stages_of(oversampling)
-    settings = [
-        Setting.of(motion, oversampling, kept, warm)
-        for kept in dict.fromkeys((stages, (), (oversampling,) if oversampling > 1 else ()))
-    ]
+    ways = stages_of(oversampling), (), (oversampling,)
+    settings = [Setting.of(motion, oversampling, stages, warm) for stages in ways]
     left = []
     for setting in settings:
         y, _ = setting.simulated(found.family, found.q, jacobian=False)

@@ -260,16 +260,10 @@ class _Search:
 
     def with_group(self, model: Feedback, name: str) -> Feedback:
         """With one more group of channels, fitted in three stages."""
-        shapes, direct = drives_of(model, name)
-        shapes, direct = to_unit(
-            model, shapes, direct, self.train.part(self.train.level == self.middle)
-        )
-        model = with_channels(model, shapes, direct)
-        for what, steps in (
-            (Unknowns(False, False), 4),
-            (Unknowns(True, False), 4),
-            (Unknowns(), 8),
-        ):
+        middle = self.train.part(self.train.level == self.middle)
+        model = with_channels(model, *to_unit(model, *drives_of(model, name), middle))
+        stages = {Unknowns(False, False): 4, Unknowns(True, False): 4, Unknowns(): 8}
+        for what, steps in stages.items():
             model = gauss_newton(
                 model, self.few, what, steps=steps, damping=1e-2, thin=2, gain=3e-3, until=self.late
             ).model
