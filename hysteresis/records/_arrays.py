@@ -61,13 +61,18 @@ def in_rows(kept: np.ndarray, *arrays: np.ndarray) -> tuple[np.ndarray, ...]:
 
 
 def named_columns(columns: Any, asked: Sequence[str]) -> dict[str, np.ndarray]:
-    """Columns of a data frame, which may number them, or of a mapping. Raises `InputError` `no-column`."""
-    every = columns if isinstance(columns, Mapping) else columns.columns
+    """Columns of a data frame, which may number them, a mapping or an array with named fields.
+
+    Raises `InputError` `no-column`.
+    """
+    fields = columns.dtype.names if isinstance(columns, np.ndarray) else None
+    every = columns if isinstance(columns, Mapping) else fields or getattr(columns, "columns", ())
     names = {str(name): name for name in every}
     for name in asked:
         if name not in names:
-            near = get_close_matches(name, names, 5, 0.0)
-            raise InputError("no-column", f"No column {name!r}; have {', '.join(near)}.")
+            near = ", ".join(get_close_matches(name, names, 5, 0.0))
+            have = near or f"none: a {type(columns).__name__} has no named columns"
+            raise InputError("no-column", f"No column {name!r}; have {have}.")
     return {name: np.asanyarray(columns[names[name]]) for name in asked}
 
 

@@ -84,11 +84,12 @@ class Record(AbstractRecord):
         sigma: Any = None,
         **options: Any,
     ) -> "Record":
-        """A record from the columns of a data frame or a mapping.
+        """A record from the columns of a data frame, a mapping or a structured array.
 
         **Arguments:**
 
-        - `columns`: a pandas or polars data frame, or a mapping from names to rows of numbers (n,).
+        - `columns`: a pandas or polars data frame, a mapping from names to rows of numbers (n,), or a NumPy
+          array with named fields.
         - `input`, `output`, `time`: names of columns. Several inputs are channels that `fit` combines.
           Units are read from names such as "force (N)" or "force_N", unless `options` give them.
         - `group`: the column whose values name sequences; `condition`: columns such as a temperature, on

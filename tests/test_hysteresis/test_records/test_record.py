@@ -306,6 +306,16 @@ def test_dates_are_seconds_and_columns_may_be_numbered():
     assert (record.input_name, record.output_name, record.time_unit) == ("1", "2", "s")
 
 
+def test_columns_may_be_fields_of_an_array():
+    rows = np.rec.fromarrays([ROW, -ROW], names=["u (N)", "columns"])
+    for columns in (rows, np.asarray(rows)):
+        record = Record.from_columns(columns, "u (N)", "columns")
+        np.testing.assert_array_equal(record.output, -ROW)
+        assert record.input_unit == "N"
+    for columns in (ROW, [1, 2], "run.csv", None):
+        refuses("no-column", lambda x=columns: Record.from_columns(x, "u", "y"), "no named columns")
+
+
 @pytest.mark.parametrize("cycles", [True, False])
 def test_cycles_are_whole(cycles):
     refuses("bad-option", lambda: Record.from_arrays(ROW, ROW).split_cycles(cycles))
