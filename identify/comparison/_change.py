@@ -9,7 +9,6 @@ import scipy
 from jaxtyping import Float
 
 from hysteresis import InputError
-from hysteresis.numerics._normal import NORMAL_95
 
 from .._levels import CHANCE
 from ..posterior._posterior import Posterior
@@ -177,15 +176,15 @@ def between(
     # A value beyond its bound has no z: that side of the margin cannot be reached.
     step = margin * np.abs(before)
     low, high = (one.bounds.from_values(before + side) - one.free for side in (-step, step))
-    below = np.nan_to_num(scipy.stats.norm.cdf((low - d) / error))
-    above = np.nan_to_num(scipy.stats.norm.sf((high - d) / error))
+    below = np.nan_to_num(law.cdf((low - d) / error))
+    above = np.nan_to_num(law.sf((high - d) / error))
     listed = []
     for k, name in enumerate(one.bounds.names):
-        ends = d[k] + NORMAL_95 * error[k] * np.array([0, -1, 1])
+        ends = d[k] + law.ppf(0.95) * error[k] * np.array([0, -1, 1])
         ratios = np.exp(ends) if one.positive[k] else [None] * 3
         numbers = (
             before[k], after[k], after[k] - before[k], spread[k], *ratios, below[k] + above[k],
-            scipy.stats.norm.cdf(d[k] / error[k]), p[k], corrected[k],
+            law.cdf(d[k] / error[k]), p[k], corrected[k],
         )  # fmt: skip
         listed.append(ParameterChange(name, one.units[k], *map(_number, numbers)))
     chi_square = float(d @ np.linalg.solve(V, d))
@@ -235,15 +234,15 @@ def _together(p: float, chi_square: float, degrees: int) -> str:
 
 
 def _sentence(p: ParameterChange, margin: float) -> str:
-    """ "K rose from 1.2 to 1.3 N / mm, by 8.2 ± 1.1 %": the error is the ratio's own."""
+    """ "K rose from 1.2 to 1.3 N / mm (+8.2 %, 90 %: +6.4 to +10 %)": the interval is the ratio's own."""
     unit = "" if p.unit == "1" else f" {p.unit}"
-    size = f"{abs(p.difference):.3g} ± {p.error:.2g}{unit}"
+    size = f"{p.difference:+.3g} ± {p.error:.2g}{unit}"
     if p.ratio is not None and p.ratio_low is not None and p.ratio_high is not None:
-        error = 100 * (p.ratio_high - p.ratio_low) / (2 * NORMAL_95)
-        size = f"{abs(100 * (p.ratio - 1)):.3g} ± {error:.2g} %"
-    if not p.clear:
-        said = f"{p.name}: no significant change ({size})"
-    else:
+        part, low, high = (100 * (x - 1) for x in (p.ratio, p.ratio_low, p.ratio_high))
+        size = f"{part:+.3g} %, 90 %: {low:+.3g} to {high:+.3g} %"
+    said = f"{p.name}: no significant change"
+    if p.clear:
         way = "rose" if p.difference > 0 else "fell"
-        said = f"{p.name} {way} from {p.before:.4g} to {p.after:.4g}{unit}, by {size}"
-    return f"{said}; by more than {100 * margin:.3g} % with probability {likely(p.changed)}."
+        said = f"{p.name} {way} from {p.before:.4g} to {p.after:.4g}{unit}"
+    chance_of = f"by more than {100 * margin:.3g} % with probability {likely(p.changed)}"
+    return f"{said} ({size}); {chance_of}."

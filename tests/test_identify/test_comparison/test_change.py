@@ -37,6 +37,8 @@ def test_a_sponge_and_the_same_six_months_later() -> None:
     again = change(before, line(*pressed(*NEW, seed=2)))
     assert again.p > 0.01
     assert again.words[0].startswith("No significant change")
+    by = again.parameters[0].difference
+    assert again.words[1].startswith(f"K: no significant change ({by:+.3g} ± ")
 
 
 def test_what_cannot_be_compared_is_refused() -> None:
@@ -186,6 +188,10 @@ def test_ageing_is_seen_and_nothing_else(fits: list[FitResult]):
     assert min(same) > 0.01 / PAIRS
     aged = identify.change(of_later_cycles(fits[0]), of_later_cycles(fitted(99, softer=1.05)))
     assert aged.p < 0.01
+    # All probabilities are Student's: four cycles each are six degrees of freedom.
+    assert [p.increased for p in aged.parameters] == pytest.approx(
+        [1 - p.p / 2 if p.difference > 0 else p.p / 2 for p in aged.parameters], abs=1e-12
+    )
     assert aged.parameters[0].name == "K"
     assert aged.parameters[0].clear
     assert aged.parameters[0].difference == pytest.approx(
