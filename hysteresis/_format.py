@@ -11,6 +11,13 @@ def quantity(x: float, unit: str, digits: int = 4) -> str:
     return f"{x:.{digits}g}" if unit == "1" else f"{x:.{digits}g} {unit}"
 
 
+def rms_error(figures: dict[str, Any], unit: str) -> str:
+    """An rms error, and its part of the range where there is one."""
+    part, rms = figures["nrmse_percent"], quantity(figures["rmse"], unit)
+    has_range = part is not None and math.isfinite(part)
+    return f"{rms} rms, {part:.3g} % of the range" if has_range else f"{rms} rms"
+
+
 def with_error(x: float, error: float) -> str:
     """A value with its error in two digits, rounded where that ends."""
     nothing = not x or abs(x) < error / 200 < math.inf

@@ -36,7 +36,7 @@ from .records._folds import block_errors as block_errors
 from .records._folds import root_difference as root_difference
 from .records._run_model import predict as predict
 from .results._detail import answers_over as answers_over
-from .results._fit_result import check_unit as check_unit
+from .results._fit_result import check_units as check_units
 from .results._goodness_of_fit import metrics as metrics
 from .results._left_out import models_without_groups as models_without_groups
 from .results._parameters import Parameter as Parameter

@@ -2,6 +2,8 @@
 
 from typing import Any
 
+from hysteresis._format import quantity, rms_error
+
 from ..soft_sensor import _estimate
 from ..soft_sensor._estimate import confusion_lines
 from . import _pairs
@@ -23,7 +25,7 @@ def estimate(asked: Estimate) -> Done:
 def figure_lines(figures: dict[str, Any]) -> list[str]:
     lines = []
     if (force := figures.get("force")) is not None:
-        lines.append(f"force: {force['rmse']:.3g} rms, {force['nrmse_percent']:.3g} % of the range")
+        lines.append(f"force: {rms_error(force, force['unit'])}")
     if (place := figures.get("place")) is not None:
         lines.append(f"place: {place['accuracy']:.1%} of {place['rows']} rows correct")
         lines += [f"  {line}" for line in confusion_lines(place["confusion"])]
@@ -34,8 +36,8 @@ def figure_lines(figures: dict[str, Any]) -> list[str]:
             )
     if (position := figures.get("position")) is not None:
         lines.append(
-            f"position: mean error {position['mean_error']:.3g},"
-            f" 95 % within {position['q95_error']:.3g}"
+            f"position: mean error {quantity(position['mean_error'], position['unit'], 3)},"
+            f" 95 % within {quantity(position['q95_error'], position['unit'], 3)}"
         )
     return lines
 

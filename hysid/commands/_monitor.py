@@ -18,7 +18,7 @@ from hysteresis import InputError, Record
 from hysteresis._atomic_file import write_table
 from hysteresis._format import number_of, quantity
 
-from ..intake._columns import for_new_file, selection_of_fit
+from ..intake._columns import for_new_file, in_unit, selection_of_fit
 from ._asked import Monitor
 from ._console import Done, warnings
 
@@ -60,10 +60,12 @@ def run(asked: Monitor) -> Done:
         raise error
     ((record, _),) = records.values()
     fitted = identify.load(folder)
-    identify.internal.check_unit(record.output_name, record.output_unit, fitted.train.output_unit)
+    identify.internal.check_units(fitted, record, "output")
     name, known = reference or str(fitted_on.input), np.full(len(record), np.nan)
     if reference is not None or name in source.columns:
-        known = source.number(name)[np.searchsorted(source.line, record.line)]
+        known = in_unit(source, name, fitted.train.input_unit)[
+            np.searchsorted(source.line, record.line)
+        ]
     own = adaptive(fitted.model, fitted.test or fitted.train, drift=asked.drift)
     parts, state = [], own.init()
     for _, rows in record.sequences():  # memories begin anew, and what was learnt stays

@@ -17,6 +17,7 @@ from compensate.microchannel import export_contacts
 from compensate.microchannel._multi import MultiContactEstimator
 from hysteresis import InputError, Record
 from hysteresis._atomic_file import write_table
+from hysteresis._format import rms_error
 from hysteresis._limits import damage_told, load_arrays
 from hysteresis._quantities import conversion
 from hysteresis._serialisation import described, rebuilt
@@ -135,7 +136,7 @@ def _trained(asked: TrainPairs, out: Path, progress: Progress) -> dict[str, Any]
 def contact_lines(found: dict[str, Any] | None) -> list[str]:
     """Errors of each place's force."""
     return [
-        f"{name}: {of['rmse']:.3g} N rms, {of['nrmse_percent']:.3g} % of the range; 90 % bands hold"
+        f"{name}: {rms_error(of, 'N')}; 90 % bands hold"
         f" {100 * of['coverage_of_90_percent_bands']:.0f} % of the rows"
         for name, of in (found or {}).items()
     ]

@@ -10,7 +10,7 @@ from compensate import Status, estimate
 from compensate.uncertainty._calibrated import CalibratedCompensator, band_holds
 from hysteresis import InputError, Record
 from hysteresis._atomic_file import write_table
-from hysteresis._format import quantity
+from hysteresis._format import quantity, rms_error
 from identify.dynamics._recorded_motion import RecordedMotion
 from identify.internal import metrics
 from identify.results._motion_detail import Motion
@@ -64,7 +64,9 @@ def run(asked: Predict) -> Done:
             )
         if fitted_on.is_step:
             record = on_the_clock_of(fitted, record)
-        wanted = record.input if inverse else record.output
+        sides, wanted = ("output", "input"), record.input if inverse else record.output
+        sides = sides if compared else sides[:1] if inverse else sides[1:]
+        identify.internal.check_units(fitted, record, *sides)
         if inverse:
             values, deviation, status, bands[value] = _run_backwards(fitted, record, compared)
             words = [Status(int(s)).name for s in status]
@@ -118,7 +120,8 @@ def run(asked: Predict) -> Done:
     found = {**figures, **counts, **known, "notes": said, "file": str(target)}
     compared_with = "The file has no measured values to compare with"
     if compared:
-        compared_with = f"{found['rmse']:.4g} rms, {found['nrmse_percent']:.3g} % of the range"
+        unit = fitted.train.input_unit if inverse else fitted.train.output_unit
+        compared_with = rms_error(figures, unit)
     lines = [*warnings(said, "Note"), f"{compared_with}; {flagged} of {len(table)} rows flagged"]
     if inverse:
         lines += [_band_line(name, band) for name, band in bands.items()]
@@ -187,7 +190,6 @@ def _run_backwards(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str, float | None]]:
     """Estimates, deviations and statuses of the compensator over each sequence, as it is exported,
     and what its band holds."""
-    identify.internal.check_unit(record.output_name, record.output_unit, fitted.train.output_unit)
     band = exported(fitted)
     assert isinstance(band, CalibratedCompensator)
     found = estimate(band, record)

@@ -137,8 +137,7 @@ def _of_one(
     step: Step | None,
     tell: Tell,
 ) -> Qualification:
-    identify.internal.check_unit(record.input_name, record.input_unit, fitted.train.input_unit)
-    identify.internal.check_unit(record.output_name, record.output_unit, fitted.train.output_unit)
+    identify.internal.check_units(fitted, record, "input", "output")
     # Estimates are of the input on the model's clock.
     record = fitted.clocks.applied(record)
     compensator = exported(fitted)

@@ -14,6 +14,7 @@ from compensate.microchannel._force import ForceEstimator
 from hysteresis import InputError
 from hysteresis._atomic_file import write_figure
 from hysteresis._escape import shell_word
+from hysteresis._format import quantity
 from hysteresis.numerics._normal import NORMAL_95
 from identify.internal import versions
 
@@ -274,9 +275,10 @@ def _rows(part: Streams | None) -> int:
 def _lines(document: dict[str, Any], out: Path) -> list[str]:
     lines = warnings(document["notes"])
     if (force := document["force"]) is not None:
+        rmse = quantity(force["held_out_rmse"], document["units"][document["targets"]["force"]], 3)
         lines.append(
-            f"Force: {force['kind']}; cross-validated on the training rows: {force['held_out_rmse']:.3g}"
-            f" rms ({force['held_out_nrmse_percent']:.3g} % of the range)"
+            f"Force: {force['kind']}; cross-validated on the training rows: {rmse} rms"
+            f" ({force['held_out_nrmse_percent']:.3g} % of the range)"
         )
     for part, said in (("train", "Training"), ("test", "Held-out")):
         if (figures := document["metrics"][part]) is not None:

@@ -16,9 +16,9 @@ from ._selection import Pair, Selection, all_of
 
 
 def in_unit(table: Table, name: str, wanted: str) -> np.ndarray:
-    """A column in a unit, which it has where its header names none. Raises `InputError` `wrong-unit`."""
+    """A column in a unit, unchanged if either unit is "1". Raises `InputError` `wrong-unit`."""
     unit = named_unit(name, None, table.units.get(name)) or "1"
-    factor = 1.0 if unit == "1" else conversion(unit, wanted)
+    factor = 1.0 if "1" in (unit, wanted) else conversion(unit, wanted)
     if factor is None:
         said = f"Column {name!r} is in {unit}, not in a unit like {wanted}."
         raise InputError("wrong-unit", said, place=table.path, fix="Correct its header.")

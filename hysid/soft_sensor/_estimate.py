@@ -19,6 +19,7 @@ from hysteresis.records._table import Table
 from identify.internal import metrics, read_checked
 from identify.results._goodness_of_fit import Metrics
 
+from ..intake._columns import in_unit
 from ..intake._selection import Selection
 from ._sensor import MAKE, Estimates, SoftSensor, load_sensor
 from ._sessions import Targets, places_of
@@ -58,7 +59,8 @@ def judged(
     figures: dict[str, Any] = {}
     known = counts & np.isfinite(force) & np.isfinite(found.force)
     if sensor.force is not None and known.any():
-        figures["force"] = metrics(force[known], found.force[known])._asdict()
+        of = metrics(force[known], found.force[known])._asdict()
+        figures["force"] = of | {"unit": sensor.force_in.unit}
     known = counts & (place != "")
     if sensor.localizer is not None and known.any():
         figures["place"] = _places(sensor, found, place, known, counts & (place == ""))
@@ -68,6 +70,7 @@ def judged(
         figures["position"] = {
             "mean_error": float(error.mean()), "rms_error": float(np.sqrt(np.mean(error**2))),
             "q95_error": float(np.quantile(error, 0.95)), "rows": int(known.sum()),
+            "unit": sensor.position_in[0].unit,
         }  # fmt: skip
     return figures
 
@@ -126,15 +129,16 @@ def estimate(
     table = selection.read(file)
     _check_channels(table, sensor)
     rows, notes = _rows(table, selection, where)
-    readings = np.column_stack([table.number(c.name)[rows] for c in sensor.channels])
-    time = None if selection.time is None else table.number(selection.time)[rows]
+    readings = np.column_stack([in_unit(table, *c)[rows] for c in sensor.channels])
+    clock = selection.time
+    time = None if clock is None else in_unit(table, clock, sensor.time_unit)[rows]
     streams = _streams(table, selection, rows, time)
     if selection.dt is not None:
         time = np.empty(len(rows))
         for stream in streams:
             time[stream] = selection.dt * np.arange(len(stream))
     found = estimates_of(sensor, time, readings, streams)
-    force, place, position = _truths(table, targets, rows)
+    force, place, position = _truths(table, targets, sensor, rows)
     figures = judged(sensor, found, force, place, position, np.ones(len(rows), bool))
     notes += _swapped(sensor, found, readings, place)
     target = target or folder / f"estimated-{Path(file).stem}.csv"
@@ -189,12 +193,13 @@ def _streams(
 
 
 def _truths(
-    table: Table, targets: Targets, rows: np.ndarray
+    table: Table, targets: Targets, sensor: SoftSensor, rows: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     none = np.full(len(rows), np.nan)
+    units = [one.unit for one in (sensor.force_in, *sensor.position_in)]
     force, *position = (
-        table.number(str(name))[rows] if name in table.columns else none
-        for name in (targets.force, *targets.position)
+        in_unit(table, str(name), unit)[rows] if name in table.columns else none
+        for name, unit in zip((targets.force, *targets.position), units, strict=True)
     )
     position = np.array(position).reshape(len(position), len(rows)).T
     return force, places_of(table, targets.place, rows), position

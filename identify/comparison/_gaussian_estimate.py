@@ -87,7 +87,7 @@ def _bounds(fit: FitResult, names: tuple[str, ...]) -> Transform:
 def in_common(
     estimates: Sequence[Estimate], parameters: Sequence[str] | None = None
 ) -> tuple[list[Estimate], dict[str, str]]:
-    """The parameters that every fit knows, and the reasons why others are excluded.
+    """The parameters that every fit knows in one unit, and the reasons why others are excluded.
 
     Raises `InputError` `not-comparable` if there is none, `unknown-parameter` for a name that no fit has.
     """
@@ -104,6 +104,10 @@ def in_common(
         for name in wanted
         if name not in e.bounds.names
     }
+    every_unit = [dict(zip(e.bounds.names, e.units, strict=True)) for e in estimates]
+    for name in (name for name in wanted if name not in left_out):
+        if len(units := sorted({units[name] for units in every_unit})) > 1:
+            left_out[name] = f"in {' and '.join(units)}"
     shared = [name for name in wanted if name not in left_out]
     if not shared:
         said = ", ".join(f"{name}: {why}" for name, why in left_out.items())

@@ -52,7 +52,7 @@ def compare_loops(
 
     - `one`, `other`: a table for each specimen, of one kind.
 
-    **Raises:** `InputError` `too-few-fits` where a group is empty.
+    **Raises:** `InputError` `too-few-fits` where a group is empty, `wrong-unit` where units differ.
 
     **Example:**
 
@@ -72,7 +72,12 @@ def compare_loops(
             np.array([s[name].value for s in group if s[name].value is not None], float)
             for group in told
         )
-        unit = told[0][0][name].unit
+        unit, *others = sorted({s[name].unit for group in told for s in group})
+        if others:
+            raise InputError(
+                "wrong-unit", f"{name} is in {unit} and in {others[0]}.",
+                fix="Give both groups in the same units.",
+            )  # fmt: skip
         if min(len(x), len(y)) < 2:
             found.append(LoopDifference(name, unit, None, None, None, None, None, None, FEW))
             continue

@@ -23,7 +23,7 @@ from ..baselines._input_memory import branches_of
 from ..baselines._linear import cubic_per_branch
 from ..records._folds import KIND, NEARLY
 from ..records._run_model import predict
-from ..results._fit_result import FitResult
+from ..results._fit_result import FitResult, check_units
 from ._candidate import Options, Trial
 from ._parametric import ParametricCandidate
 from ._training_data import TrainingData
@@ -154,6 +154,7 @@ def _best_curve(first: Record, later: np.ndarray) -> float:
 
 def _check_quantities(fit: FitResult, record: Record) -> None:
     """Raises `InputError` `wrong-unit` where an earlier fit has other units, or not one input."""
+    check_units(fit, record)
     had, has = ((one.input_unit, one.output_unit) for one in (fit.train, record))
     if had == has and fit.channels is None and fit.condition is None:
         return

@@ -36,7 +36,7 @@ from ._parameters import Parameter as Parameter
 from ._parameters import Status as Status
 from ._parameters import correlated, named
 from ._trained_condition import Extrapolation, TrainedCondition, told, trained_condition
-from ._trained_condition import check_unit as check_unit
+from ._trained_condition import check_units as check_units
 
 SEAM = 0.01
 """Of the trained range of the input or of a channel: so little beyond it is not extrapolation."""
@@ -252,7 +252,7 @@ class FitResult:
 
         **Returns:** the outputs (n,), in the unit of the fit's output.
 
-        **Raises:** `InputError` `wrong-unit` where the record's input has another unit than the fit's;
+        **Raises:** `InputError` `wrong-unit` where the record has other units than the fit's;
         `no-time` and `no-condition` where the model needs what is not given; `bad-option`,
         `length-mismatch`.
 
@@ -277,10 +277,7 @@ class FitResult:
                 f"The output lags the input by {self.clocks.lag:.3g} {self.train.time_unit} in this fit.",
                 fix="Give the times (time=).",
             )
-        if not record.channels:
-            check_unit(record.input_name, record.input_unit, self.train.input_unit)
-        for name, unit in record.conditions.items():
-            check_unit(name, unit, self.train.conditions.get(name, "1"))
+        check_units(self, record, "input")
         record = self.clocks.applied(self.combined(record))
         if record.known is not None:
             return told(self, record).values

@@ -1,6 +1,6 @@
 """The condition that a fitted model depends on: its trained values, and the error between them."""
 
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -30,22 +30,36 @@ def told(fit: Any, record: Record) -> FromKnown:
 
     Raises `InputError` `wrong-unit` where the output has another unit than the fit's.
     """
-    check_unit(record.output_name, record.output_unit, fit.train.output_unit)
+    check_units(fit, record, "output")
     if fit.sequences is not None:
         return FromKnown(*fit.sequences.predicted(record))
     low, high = float(np.nanmin(record.input)), float(np.nanmax(record.input))
     return from_known(extended(fit.model, low, high), record, misfit_of(fit))
 
 
-def check_unit(name: str, unit: str, fitted: str) -> None:
-    """Raise `InputError` where a column is in another unit than it was fitted in, and both are known."""
-    if unit != fitted and "1" not in (unit, fitted):
-        raise InputError(
-            "wrong-unit",
-            f"{name} is in {unit}; the model was fitted to {fitted}.",
-            cause="another quantity, or the same in another unit.",
-            fix=f"give the column in {fitted}, and say so in its header.",
-        )
+def check_units(fit: Any, record: Record, *sides: Literal["input", "output"]) -> None:
+    """Raise `InputError` where a column is in another unit than it was fitted in, and both are known.
+
+    Of a record the time, the conditions, and these sides; of several channels each.
+    """
+    train, channels = fit.train, fit.channels
+    fitted = {train.input_name: train.input_unit} | train.conditions
+    fitted |= {} if channels is None else dict(zip(channels.names, channels.units, strict=True))
+    columns = record.channels | record.conditions
+    known = [(name, unit, fitted.get(name, "1")) for name, unit in columns.items()]
+    known += [
+        (getattr(record, f"{side}_name"), *(getattr(of, f"{side}_unit") for of in (record, train)))
+        for side in ("time", *sides)
+        if side != "input" or not record.channels
+    ]
+    for name, unit, wanted in known:
+        if unit != wanted and "1" not in (unit, wanted):
+            raise InputError(
+                "wrong-unit",
+                f"{name} is in {unit}; the model was fitted to {wanted}.",
+                cause="another quantity, or the same in another unit.",
+                fix=f"give the column in {wanted}, and say so in its header.",
+            )
 
 
 # How many of the held-out rows lie beyond what a fit has seen, and how large its error is there.

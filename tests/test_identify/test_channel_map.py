@@ -158,3 +158,5 @@ def test_other_inputs_than_those_of_the_fit_are_refused(found: Any):
     ):
         with raises("wrong-channels"):
             one.predict(wrong)
+    with raises("wrong-unit", "falls is in mV; the model was fitted to V"):
+        found.predict(replace(record, channels=CHANNELS | {"falls": "mV"}))

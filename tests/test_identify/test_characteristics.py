@@ -134,3 +134,5 @@ def test_one_specimen_has_no_spread():
     found = compare_loops(group(0, 1, 3.0), group(1, 5, 4.0))
     assert all(row.p is None and "two specimens" in row.reason for row in found)
     refuses("too-few-fits", lambda: compare_loops([], group(0, 2, 3.0)))
+    in_metres = Record.from_arrays(*np.ones((2, 2)), input_unit="m", output_unit="N").loops()
+    refuses("wrong-unit", lambda: compare_loops([in_metres], group(0, 2, 3.0)), "is in m and in mm")

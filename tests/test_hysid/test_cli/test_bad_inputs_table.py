@@ -5,6 +5,7 @@ import os
 import pickle
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -331,8 +332,8 @@ PYTHON: dict[str, tuple[Callable[[], Any], str, tuple[str, ...]]] = {
         "no-finite-start", ("the data are finite; the model is not", "start", "give a model to start from"),
     ),
     "11: another dimension": (
-        lambda: identify.results._fit_result.check_unit("force", "V", "N"), "wrong-unit",  # type: ignore[attr-defined]
-        ("force is in V", "fitted to N", "say so in its header"),
+        lambda: identify.fit(record(), "LinearSponge").predict(replace(record(), input_unit="V")),
+        "wrong-unit", ("input is in V", "fitted to N", "say so in its header"),
     ),
     "12: a step of none": (
         lambda: Record.from_arrays([1, 2], [1, 2], dt=0.0), "bad-option", ("dt=0.0", "above 0")

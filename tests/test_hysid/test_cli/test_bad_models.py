@@ -74,12 +74,25 @@ def test_a_saved_model_with_a_negative_modulus_is_refused(line):
 
 
 def test_a_column_in_another_unit_than_the_fits_is_refused(line):
-    for other, inverse, words in (
-        (["s", "kN", "mm", "1"], (), ("force is in kN", "fitted to N")),
-        (["s", "N", "m", "1"], ("--inverse",), ("displacement is in m;", "fitted to mm")),
+    """Also where it is only compared, and that of the time."""
+    for *units, said in (
+        ("s", "kN", "mm", "force is in kN; the model was fitted to N"),
+        ("s", "N", "m", "displacement is in m; the model was fitted to mm"),
+        ("ms", "N", "mm", "time is in ms; the model was fitted to s"),
     ):
-        put(text([other, *sponge()], NAMES), "other.csv")
-        refused(run("predict", line / "out", "other.csv", *inverse), *words, "[wrong-unit]")
+        put(text([[*units, "1"], *sponge()], NAMES), "other.csv")
+        for command in (("predict",), ("predict", "--inverse"), ("qualify",)):
+            found = run(*command, line / "out", "other.csv")
+            refused(found, said, "[wrong-unit]")
+
+
+def test_an_output_without_a_range_has_no_error_in_per_cent(line):
+    put(
+        text([["s", "N", "mm", "1"], *([t, u, "3", c] for t, u, _, c in sponge())], NAMES),
+        "other.csv",
+    )
+    said = run("predict", line / "out", "other.csv").out
+    assert " mm rms; 0 of " in said
 
 
 def test_what_is_known_of_parameters_is_said_on_the_command_line():

@@ -52,6 +52,10 @@ def test_a_sensor_that_has_not_changed_needs_nothing(folder: Path):
     assert "Nothing that was seen asks for a calibration now." in said
     assert f"80 references the error is {found['rmse']:.3g} N rms" in said
     assert f"{found['fit_error']:.3g} N of an unchanged sensor." in said
+    in_kN = [[t, u and f"{float(u) / 1000:.6f}", *more] for t, u, *more in rows(1.0, (1, 8), 1)]
+    (folder / "kN.csv").write_text(text(in_kN, (T, "force (kN)", X, "cycle")))
+    other = ("monitor", folder / "fit", folder / "kN.csv", "--reference", "force (kN)", "--json")
+    assert run(*other).json()["rmse"] == pytest.approx(found["rmse"])
 
 
 def test_a_change_is_found_with_its_line_and_its_size(folder: Path):

@@ -1,5 +1,6 @@
 """What has changed between fits, and how repeatable parameters are."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -45,6 +46,9 @@ def test_what_cannot_be_compared_is_refused() -> None:
     before, after = line(*pressed(*NEW, seed=0)), line(*pressed(*AGED, seed=1))
     fixed = line(*pressed(*AGED, seed=1), slope=1.2)
     assert change(before, fixed).left_out == {"K": "fixed", "threshold": "fixed"}
+    K, *others = after.parameters
+    in_metres = replace(after, parameters=(K._replace(unit="m / N"), *others))
+    assert change(before, in_metres).left_out["K"] == "in m / N and mm / N"
     with pytest.raises(InputError, match="same rows"):
         change(before, before)
     refuses("bad-option", lambda: change(before, after, margin=5), "below 1")

@@ -1,5 +1,6 @@
 """A new specimen like earlier ones: a mixture of their fits, known from a cycle."""
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -94,6 +95,8 @@ def test_other_quantities_are_refused() -> None:
     volts = Record.from_arrays(few.input, few.output, few.time, input_unit="mm", output_unit="V")
     found = fit(volts, "LinearSponge", like=earlier(), noise="gaussian", starts=2)
     assert "[wrong-unit]" in found.skipped["mixture of 3 earlier fits"]
+    found = fit(replace(few, time_unit="ms"), "LinearSponge", like=earlier(), starts=2)
+    assert "time is in ms" in found.skipped["mixture of 3 earlier fits"]
 
 
 def test_weights_of_another_number_are_refused() -> None:
