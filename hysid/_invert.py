@@ -44,8 +44,8 @@ def invert(
 
     The band is learnt once, and saved with the fit: whatever uses it shows the same one.
 
-    With `start="unknown"`, as `hysid export` writes it, the status is RUN_IN while estimates that begin
-    where the training may have left a specimen differ by more than the usual deviation.
+    With `start="unknown"`, as `hysid export` writes it, the status is RUN_IN until estimates that begin
+    where the training may have left a specimen agree to the usual deviation, see `GuardedCompensator`.
 
     **Arguments:** a fit of one input, or a model; the others are those of `compensate.invert`. `beyond` and
     `start` choose another guard, `trained` and `longest` other limits.

@@ -56,8 +56,8 @@ def trained(document: Tree, stem: str) -> str:
         return text
     return (
         f"{text}\nAfter a reset the status is {upper}_RUN_IN until estimates that begin in {starts} other"
-        f" state{'s' * (starts > 1)} are at most\n{p['within']:.3g} away: then it no longer matters what"
-        " came before."
+        f" state{'s' * (starts > 1)} have been at most\n{p['within']:.3g} away for a quarter as many"
+        " samples as they were farther:\nthen it no longer matters what came before."
     )
 
 

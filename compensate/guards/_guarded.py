@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from hysteresis import InputError, register
 from hysteresis._once import once
 from hysteresis._parameter import is_concrete
+from hysteresis.laws.guard import BEGUN
 from hysteresis.numerics._normal import NORMAL_95
 from hysteresis.running import Numbers, each, numbers_of
 from hysteresis.trees import Tree, node
@@ -97,8 +98,10 @@ class GuardedCompensator(AbstractCompensator[GuardedState, Found]):
     one of these. All of them follow the readings, and the status is `RUN_IN`, in place of `OK` and `FLAT`,
 
     ```math
-    \\text{while}\\quad \\max_k |\\hat u_k - \\hat u_\\text{inner}| > \\text{deviation}
+    \\text{until}\\quad \\max_k |\\hat u_k - \\hat u_\\text{inner}| \\le \\text{deviation}
     ```
+
+    for a quarter as many readings as they were farther apart, because estimates also cross.
 
     The deviation of the estimate is that of the inner compensator; beyond the range it does not say how far
     beyond the input is.
@@ -236,7 +239,7 @@ class GuardedCompensator(AbstractCompensator[GuardedState, Found]):
             "holds": self.beyond == "limit", "decides": self.decides, "least": least, "most": most,
             "within": self.within,
         }  # fmt: skip
-        return node("guard", parameters, {"beyond": 0})
+        return node("guard", parameters, BEGUN)
 
     def _clock(self, state: GuardedState, t: Array, y: Array) -> tuple[Array, Array, Array]:
         """The inner clock, which begins with the first reading and in which no step is longer than

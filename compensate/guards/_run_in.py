@@ -5,9 +5,10 @@ begins in the virgin state run others, which began at the ends of what the speci
 
     low:   at the low end, nothing before        high:   all that the training was, then the high end
 
-The start matters no longer where all of them give the same estimate, to within its deviation. That holds
-for any motion, and needs nothing to be known of the model. What never relaxes (a path, a wear) differs by
-what it did within the training, not for ever. Cost: a compensator's step for each start that matters.
+The start matters no longer where all of them give the same estimate, to within its deviation, and have for
+a while, because estimates also cross. That holds for any motion, and needs nothing to be known of the
+model. What never relaxes (a path, a wear) differs by what it did within the training, not for ever. Cost:
+a compensator's step for each start that matters.
 """
 
 from typing import NamedTuple

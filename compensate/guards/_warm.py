@@ -51,7 +51,8 @@ def warmed(
         for k in farthest:  # on the guard's own clock
             own = None if first is None else each[k] - each[k][-1] + float(state.clock)
             others.append(inner.stream(own, read[k], inner.init())[0])
-        return state._replace(others=tuple(others))
+        # What was counted is of other starts.
+        return state._replace(others=tuple(others), limited=guard.init().limited)
 
     return compared(state)
 

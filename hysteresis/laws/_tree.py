@@ -35,7 +35,8 @@ def around(document: Tree) -> Tree:
             "state": law.UNMOVED | error["state"],
         })  # fmt: skip
     if guard:
-        parts.append({**guard, "kind": "guard"})
+        state_of_guard = module_of("guard").BEGUN | guard["state"]
+        parts.append({**guard, "kind": "guard", "state": state_of_guard})
     others = [begun(tree, iter(states)) for states in document.get("starts", [])]
     return {
         "kind": AROUND, "parameters": parameters, "state": state, "parts": [tree, *others, *parts],

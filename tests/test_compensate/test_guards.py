@@ -15,6 +15,7 @@ from hysteresis import (
     Burgers,
     GeneralizedMaxwell,
     MonotoneCurve,
+    PrandtlIshlinskii,
     Preisach,
     Sum,
 )
@@ -131,6 +132,31 @@ def test_no_start_within_the_past_gives_another_ok_estimate(name: str):
     # The truth lies between the starts, but for branches that cross.
     assert worst <= 1.5 * deviation
     assert ok > 0.9 * 4 * 120
+
+
+@pytest.mark.parametrize(("strength", "time"), [(5.0, 0.3), (20.0, 0.02), (20.0, 0.1)])
+def test_starts_that_cross_are_not_ok(strength: float, time: float):
+    """A fast Maxwell element beside plays, switched on in motion: up to 11 deviations where they cross."""
+    curve = MonotoneCurve.even(0, 1, [2.0, 2.0], 0)
+    plays = PrandtlIshlinskii([0.02, 0.12, 0.4], [2, 0.8, 0.2], 0.2)
+    model = Sum(curve, GeneralizedMaxwell(0.0, [strength], [time]), plays)
+    t, deviation, random = np.arange(2000) * 0.01, 0.003, np.random.default_rng(3)
+    u = [
+        np.interp(t, np.append(0, np.cumsum(random.uniform(0.05, 2, 99))), random.random(100))
+        for _ in range(4)
+    ]
+    own = invert(model, trained=(0, 1), start="unknown", past=(t, u[0]), deviation=deviation)
+    worst, ok = 0.0, 0
+    for one in u[1:]:
+        y = np.asarray(model.simulate(t, one))
+        for cut in range(100, 1100, 200):
+            rows = slice(cut, cut + 900)
+            found = own.simulate(t[rows] - t[cut], y[rows])
+            known = np.asarray(found.status) == Status.OK
+            off = np.abs(np.asarray(found.value) - one[rows])
+            worst, ok = max(worst, off[known].max(initial=0)), ok + known.sum()
+    assert worst <= 1.5 * deviation
+    assert ok > 1000
 
 
 def test_files_say_what_they_know(tmp_path: Path):
