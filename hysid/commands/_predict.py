@@ -10,7 +10,7 @@ from compensate import Status, estimate
 from compensate.uncertainty._calibrated import CalibratedCompensator, band_holds
 from hysteresis import InputError, Record
 from hysteresis._atomic_file import write_table
-from hysteresis._format import quantity, rms_error
+from hysteresis._format import number_of, quantity, rms_error
 from identify.dynamics._recorded_motion import RecordedMotion
 from identify.internal import metrics
 from identify.results._motion_detail import Motion
@@ -89,8 +89,8 @@ def run(asked: Predict) -> Done:
                     float(np.sqrt(np.mean(deviation[record.mask] ** 2))), record.output_unit, 3
                 )
                 said.append(
-                    f"{int(record.known.sum())} known rows tell the states before the others. They leave"
-                    f" open {left} rms of the prediction."
+                    f"{number_of(int(record.known.sum()), 'known row')} told the states before the"
+                    f" others, which leaves open {left} rms of the prediction."
                 )
         counted = np.ones(len(record), bool) if record.known is None else ~record.known
         flagged += sum(w != "OK" for w in compress(words, counted))

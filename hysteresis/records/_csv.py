@@ -44,6 +44,8 @@ def with_known(record: Record, known: Any) -> Record:
     sizes = np.diff([*record.starts, len(record)])
     rows = np.arange(len(record)) - np.repeat(record.starts, sizes) < np.repeat(counts, sizes)
     mask = record.mask & ~rows
+    if not rows.any():
+        return record
     if not mask.any():
         raise InputError(
             "no-rows",

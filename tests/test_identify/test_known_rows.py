@@ -89,6 +89,7 @@ def test_what_is_no_number_of_rows_is_told(fit: identify.FitResult):
     with raises("bad-option", "neither a number of rows nor a column"):
         fit.predict(record, known="many")
     refuses("no-rows", lambda: fit.predict(record, known=LENGTH), "none is left")
+    np.testing.assert_array_equal(fit.predict(record, known=0), fit.predict(record))
 
 
 def test_errors_count_by_sequence():
