@@ -60,8 +60,7 @@ def run(asked: Export) -> Done:
     if fitted.purpose != "compensate":
         better = [note for note in judged.reasons if note.code != "compensator-error"]
         verdict = verdict.at_most(judged.level, *better)
-    learnt = error_of(fitted)
-    error, guard = learnt.around(invert(fitted.model)), guard_of(fitted, learnt)
+    guard = guarding(fitted)
     limits = asked.limits or wider(record.output[record.mask])
     readings, times = readings_of_training(fitted)
     program = Program(
@@ -73,9 +72,8 @@ def run(asked: Export) -> Done:
         title=fitted.name,
         limits=limits,
         depth=asked.depth,
-        error=error,
-        band=_band(folder, error, checksum),
-        **{name: guard[name] for name in ("trained", "past", "deviation", "seen")},
+        band=_band(folder, guard["error"], checksum),
+        **guard,
         beyond=asked.beyond,
         start=start,
         origin=Origin(verdict.level, verdict.codes, date, checksum),
@@ -106,6 +104,14 @@ def run(asked: Export) -> Done:
     return _done(document, text)
 
 
+def guarding(fitted: identify.FitResult) -> dict[str, Any]:
+    """Options of a program: the error of a fit, and what guards its estimates."""
+    learnt = error_of(fitted)
+    guard = guard_of(fitted, learnt)
+    kept = {name: guard[name] for name in ("trained", "past", "deviation", "seen")}
+    return {"error": learnt.around(invert(fitted.model)), **kept}
+
+
 def _card(asked: Export, program: str, path: Path) -> Done:
     """A material card for a finite-element program."""
     fitted = identify.load(asked.folder)
@@ -113,8 +119,6 @@ def _card(asked: Export, program: str, path: Path) -> Done:
     scale = 1.0 if strain == "1" else conversion("1", strain)
     if program == OPENSEES:
         relaxes = isinstance(fitted.model, AbstractViscoelastic)  # and creeps as well
-        if not relaxes:
-            stress, strain = fitted.train.output_unit, fitted.train.input_unit
         scale, stress = 1.0, f"{stress} / {strain}"
         if not relaxes and kind_of_units(fitted.train) == "creep":
             raise InputError(
@@ -148,11 +152,12 @@ def _card(asked: Export, program: str, path: Path) -> Done:
 
 
 def _units(fitted: identify.FitResult) -> tuple[str, str, str]:
-    """Of stress, strain and time of a viscoelastic fit."""
+    """Of stress, strain and time of a fit."""
     record = fitted.train
     if identify.internal.is_moduli(record):
         return record.output_unit, "1", "s"
-    if getattr(fitted.model, "leading", False):
+    relaxes = isinstance(fitted.model, AbstractViscoelastic)
+    if getattr(fitted.model, "leading", False) if relaxes else kind_of_units(record) != "creep":
         return record.output_unit, record.input_unit, record.time_unit
     return record.input_unit, record.output_unit, record.time_unit
 

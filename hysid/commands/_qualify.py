@@ -27,7 +27,7 @@ from ..intake._columns import for_new_file, known_records, selection_of_fit
 from ..intake._folders import folders_of
 from ._asked import Qualify
 from ._console import USER, Done, Progress, warnings
-from ._export import readings_of_training, seconds_a_step
+from ._export import guarding, readings_of_training, seconds_a_step
 
 STEPS = 2000
 """Steps that are timed, at most."""
@@ -40,7 +40,7 @@ def step_of(fitted: identify.FitResult, target: str, mhz: float | None) -> Step 
     """
     readings, times = readings_of_training(fitted)
     try:
-        program = Program(fitted.model, readings, times=times, trained=fitted.trained)
+        program = Program(fitted.model, readings, times=times, start="unknown", **guarding(fitted))
     except InputError:
         return None
     if target == "python":

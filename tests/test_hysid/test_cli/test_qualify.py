@@ -93,6 +93,12 @@ def test_needs_decide_and_say_so(folder, needs, code, level, words):
     assert json.loads(as_json.out)["verdict"]["level"] == level
 
 
+def test_a_step_is_that_of_the_export(folder, tmp_path):
+    said = run("qualify", folder / "fit", folder / "run.csv", "--rate", 1000).out
+    header = run("export", folder / "fit", "--c", tmp_path / "it.h", "--json").json()
+    assert f"{header['operations']['most']:,} at most on the training's readings" in said
+
+
 def test_each_is_qualified_by_its_own_fit(folder):
     said = run("qualify", folder / "each", folder / "blocks.csv")
     assert said.code == 0

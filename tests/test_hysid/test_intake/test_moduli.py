@@ -143,7 +143,15 @@ def test_a_force_over_a_displacement_has_no_card():
     write(Path("hold.csv"), {"t (s)": t, "F (N)": np.asarray(TRUTH.relaxation_modulus(t))})
     chosen = ("--step", 1, "--input-unit", "mm", "--time", "t (s)", "--output", "F (N)")
     assert run("fit", "hold.csv", *chosen, "--out", "out").code == 0
-    refused(run("export", "out", "--to", "abaqus", "card.inp"), "[wrong-unit]")
+    card = ("export", "out", "--to", "abaqus", "card.inp")
+    refused(run(*card), "[wrong-unit]")
+    x = np.sin(np.arange(60) / 3)
+    write(
+        Path("line.csv"), {"x (mm)": x, "F (N)": 3 * x + 0.01 * np.cos(7 * t)[np.arange(60) % 40]}
+    )
+    chosen = ("--input", "x (mm)", "--output", "F (N)", "--model", "LinearSponge")
+    assert run("fit", "line.csv", *chosen, "--out", "out", "--overwrite").code == 0
+    refused(run(*card), "The stiffness is in N / mm,", "[wrong-unit]")
 
 
 def test_the_last_part_of_a_sweep_held_out():
