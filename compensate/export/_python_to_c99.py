@@ -121,6 +121,8 @@ def number(value: float, single: bool) -> str:
         raise InputError(
             "not-finite", "a number of the model is not finite, so it has no literal in C."
         )
+    if single and abs(value) < 2.0**-150:  # compilers warn of literals that are zero as floats
+        value = 0.0
     text = f"{value:.9g}" if single else repr(float(value))
     text = text if any(c in text for c in ".e") else f"{text}.0"
     return f"{text}f" if single else text

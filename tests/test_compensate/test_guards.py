@@ -169,6 +169,8 @@ def test_files_say_what_they_know(tmp_path: Path):
         "verdict": "CAUTION", "codes": ["no-test", "flat"], "date": "2024-05-03", "sha256": "",
     }  # fmt: skip
     text = export_c(RELAYS, tmp_path / "it.h", y, real="float", **given).path.read_text()
+    tiny = MonotoneCurve.even(0, 1, [1.0, 1.0], 1e-300)
+    assert "e-300" not in export_c(tiny, tmp_path / "tiny.h", y, real="float").path.read_text()
     for macro in (
         "IT_TRAINED_LOW 0.0f", "IT_TRAINED_HIGH 1.0f", 'IT_VERDICT "CAUTION"',
         'IT_CODES "no-test flat"', 'IT_DATA_DATE "2024-05-03"',
