@@ -42,7 +42,7 @@ def warmed(
     y = np.asarray(outputs(*past.followed_by(later, driven(model, way[rows:]))))
     apart = np.abs(y.reshape(count, -1)[1:, rows:] - y.reshape(count, -1)[0, rows:]).max(1)
     farthest = 1 + np.argsort(-apart)[: len(guard.starts)]
-    inner = guard.inner
+    inner, uncounted = guard.inner, guard.init().limited  # what was counted is of other starts
 
     def compared(state: Any) -> Any:
         if not isinstance(state, GuardedState):
@@ -51,8 +51,7 @@ def warmed(
         for k in farthest:  # on the guard's own clock
             own = None if first is None else each[k] - each[k][-1] + float(state.clock)
             others.append(inner.stream(own, read[k], inner.init())[0])
-        # What was counted is of other starts.
-        return state._replace(others=tuple(others), limited=guard.init().limited)
+        return state._replace(others=tuple(others), limited=uncounted)
 
     return compared(state)
 

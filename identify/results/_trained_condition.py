@@ -1,6 +1,6 @@
 """The condition that a fitted model depends on: its trained values, and the error between them."""
 
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -37,16 +37,16 @@ def told(fit: Any, record: Record) -> FromKnown:
     return from_known(extended(fit.model, low, high), record, misfit_of(fit))
 
 
-def check_units(fit: Any, record: Record, *sides: Literal["input", "output"]) -> None:
+def check_units(fit: Any, record: Record, *sides: str) -> None:
     """Raise `InputError` where a column is in another unit than it was fitted in, and both are known.
 
-    Of a record the time, the conditions, and these sides; of several channels each.
+    Of a record the time, the conditions, and these sides, "input" and "output"; of several channels each.
     """
     train, channels = fit.train, fit.channels
     fitted = {train.input_name: train.input_unit} | train.conditions
     fitted |= {} if channels is None else dict(zip(channels.names, channels.units, strict=True))
     columns = record.channels | record.conditions
-    known = [(name, unit, fitted.get(name, "1")) for name, unit in columns.items()]
+    known: list[Any] = [(name, unit, fitted.get(name, "1")) for name, unit in columns.items()]
     known += [
         (getattr(record, f"{side}_name"), *(getattr(of, f"{side}_unit") for of in (record, train)))
         for side in ("time", *sides)
