@@ -10,7 +10,7 @@ law with a tangent for each mode and input. Strong reactions are not their equiv
 takes what the exact tangents N' give beside the gains, (N' - k) dz, around the loop once more, in turn.
 """
 
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -45,11 +45,11 @@ class Unknowns(NamedTuple):
         drives; of what is complex the real part stands before the imaginary one."""
         ny, nu = model.outputs, model.inputs
         v = None if self.entering else nu
-        o = None if self.driven else ny
+        o, laws = None if self.driven else ny, cast(Any, model.channels)
         return [
             model.poles, model.entries[:, :v], model.shapes[:o], model.direct[:ny, :v],
             np.array([model.delay]), model.levels,
-            *(np.asarray(x) for law in model.channels for x in (law.weights, law.powers)),
+            *(np.asarray(x) for law in laws for x in (law.weights, law.powers)),
             model.direct[ny:o, :nu],
         ]  # fmt: skip
 

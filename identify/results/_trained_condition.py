@@ -45,7 +45,7 @@ def check_units(fit: Any, record: Record, *sides: str) -> None:
     train, channels = fit.train, fit.channels
     fitted = {train.input_name: train.input_unit} | train.conditions
     fitted |= {} if channels is None else dict(zip(channels.names, channels.units, strict=True))
-    columns = record.channels | record.conditions
+    columns = {**record.channels, **record.conditions}
     known: list[Any] = [(name, unit, fitted.get(name, "1")) for name, unit in columns.items()]
     known += [
         (getattr(record, f"{side}_name"), *(getattr(of, f"{side}_unit") for of in (record, train)))
