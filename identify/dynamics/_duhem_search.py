@@ -81,9 +81,8 @@ def started(
     def start(share: float, loss: float, skew: float) -> np.ndarray:
         """From stiffness, damping and the size of the motion alone."""
         alpha, damping = share * linear.stiffness, 0.5 * max(linear.damping, 0.0)
-        per_force = loss / float(
-            motion.displacement.std()
-        )  # at the rms motion z loses `loss` of alpha
+        size = float(motion.displacement.std())
+        per_force = loss / size  # at the rms motion z loses `loss` of alpha
         plant = linear.mass, damping, linear.stiffness - alpha
         values = np.array([*plant, alpha, per_force, skew * per_force])
         return unknowns_of_bouc_wen(family, values, initial)
