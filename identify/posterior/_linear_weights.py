@@ -20,6 +20,7 @@ from ..linear._composition_fit import SLACK
 from ..linear._composition_memory import memory_blocks, memory_of
 from ..linear._composition_parts import DRIFTS
 from ..linear._conditioned_unknowns import ConditionedUnknowns, shares_of
+from ..linear._cross_validation import jittered
 from ..linear._linear_fit import LinearFit
 from ..linear._preisach_fit import runs
 from ..linear._preisach_problem import PreisachProblem
@@ -336,7 +337,8 @@ class _Given:
             return (rows.T * firmly[which]) @ rows
 
         def distance(holding: Float[np.ndarray, "unknowns unknowns"]) -> float:
-            away = self.linear.meaning.minimum(H + holding, (H + holding) @ z, z > 0) - z
+            firm = jittered(H + holding)
+            away = self.linear.meaning.minimum(firm, firm @ z, z > 0) - z
             return float(per_noise * away @ H @ away)
 
         free = distance(np.zeros_like(H))
@@ -353,7 +355,8 @@ class _Given:
     ) -> Float[np.ndarray, " unknowns"]:
         """One draw, projected."""
         noise = random.normal(size=len(self.U)) * np.exp(point[0]) / np.sqrt(self.design.sums.rows)
-        H, x = self._under(point) + self._held, self.U @ self._mean(point, noise)
+        H = jittered(self._under(point) + self._held)  # a drawn prior may be next to none
+        x = self.U @ self._mean(point, noise)
         if self.is_average:
             x += self.linear.unknowns - self.U @ self._mean(point)
         return self.linear.meaning.minimum(H, H @ x, x > 0)
