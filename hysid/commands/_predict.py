@@ -64,8 +64,9 @@ def run(asked: Predict) -> Done:
             )
         if fitted_on.is_step:
             record = on_the_clock_of(fitted, record)
-        sides, wanted = ("output", "input"), record.input if inverse else record.output
-        sides = sides if compared else sides[:1] if inverse else sides[1:]
+        wanted = record.input if inverse else record.output
+        read = "output" if inverse else "input"
+        sides = ("output", "input") if compared else (read,)
         identify.internal.check_units(fitted, record, *sides)
         if inverse:
             values, deviation, status, bands[value] = _run_backwards(fitted, record, compared)

@@ -100,7 +100,7 @@ def _more_knots(coarse: Setting, best: Optimum, note: Callable[[Optimum], None])
 
 def _recorder(motion: MeasuredMotion, found: Optimum, oversampling: int, warm: int) -> Setting:
     """The setting whose recorder explains the record best; decimation in stages unless the data tell."""
-    ways = stages_of(oversampling), (), (oversampling,)
+    ways = dict.fromkeys((stages_of(oversampling), (), (oversampling,)))
     settings = [Setting.of(motion, oversampling, stages, warm) for stages in ways]
     left = []
     for setting in settings:

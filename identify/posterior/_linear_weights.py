@@ -337,8 +337,7 @@ class _Given:
             return (rows.T * firmly[which]) @ rows
 
         def distance(holding: Float[np.ndarray, "unknowns unknowns"]) -> float:
-            firm = jittered(H + holding)
-            away = self.linear.meaning.minimum(firm, firm @ z, z > 0) - z
+            away = self._projected(H + holding, z) - z
             return float(per_noise * away @ H @ away)
 
         free = distance(np.zeros_like(H))
@@ -355,10 +354,16 @@ class _Given:
     ) -> Float[np.ndarray, " unknowns"]:
         """One draw, projected."""
         noise = random.normal(size=len(self.U)) * np.exp(point[0]) / np.sqrt(self.design.sums.rows)
-        H = jittered(self._under(point) + self._held)  # a drawn prior may be next to none
         x = self.U @ self._mean(point, noise)
         if self.is_average:
             x += self.linear.unknowns - self.U @ self._mean(point)
+        return self._projected(self._under(point) + self._held, x)
+
+    def _projected(
+        self, H: Float[np.ndarray, "unknowns unknowns"], x: Float[np.ndarray, " unknowns"]
+    ) -> Float[np.ndarray, " unknowns"]:
+        """The unknowns of a model that are nearest to x by the precision H."""
+        H = jittered(H.copy())  # a drawn prior may be next to none
         return self.linear.meaning.minimum(H, H @ x, x > 0)
 
     def _under(self, point: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "unknowns unknowns"]:

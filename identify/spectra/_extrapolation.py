@@ -92,7 +92,7 @@ def allowed(problem: Problem, fitted: Fitted, noise: Noise, step: float, span: f
     found, near = [fit], dict.fromkeys((1.0, -1.0), (FIRST, best))
     for e in _step_answers(problem, log_tau, step, span) / size:
         unit = limit / (np.linalg.norm(e) * np.linalg.norm(best))
-        # The edge at the time before is near: half of the solutions, and 30 % of the processor's time.
+        # The edge at the time before is near.
         for sign, (way, c) in near.items():
             inner, low, outer, high = best, 0.0, None, np.inf
             for _ in range(TRIED):
