@@ -30,6 +30,9 @@ os.environ.setdefault(
     " --xla_backend_optimization_level=0 --xla_llvm_disable_expensive_passes=true",
 )
 os.environ["MPLBACKEND"] = "Agg"  # no window, no display
+# Without bytecode every process would compile our sources again: of collecting the tests three tenths.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 _PACKAGES = ("hysteresis", "identify", "compensate", "hysid")
 if early := set(_PACKAGES) & set(sys.modules):
     raise RuntimeError(f"{sorted(early)} imported before their types could be checked")

@@ -32,7 +32,7 @@ MODELS = (
 SENSOR = ChannelSensor(MODELS, GAINS)
 NOISE = 0.01
 ESTIMATOR = MultiContactEstimator(SENSOR, [NOISE, NOISE], MotionFilter(8.0, ways=6, delay=3))
-T = 0.02 * np.arange(200)
+T = 0.02 * np.arange(100)
 
 
 def forces(seed: int) -> np.ndarray:
@@ -40,8 +40,8 @@ def forces(seed: int) -> np.ndarray:
     random = np.random.default_rng(seed)
     paths = []
     for _ in MODELS:
-        at = np.concatenate([[0.0], np.sort(random.uniform(0.2, 3.8, 6)), [4.0]])
-        paths.append(np.interp(T, at, np.concatenate([[0.0], random.uniform(1, 7, 6), [0.0]])))
+        at = np.concatenate([[0.0], np.sort(random.uniform(0.2, 1.8, 3)), [2.0]])
+        paths.append(np.interp(T, at, np.concatenate([[0.0], random.uniform(1, 7, 3), [0.0]])))
     return np.stack(paths, 1)
 
 
@@ -72,7 +72,7 @@ def test_the_forces_are_found():
 
 
 def test_the_deviations_are_honest():
-    """1,600 forces, of which neighbours err alike: 90 % bands hold 90 % to 4 % or so, and with turns that
+    """800 forces, of which neighbours err alike: 90 % bands hold 90 % to 4 % or so, and with turns that
     are not those the filter expects somewhat fewer."""
     held = [
         np.abs(np.asarray(f.value) - F) < 1.645 * np.asarray(f.deviation)
@@ -102,10 +102,10 @@ def test_a_missing_reading_is_held_and_goes_on():
 
 def test_readings_that_no_forces_make_are_told():
     z = READ[0].copy()
-    z[100:] = [0.0, 3.0]  # the second location alone would read 1.5 there
+    z[50:] = [0.0, 3.0]  # the second location alone would read 1.5 there
     status = np.asarray(ESTIMATOR.simulate(T, z).status)
-    assert (status[:100] != Status.EXTRAPOLATED).all()
-    assert (status[101:120] == Status.EXTRAPOLATED).all()
+    assert (status[:50] != Status.EXTRAPOLATED).all()
+    assert (status[51:70] == Status.EXTRAPOLATED).all()
 
 
 def test_bad_settings_are_answered():
