@@ -31,9 +31,16 @@ def sensor(seed: int, channels: int = 1, count: int = 80, offset: float = 0.3) -
 RECORDS = [sensor(k) for k in range(6)]
 
 
-def test_it_learns_far_better_than_a_mean():
-    told = []
-    found = train_force(RECORDS, tell=lambda *now: told.append(now[:2]), **FAST)
+@pytest.fixture(scope="module")
+def learnt(tmp_path_factory):
+    """A training, its folder of checkpoints, and what it told."""
+    folder, told = tmp_path_factory.mktemp("learnt"), []
+    tell = lambda *now: told.append(now[:2])  # noqa: E731
+    return train_force(RECORDS, checkpoint=folder, tell=tell, **FAST), folder, told
+
+
+def test_it_learns_far_better_than_a_mean(learnt):
+    found, _, told = learnt
     forces = np.concatenate([record.force for record in RECORDS])
     assert found.rmse < 0.5 * forces.std()
     t, y, F = sensor(10)
@@ -43,8 +50,8 @@ def test_it_learns_far_better_than_a_mean():
     assert len(found.curves[0].validation) > 1
 
 
-def test_the_deviation_is_of_rows_that_were_held_out():
-    found = train_force(RECORDS, **FAST)
+def test_the_deviation_is_of_rows_that_were_held_out(learnt):
+    found = learnt[0]
     seen = np.isfinite(found.held_out)
     assert seen.all()  # every record was held out from one network
     held = np.clip(found.held_out, 0, found.estimator.high)
@@ -64,9 +71,9 @@ def test_several_channels_are_learnt_and_watched():
     assert np.isfinite(np.asarray(estimate.value)).all()
 
 
-def test_an_interrupted_training_goes_on(tmp_path):
-    whole = train_force(RECORDS, checkpoint=tmp_path, **FAST)
-    rest = train_force(RECORDS, checkpoint=tmp_path, resume=True, **FAST)
+def test_an_interrupted_training_goes_on(learnt):
+    whole, folder, _ = learnt
+    rest = train_force(RECORDS, checkpoint=folder, resume=True, **FAST)
     np.testing.assert_array_equal(whole.held_out, rest.held_out)
     assert "resumed from" in rest.curves[0].said[0]
 
