@@ -24,25 +24,23 @@ def record(noise: float = 0.02) -> Record:
     return Record.from_arrays(u, y + np.random.default_rng(0).normal(0, noise, len(t)), t)
 
 
-@pytest.mark.parametrize(
-    ("said", "scipys"),
-    [
-        ("normal(2, 3)", scipy.stats.norm(2, 3)),
-        ("log-normal(100, 2)", scipy.stats.lognorm(np.log(2), scale=100)),
-        ("half-normal(3)", scipy.stats.halfnorm(scale=3)),
-        ("uniform(-1, 4)", scipy.stats.uniform(-1, 5)),
-    ],
-)
-def test_priors_are_scipys(said: str, scipys: Any) -> None:
-    flat = LinearSponge(1.0, 1.0, -np.inf)
-    found = fit(record(), flat, parameters={"b": {"prior": said}}, noise="gaussian", starts=1)
-    made = found.settings["b"].prior
-    assert str(made) == said
-    x = scipys.ppf(np.linspace(0.1, 0.9, 9))
-    densities = [float(made.log_density(jnp.asarray(value))) for value in x]
-    np.testing.assert_allclose(densities, scipys.logpdf(x), rtol=1e-10)
-    drawn = made.draws(np.random.default_rng(0), 4000)
-    assert scipy.stats.kstest(drawn, scipys.cdf).pvalue > 1e-3
+def test_priors_are_scipys() -> None:
+    said = {
+        "E1": ("normal(2, 3)", scipy.stats.norm(2, 3)),
+        "eta1": ("log-normal(100, 2)", scipy.stats.lognorm(np.log(2), scale=100)),
+        "E2": ("half-normal(3)", scipy.stats.halfnorm(scale=3)),
+        "offset": ("uniform(-1, 4)", scipy.stats.uniform(-1, 5)),
+    }
+    priors = {name: {"prior": prior} for name, (prior, _) in said.items()}
+    found = fit(record(), BURGERS, parameters=priors, noise="gaussian", starts=1)
+    for name, (prior, scipys) in said.items():
+        made = found.settings[name].prior
+        assert str(made) == prior
+        x = scipys.ppf(np.linspace(0.1, 0.9, 9))
+        densities = [float(made.log_density(jnp.asarray(value))) for value in x]
+        np.testing.assert_allclose(densities, scipys.logpdf(x), rtol=1e-10)
+        drawn = made.draws(np.random.default_rng(0), 4000)
+        assert scipy.stats.kstest(drawn, scipys.cdf).pvalue > 1e-3
 
 
 @pytest.mark.parametrize(
