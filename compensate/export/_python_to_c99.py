@@ -195,7 +195,9 @@ class Function:
     def _infer(self) -> dict[str, str]:
         """Types of the variables: real where any assigned value is real."""
         found: dict[str, str] = {}
-        sets = [n for n in ast.walk(self.node) if isinstance(n, ast.Assign) and _target(n)]
+        sets = self.sets = [
+            n for n in ast.walk(self.node) if isinstance(n, ast.Assign) and _target(n)
+        ]
         self.types |= {_target(n): "int" for n in sets if _target(n) not in self.kinds}
         self.types |= {
             n.target.id: "int" for n in ast.walk(self.node)
@@ -219,9 +221,10 @@ class Function:
     def _is_constant(self, array: ast.expr) -> bool:
         """Whether an array is one of the model's tables: all are, but those of the state."""
         names = {n.id for n in ast.walk(array) if isinstance(n, ast.Name)}
-        sets = [n for n in ast.walk(self.node) if isinstance(n, ast.Assign) and _target(n) in names]
         return "State" not in {self.types[name] for name in names} and all(
-            self._is_constant(n.value) for n in sets if self.types[_target(n)] == "Reals"
+            self._is_constant(n.value)
+            for n in self.sets
+            if _target(n) in names and self.types[_target(n)] == "Reals"
         )
 
     def _block(self, body: list[ast.stmt], indent: str) -> list[str]:
