@@ -10,10 +10,11 @@ import pytest
 
 from compensate import AbstractCompensator, Status, estimate, invert, qualify
 from compensate.internal import Estimate
-from compensate.qualification._qualify import Latency, Step, loop_widths
+from compensate.qualification._qualify import Step, latency, loop_widths
 from hysteresis import Burgers, InputError, LinearSponge, PrandtlIshlinskii, Preisach, Record
 from hysteresis.preisach import GridDensity
 from tests.problems import weights
+from tests.test_identify.test_fitting.test_verdict import rms
 
 THRESHOLD = 1.0
 NORMAL_95 = 1.6448536269514722
@@ -86,7 +87,8 @@ class Off(AbstractCompensator[AbstractCompensator, Estimate]):
         return state, Estimate(value + self.by, jnp.where(third, self.status, status))
 
 
-def test_a_perfect_compensator_removes_all():
+def test_a_perfect_compensator_removes_all(monkeypatch):
+    monkeypatch.setattr("compensate.qualification._qualify.latency", latency)
     found = qualify(invert(model()), record(), model(), max_error=1e-6, rate=1.0)
     assert found.level == "PASS"
     assert found.errors.max_abs < 1e-9
@@ -155,9 +157,7 @@ def test_verdicts_and_their_reasons(compensator, needs, level, words):
     assert any(words in reason for reason in found.reasons)
 
 
-def test_a_slow_step_of_the_target_is_a_caution_and_one_of_this_computer_is_none(monkeypatch):
-    slow = Latency(1e-5, 1e-2, 2000)
-    monkeypatch.setattr("compensate.qualification._qualify.latency", lambda *_: slow)
+def test_a_slow_step_of_the_target_is_a_caution_and_one_of_this_computer_is_none():
     assert qualify(invert(model()), record(), rate=1000.0).level == "PASS"
     found = qualify(invert(model()), record(), rate=1000.0, step=Step("c", 1e-5, 1e-2))
     assert found.level == "CAUTION"
@@ -170,10 +170,6 @@ def test_a_slow_step_of_the_target_is_a_caution_and_one_of_this_computer_is_none
     )  # fmt: skip
     assert found.level == "PASS"
     assert numbers(found, "needs-processor")[-1] == 2.0  # 1000 steps of 2000 operations a second
-
-
-def rms(error: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(error**2)))
 
 
 def numbers(found: Any, code: str) -> list[float]:

@@ -3,31 +3,15 @@
 import json
 from pathlib import Path
 from typing import Any
-from unittest.mock import patch
 
 import numpy as np
 import pytest
 
-from compensate.qualification._qualify import Latency, latency
 from tests.test_hysid.command import COLUMNS, HEADER, F, T, X, refused, run, sponge, text, tree
 
 DATASETS = Path(__file__).parents[3] / "datasets"
-PREISACH = ("--model", "Preisach", "--test-cycles", 1)
-# The kind of the noise and far starts are nobody's question here.
 LINE = ("--model", "LinearSponge", "--noise", "gaussian", "--starts", 2)
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _timed_once():
-    """A step is compiled twice and timed 2000 times; here 50 times of the first one tell of all."""
-    first = []
-
-    def timed(*of: Any) -> Latency:
-        first.extend([] if first else [latency(*of, steps=50)])
-        return first[0]
-
-    with patch("compensate.qualification._qualify.latency", timed):
-        yield
+PREISACH = ("--model", "Preisach", "--test-cycles", 1)
 
 
 @pytest.fixture(scope="module")
