@@ -14,6 +14,7 @@ from hysteresis.curves import PolynomialCurve
 from identify import FitResult
 from tests.problems import play
 from tests.test_hysid.command import COLUMNS, LINE, put, run, sponge, text
+from tests.test_identify.test_fitting.test_verdict import rms
 
 QUICK: dict[str, Any] = {"noise": "gaussian", "starts": 1}
 TIME = np.arange(241) / 60
@@ -32,10 +33,6 @@ def fitted() -> FitResult:
 
 def compensating(model: Any, **options: Any) -> FitResult:
     return hysid.fit(record(0.1), model, test_cycles=1, purpose="compensate", **QUICK, **options)
-
-
-def rms(error: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(error**2)))
 
 
 def line_error(found: FitResult) -> np.ndarray:

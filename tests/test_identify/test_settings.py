@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from hysteresis import Burgers, GeneralizedMaxwell, LinearSponge, Record
+from hysteresis import AbstractModel, Burgers, GeneralizedMaxwell, LinearSponge, Record
 from identify import fit, load, save
 from identify.parameters._transform import transform
 from tests.refusals import refuses
@@ -16,12 +16,12 @@ from tests.refusals import refuses
 BURGERS = Burgers(2.0, 100.0, 1.0, 8.0, 0.3)
 
 
-def record(noise: float = 0.02) -> Record:
+def record(noise: float = 0.02, model: AbstractModel = BURGERS, seed: int = 0) -> Record:
     """Half a minute of steps and ramps."""
     t = np.linspace(0.0, 30.0, 120)
     u = np.interp(t, np.linspace(0, 30, 9), [0, 5, 5, 1, 1, 4, 4, 0, 0])
-    y = np.asarray(BURGERS.simulate(t, u))
-    return Record.from_arrays(u, y + np.random.default_rng(0).normal(0, noise, len(t)), t)
+    y = np.asarray(model.simulate(t, u))
+    return Record.from_arrays(u, y + np.random.default_rng(seed).normal(0, noise, len(t)), t)
 
 
 def test_priors_are_scipys() -> None:
@@ -152,11 +152,8 @@ def test_one_entry_of_an_array_is_fixed_and_the_others_move(tmp_path: Any) -> No
         assert {"E_inf", "E.0", "E.1", "tau.0", "tau.1", "offset"} - set(bounds.names) == gone
         # Other starts join where what is free here moves there too.
         assert len(bounds.points_of(found.model, chain)) == 2
-    t = np.linspace(0.0, 30.0, 120)
-    u = np.interp(t, np.linspace(0, 30, 9), [0, 5, 5, 1, 1, 4, 4, 0, 0])
-    truth = GeneralizedMaxwell(3.0, [4.0], [6.0])
-    y = np.asarray(truth.simulate(t, u)) + np.random.default_rng(1).normal(0, 0.01, len(t))
-    found = fit(Record.from_arrays(u, y, t), "GeneralizedMaxwell", parameters={"E.1": {"fixed": 0}})
+    data = record(0.01, GeneralizedMaxwell(3.0, [4.0], [6.0]), seed=1)
+    found = fit(data, "GeneralizedMaxwell", parameters={"E.1": {"fixed": 0}})
     told = {p.name: p for p in found.parameters}
     assert told["E.1"].status == "fixed"
     assert told["E.0"].status == "free"

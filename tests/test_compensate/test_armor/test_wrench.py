@@ -25,12 +25,10 @@ from compensate.runtime import load
 from hysteresis import Burgers, InputError, LinearSponge, PrandtlIshlinskii
 from hysteresis.internal import Units, with_units
 from tests.refusals import refuses
+from tests.test_compensate.test_armor.test_solver import PLAYS
 from tests.thorough import rest_thorough
 
 BOX = Box(0.3, 0.25, 0.55)
-PLAYS = with_units(
-    PrandtlIshlinskii([1.0, 3.0, 6.0], [0.2, 0.2, 0.3], 0.5, offset=3.0), Units("N", "mm")
-)
 GEAR = with_units(PrandtlIshlinskii([0.1, 0.2], [0.1, 0.1], 0.8), Units("mm", "N"))
 QUARTER = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
 

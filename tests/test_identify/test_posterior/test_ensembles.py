@@ -2,7 +2,6 @@
 
 from typing import Any
 
-import arviz
 import emcee
 import numpy as np
 import pytest
@@ -64,6 +63,8 @@ def test_rhat_tells_ensembles_that_disagree() -> None:
 
 @pytest.mark.parametrize("memory", [-0.3, 0.0, 0.8])
 def test_rhat_is_arvizs(memory: float) -> None:
+    import arviz  # for two seconds
+
     x = np.random.default_rng(0).normal(size=(4, 501))
     for k in range(1, 501):
         x[:, k] += memory * x[:, k - 1]

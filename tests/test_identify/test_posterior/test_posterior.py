@@ -3,7 +3,6 @@
 from dataclasses import replace
 from pathlib import Path
 
-import arviz
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -13,6 +12,7 @@ from hysteresis import InputError, Record
 from identify import fit, load_posterior, sample, save, save_posterior
 from identify.internal import target
 from tests.refusals import refuses
+from tests.test_identify.test_posterior.test_checkpoint import interrupting
 
 
 def line(noise: float = 0.1, n: int = 200) -> Record:
@@ -126,12 +126,8 @@ def test_what_was_drawn_before_ctrl_c_is_the_result(line_fit, tmp_path) -> None:
     """As the chains of a whole run begin; before 20 steps nothing is."""
 
     def interrupted(at: int):
-        def progress(done: int, total: int, text: str) -> None:
-            if done >= at:
-                raise KeyboardInterrupt
-
-        kept = tmp_path / "chains.npz"
-        return sample(line_fit, 60, seed=3, checkpoint=kept, every=1e9, progress=progress)
+        kept, stop = tmp_path / "chains.npz", interrupting(at)
+        return sample(line_fit, 60, seed=3, checkpoint=kept, every=1e9, progress=stop)
 
     ended = interrupted(20)
     assert any("interrupted after" in note for note in ended.notes)
@@ -167,6 +163,8 @@ def test_draws_of_every_row_are_those_of_the_target(line_fit, line_posterior) ->
 
 
 def test_arviz_reads_the_groups(line_fit, line_posterior, tmp_path) -> None:
+    import arviz  # for two seconds
+
     posterior = line_posterior
     save(line_fit, tmp_path)
     save_posterior(posterior, tmp_path)
