@@ -66,6 +66,7 @@ class Presses(eqx.Module):
             raise _fault(f"force has the shape {force.shape}.", "give (presses, samples).")
         presses, samples = force.shape
         shapes = {
+            "time": (time, np.shape(time)), "force": (force, force.shape),
             "readings": (readings, (presses, samples, 6)), "direction": (direction, (presses, 3)),
             "touched": (touched, (presses, 3)), "surface": (surface, (presses,)),
             "displacement": (displacement, (presses, samples)), "gravity": (gravity, (presses, samples, 3)),

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from compensate.armor import Armor, Bumps, Presses
 from compensate.armor._armor import UncertainArmor
 from compensate.armor._calibration import Missed, PressResiduals, missed_of, with_slip, without_each
+from hysteresis import InputError
 from hysteresis.numerics._normal import NORMAL_95
 from identify.calibration._calibrate import Calibration, Prior
 from identify.calibration._optimal_design import Choice
@@ -99,7 +100,7 @@ def calibrate_armor(
 
     **Returns:** a `CalibratedArmor`.
 
-    **Raises:** `InputError` as `identify.internal.calibrate` does.
+    **Raises:** `InputError` as `identify.internal.calibrate` does, and where no press is felt.
 
     **Example:**
 
@@ -108,6 +109,13 @@ def calibrate_armor(
         >>> round(float(found.armor.solver.cover.factor.value), 3)
         1.0
     """
+    threshold = float(armor.solver.threshold)
+    if not (np.asarray(presses.force) >= threshold).any():
+        raise InputError(
+            "bad-presses", f"the gauge never reads a push of {threshold:g} N.", place="Presses",
+            cause="a gauge that counts pushes as negative, or forces in another unit.",
+            fix="turn the sign of force, or name its unit: force (N).",
+        )  # fmt: skip
     starts: list[Armor] = []
     if full_scale is not None:
         starts = without_each(armor, presses, full_scale)

@@ -23,6 +23,7 @@ from hysteresis import InputError, read_table
 from hysteresis.records._table import Table
 
 from ..intake._columns import in_unit
+from ..intake.guess._remedies import reading
 
 AXES = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 UNITS: dict[str, str] = {**dict.fromkeys(AXES[:3], "N")} | dict.fromkeys(AXES[3:], "N*m")
@@ -37,6 +38,14 @@ FAR = 0.05
 """Of the shape's longest side: a point farther from every surface was not touched."""
 
 
+def read_rows(file: Path) -> tuple[Table, list[str]]:
+    """A table whose decimal sign and words for missing values are found, and what was found."""
+    table = read_table(file)
+    options, notes = reading(table, {})
+    table = read_table(file, **options) if options else table
+    return table, [f"{why} ({found})." for _, found, why in notes]
+
+
 class Wrenches(NamedTuple):
     """Readings of the sensor in the order of the file, with the line of each row."""
 
@@ -47,9 +56,8 @@ class Wrenches(NamedTuple):
     motion: Motion
 
 
-def read_wrenches(file: Path) -> Wrenches:
+def read_wrenches(table: Table) -> Wrenches:
     """Raises `InputError` `no-column` where one of the six is missing, and `wrong-unit`."""
-    table = read_table(file)
     readings = np.column_stack([_column(table, name) for name in AXES])
     time = _column(table, "time") if _named(table, "time") else None
     return Wrenches(time, readings, np.asarray(table.line), table.sha256, _motion(table))
@@ -64,9 +72,8 @@ def _motion(table: Table) -> Motion:
     return Motion(**told)
 
 
-def read_presses(file: Path, shape: AbstractShape) -> Presses:
+def read_presses(table: Table, shape: AbstractShape) -> Presses:
     """Presses of equally many samples. Raises `InputError` for what is missing or does not fit."""
-    table = read_table(file)
     name = _named(table, "press")
     label = table.text[name] if name else np.full(len(table.line), "1")
     number = np.unique(label, return_inverse=True)[1]
@@ -75,14 +82,20 @@ def read_presses(file: Path, shape: AbstractShape) -> Presses:
     if len(set(count.tolist())) != 1:
         raise InputError(
             "bad-presses", f"presses have between {count.min()} and {count.max()} rows.",
-            place=str(file), fix="give equally many rows of each press.",
+            place=table.path, fix="give equally many rows of each press.",
         )  # fmt: skip
     rows = np.stack([np.flatnonzero(number == k) for k in order])
     read = {key: _column(table, key)[rows] for key in (*AXES, "force", "x", "y", "z")}
     time = _column(table, "time")[rows] if _named(table, "time") else np.arange(rows.shape[1]) * 1.0
     depth = _column(table, "displacement")[rows] if _named(table, "displacement") else None
-    touched = np.stack([read[k][:, 0] for k in "xyz"], axis=1)
-    surface, normal = _touched_surfaces(shape, touched, str(file))
+    points = np.stack([read[k] for k in "xyz"], axis=2)
+    if np.ptp(points, axis=1).max() > FAR * float(shape.longest()):
+        raise InputError(
+            "bad-presses", "the touched point moves within a press.", place=table.path,
+            cause="rows of several presses.", fix="number them in a column press.",
+        )  # fmt: skip
+    touched = points[:, 0]
+    surface, normal = _touched_surfaces(shape, touched, table.path)
     readings = np.stack([read[key] for key in AXES], axis=-1)
     gravity = _motion(table).gravity
     poses = np.asarray(gravity)[rows] if np.ndim(gravity) == 2 else None

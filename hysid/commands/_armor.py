@@ -21,9 +21,9 @@ from hysteresis._quantities import conversion
 from hysteresis._serialisation import described, rebuilt
 
 from ..armor import _view
-from ..armor._calibration import calibrate_armor
+from ..armor._calibration import CalibratedArmor, calibrate_armor
 from ..armor._description import Description, read_description
-from ..armor._tables import read_presses, read_wrenches
+from ..armor._tables import read_presses, read_rows, read_wrenches
 from ..armor._touches import FILE as TOUCHES
 from ..armor._touches import VIRTUAL, save_touches, shell_of
 from ..catalogue._synthetic import is_synthetic
@@ -39,6 +39,10 @@ HEADER = (
     "yz (m^2)", "zz (m^2)", "probability",
 )  # fmt: skip
 UPPER = np.triu_indices(3)
+UNLIKELY = 4.0
+"""Standard deviations: of 50 values one is farther off by chance in one calibration of 300."""
+MANY = 0.1
+"""Of the loads: of a sensor with a wrong sign, those on one side in five of a box pull."""
 UNCALIBRATED = (
     "Without a calibration the covariance holds the noise of the readings and the error of the sponge's fit"
     " alone, not what the sensor itself is off by (hysid armor calibrate)."
@@ -55,7 +59,8 @@ def calibrate(asked: Calibrate) -> Done:
     known, fit = read_description(asked.shape), identify.load(asked.sponge)
     material = fit.model
     armor = known.armor(material)
-    made = read_presses(asked.file, armor.solver.shape)
+    table, seen = read_rows(asked.file)
+    made = read_presses(table, armor.solver.shape)
     noise = np.asarray(known.noise_of_wrench)
     scatter = max(1e-4, _scatter(fit))
     found = calibrate_armor(armor, made, noise=noise, scatter=scatter)
@@ -79,9 +84,10 @@ def calibrate(asked: Calibrate) -> Done:
         remove=(RUNTIME,), check=partial(identify.internal.check_free, out, overwrite, DOCUMENT),
     )  # fmt: skip
     runtime, notes = _exported(found.armor, out / RUNTIME, material)
+    notes = [*seen, *_unlikely(found), *notes]
     told: dict[str, Any] = {k: document[k] for k in ("presses", "table", "noise", "scatter")}
     told |= {"folder": str(out), "runtime": runtime, "notes": notes}
-    said = f"The cover differs by {1e3 * told['scatter']:.2g} mm from place to place."
+    said = f"Elsewhere the cover's depth is uncertain by {1e3 * told['scatter']:.2g} mm."
     return Done(told, [*warnings(notes), told["table"], said, f"Armor: {out}"])
 
 
@@ -110,11 +116,13 @@ def solve(asked: Solve) -> Done:
         armor = known.armor(material)
         draws = eqx.tree_at(lambda a: a.sensor.bias, armor, jnp.zeros((DRAWS, 6)))
         uncertain = UncertainArmor(armor, draws, known.noise_of_wrench, _scatter(fit))
-    table = read_wrenches(asked.file)
-    if stream and table.time is None:
+    rows, seen = read_rows(asked.file)
+    table = read_wrenches(rows)
+    if stream and (table.time is None or not np.all(np.diff(table.time) >= 0)):
         raise InputError(
-            "no-time", "A stream needs the times of the wrenches.", place=str(asked.file),
-            fix="add a column time (s), or solve each wrench by itself (without --stream).",
+            "no-time", "A stream needs a time of every wrench, none before the last.",
+            place=str(asked.file),
+            fix="mend the column time (s), or solve each wrench by itself (without --stream).",
         )  # fmt: skip
     readings = jnp.asarray(table.readings)
     solve_all = partial(uncertain.simulate, table.time) if stream else uncertain.solve
@@ -135,6 +143,7 @@ def solve(asked: Solve) -> Done:
     if asked.calibrated is None:
         notes = [UNCALIBRATED, *notes]
     counts = Counter(ContactStatus(int(s)).name for s in np.asarray(contact.status))
+    notes = [*seen, *_impossible(counts), *notes]
     said = ", ".join(f"{count} {name}" for name, count in counts.items())
     told = {
         "rows": len(readings), "statuses": counts, "stream": stream, "file": str(out / CONTACTS),
@@ -172,6 +181,31 @@ def load_calibration(folder: Path) -> tuple[UncertainArmor, AbstractModel]:
         armor, draws = (tree.unflatten([jnp.asarray(arrays[k]) for k in own]) for own in names)
         noise, scatter = jnp.asarray(arrays["noise"]), document["scatter"]
     return UncertainArmor(armor, draws, noise, scatter), material
+
+
+def _unlikely(found: CalibratedArmor) -> list[str]:
+    """A warning where a value is so far from what was believed that no chance explains it."""
+    point = np.abs(found.calibration.point)
+    if (times := float(point.max())) < UNLIKELY:
+        return []
+    return [
+        f"{found.calibration.parameters[int(point.argmax())].name} lies {times:.0f} of its prior"
+        " deviations from what was believed: a sensor that is turned, reports the reaction, is clipped or"
+        " has a dead channel, or columns that are swapped or in another unit."
+    ]
+
+
+def _impossible(counts: Counter[str]) -> list[str]:
+    """A warning where many of the loads are such that no contact explains them."""
+    loads = sum(counts[name] for name in ("OK", "MISSED", "PULLING", "AMBIGUOUS", "EXTRAPOLATED"))
+    odd = counts["MISSED"] + counts["PULLING"]
+    if odd <= MANY * loads:
+        return []
+    return [
+        f"{odd} of {loads} loads pull or pass the shell by: columns that are swapped or in another unit,"
+        " moments about another point than P_o, or a sensor that reports the reaction (reports ="
+        ' "reaction" in the TOML file).'
+    ]
 
 
 def _scatter(fit: identify.FitResult) -> float:

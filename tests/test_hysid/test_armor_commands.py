@@ -28,6 +28,8 @@ SAME = [("gf", "m", False), ("kgf", "inch", True)]
 @cache
 def fit_of(force: str, length: str, folder: Path, turned: bool = False) -> Path:
     """A saved fit of one curve, measured in these units, of the displacement or of the force."""
+    if (place := folder / f"{force}-{length}-{turned}").exists():
+        return place
     F = np.linspace(2.0, 20.0, 40)
     d = 1.298 * F + 6.186 + 0.01 * np.sin(7 * F)
     given = F / conversion(force, "N"), d / conversion(length, "mm")
@@ -36,7 +38,7 @@ def fit_of(force: str, length: str, folder: Path, turned: bool = False) -> Path:
         given, units = given[::-1], units[::-1]
     names = {"input_unit": units[0], "output_unit": units[1]}
     fit = hysid.fit(*given, model="LinearSponge", noise="gaussian", starts=2, **names)
-    return identify.save(fit, folder / f"{force}-{length}-{turned}", overwrite=True)
+    return identify.save(fit, place)
 
 
 def write(file: Path, header: list[str], rows: np.ndarray) -> Path:
@@ -179,3 +181,32 @@ def test_what_cannot_be_used_is_answered(folder: Path):
     ):
         how = (*(["--sponge", fit] if fit else []), "--shape", told)
         refused(solved(file, folder / "none", *how)._replace(out=""), f"[{code}]")
+
+
+def test_a_table_as_loggers_write_it_is_read_and_replayed(folder: Path):
+    """Decimal commas, an overload, a clock that goes back, and a sensor that reports the reaction."""
+    with (folder / "wrenches.csv").open() as handle:
+        header, *rows = csv.reader(handle)
+    table = -np.array(rows, float)
+    rows = [[f"{x:.6f}".replace(".", ",") for x in row] for row in table]
+    rows[1][1] = "OVLD"
+    file, out = folder / "logged.csv", folder / "logged"
+    file.write_text("\n".join(";".join(row) for row in [header, *rows]))
+    how = ("--sponge", fit_of("gf", "m", folder), "--shape", folder / "box.toml")
+    notes = solved(file, out, *how).json()["notes"]
+    for note, words in zip(notes, ("decimal comma", "(OVLD)", "3 of 5 loads"), strict=False):
+        assert words in note
+    assert run("armor", "view", out).code == 0
+    refused(solved(file, folder / "none", *how, "--stream"), "[no-time]")
+
+
+@pytest.mark.parametrize(("force", "far", "word"), [(-5.0, 0.0, "gauge"), (5.0, 0.1, "moves")])
+def test_presses_that_tell_nothing_are_refused(folder: Path, force: float, far: float, word: str):
+    """A gauge of the wrong sign; presses without a column that numbers them."""
+    header = ["Fx", "Fy", "Fz", "Mx", "My", "Mz", "force", "x", "y", "z"]
+    rows = np.array([[0, 0, -5, 0, 0, 0, force, x, 0, 0.55] for x in (0.0, far)])
+    how = ("--sponge", fit_of("N", "mm", folder), "--shape", folder / "box.toml")
+    made = write(folder / f"{word}.csv", header, rows)
+    said = run("armor", "calibrate", made, *how, "--out", folder / "none")
+    refused(said, "[bad-presses]")
+    assert word in said.err
