@@ -219,7 +219,7 @@ class Estimate(Command):
     does = "commands._estimate:estimate"
     folder: Path = option("Folder of a trained sensor, or of pairs.", argument=True, metavar="DIR")
     file: Path = option("CSV file with the sensor's channels.", argument=True, metavar="FILE")
-    selection: dict[str, Any] = selecting("where", "na_values")
+    selection: dict[str, Any] = selecting("where", *OF_READING, optional=True)
     out: Path | None = option("CSV file to write (default: DIR/estimated-FILE.csv).", None)
 
 

@@ -106,11 +106,14 @@ def estimate(
     *,
     where: Sequence[str] = (),
     na_values: Sequence[str] = (),
+    **reading: Any,
 ) -> dict[str, Any]:
     """Run the sensor of a folder over a file; write the estimates beside it, or to `target`.
 
     A reading that is missing or no number is told so in its row, and the stream goes on. Error figures are
     over every row whose truth is in the file, under the names of the training.
+
+    `reading`: other options of how the file is read, instead of the training's.
 
     Raises `InputError` for a folder without a sensor, a file without one of its channels.
     """
@@ -123,7 +126,7 @@ def estimate(
     document = read_checked(folder, TRAINING, 1, make=MAKE, again="train again.")
     sensor = load_sensor(folder)
     selection = Selection.from_json(document["selection"])
-    selection = replace(selection, na_values=(*selection.na_values, *na_values))
+    selection = replace(selection, na_values=(*selection.na_values, *na_values), **reading)
     words = document["targets"]
     targets = Targets(words["force"], words["place"], tuple(words["position"]))
     table = selection.read(file)

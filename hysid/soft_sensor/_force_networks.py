@@ -174,7 +174,7 @@ def fit_structured(data: ForceData, part: np.ndarray, settings: Settings) -> Fou
     """The better of two fits on the part held out, of which neither has seen it."""
     if data.channels > 1:
         said = f"A structured estimator takes one reading, but there are {data.channels}."
-        fix = 'kind="network", or hysid.fit of several inputs.'
+        fix = 'kind="network" (--kind network), or hysid.fit of several inputs.'
         raise InputError("wrong-channels", said, fix=fix)
     held = part == part.max()
     learnt = data.known & (part >= 0) & ~held

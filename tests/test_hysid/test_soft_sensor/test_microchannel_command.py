@@ -281,3 +281,13 @@ def test_what_cannot_be_learnt_is_said(tmp_path: Path):
     unlike = put(tmp_path / "unlike.csv", rows, header)
     refused(answer("--place", PLACE, "--test-file", unlike), "no-column")
     assert not (tmp_path / "out" / "training.json").exists()
+
+
+def test_a_log_with_decimal_commas_is_estimated(trained: Trained):
+    """The fix that the refusal names is an option of the command."""
+    rows = presses("AC")
+    plain = read(trained.estimate(rows)["file"])
+    file = put(trained.folder / "new.csv", [[f"{x}".replace(".", ",") for x in r] for r in rows])
+    refused(run("microchannel", "estimate", trained.out, file), "--decimal ,")
+    found = run("microchannel", "estimate", trained.out, file, "--decimal", ",", "--json").json()
+    np.testing.assert_array_equal(read(found["file"])["force"], plain["force"])
