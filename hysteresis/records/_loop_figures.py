@@ -196,10 +196,14 @@ class Loops:
             for w in (self.tip_rows // 4, self.tip_rows // 2, self.tip_rows)
             if w >= 4
         )
-        # Beside a hold or a change of the steps a parabola over the rows goes past the readings.
-        step = np.maximum(np.abs(x[at] - near[0]), np.abs(x[at] - near[2]))
+        # Beside a hold a parabola goes past the readings: beyond them lies a turn between two rows alone.
+        steps = [np.abs(x[at] - near[k]) for k in (0, 2)]
+        step = np.maximum(*steps) * (both | (self.past(at) > 0))
         told = np.abs(level - x[at]) <= MAY_BE * sigma + step
-        return np.where(told, level, x[at]), np.where(told, error, sigma)
+        # Two rows alike at a turn: a hold, or a corner in the middle between them.
+        flat = (np.minimum(*steps) < MAY_BE * sigma) & (step > MAY_BE * sigma) & (self.many == 1)
+        half = np.where(both & flat & told, (level - x[at]) / 2, 0.0)
+        return np.where(told, level - half, x[at]), np.where(told, np.hypot(error, half), sigma)
 
     def _ends(self) -> tuple[np.ndarray, np.ndarray]:
         """First and last position of each loop's sequence."""
