@@ -111,7 +111,7 @@ def suspicions(record: AbstractRecord) -> list[Note]:
         other = "input" if role == "output" else "output"
         at = quantity(limit, getattr(record, f"{role}_unit"))
         mend = (
-            f"mask or censor (--na-values {limit:g} --nan omit), or measure with a wider range"
+            f"mask or censor (--na-values {limit:.15g} --nan omit), or measure with a wider range"
             if role == "output"
             else "measure with a wider range, or leave those rows' cycles out (--where)"
         )

@@ -258,6 +258,13 @@ def _plain(asked: _Asked, numbered: Sequence[tuple[int, str]]) -> Sheet:
         confirm = "" if units_row else f" Confirm with units_row={at} (--units-row {at})."
         said = f"Row {at} is units ({', '.join(cells)}); using them.{confirm}"
         notes.append(Note("units-row", said))
+    heads = rows[: len(rows) - len(body)]
+    if again := [k for k, row in enumerate(body) if row in heads]:
+        said = (
+            f"Left out lines that repeat the header: {len(again)}, first line {line[again[0] + 1]}."
+        )
+        notes.append(Note("skipped", said))
+        body, line = [row for row in body if row not in heads], np.delete(line, np.add(again, 1))
     full = next((k for k in range(len(body), 0, -1) if trimmed(body[k - 1])), 0)
     if blank := len(body) - full:
         body, line = body[:full], line[: full + 1]
@@ -271,7 +278,7 @@ def _plain(asked: _Asked, numbered: Sequence[tuple[int, str]]) -> Sheet:
     line = np.array(line[1:])
     _make_square(path, body, line, len(header), sep)
     columns = dict(zip(header, zip(*body, strict=True), strict=False))
-    layout = None if blank or feet else Layout(sep, plain=True)
+    layout = None if blank or feet or again else Layout(sep, plain=True)
     return Sheet(columns, line, units, tuple(notes), decimal, layout)
 
 

@@ -43,9 +43,10 @@ def kind_of(record: Record) -> Kind:
     if abs(change) <= SURE * noise:
         raise InputError(
             "no-excitation",
-            f"{record.output_name} changes by {abs(change * record.input[-1]):.3g}, about its noise:"
-            " neither creep nor relaxation.",
+            f"{record.output_name} ends {abs(change * record.input[-1]):.3g} from where it began, about its"
+            " noise: neither creep nor relaxation.",
             place=record.source,
+            cause="the input was not held but its sensor is dead, or the test is too short.",
             fix="choose another column (--output COL), or measure for longer.",
         )
     moved: Kind = "creep" if change > 0 else "relaxation"

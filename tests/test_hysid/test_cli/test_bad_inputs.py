@@ -311,3 +311,20 @@ def test_a_process_exits_with_two_and_one_line():
     done = subprocess.run(words, capture_output=True, text=True, env=ENVIRONMENT, timeout=120)
     refused(Result(done.returncode, done.stdout, done.stderr), "--decimal ,")
     assert list(tree(Path())) == ["run.csv"]
+
+
+def test_the_mask_of_clipped_rows_masks_them():
+    """A limit of many digits, as a sensor's is."""
+    put(CLIPPED_X.replace(",10,", ",10.0519657,"))
+    said = run("check", "run.csv", *COLUMNS).out
+    value = said.partition("--na-values ")[2].partition(" ")[0]
+    said = run("check", "run.csv", *COLUMNS, "--na-values", value, "--nan", "omit").out
+    assert "clipped" not in said
+
+
+def test_a_constant_output_says_nothing_false_of_the_input():
+    """The load goes up and down: it does not "change by 0"."""
+    put(text([[t, f, "7.5", c] for t, f, x, c in ROWS]))
+    said = run("fit", "run.csv").err.splitlines()[-1]
+    assert "dead" in said
+    assert "changes by" not in said

@@ -202,3 +202,11 @@ def test_any_bytes_give_a_table_or_an_input_error(tmp_path, data):
     except InputError:
         return
     assert all(len(x) == len(found.line) for x in found.columns.values())
+
+
+def test_a_header_that_is_repeated_begins_a_run(read):
+    """A logger that was started again appends its header and its row of units."""
+    once = table().replace("\n", "\ns,mm,N\n", 1).replace(T, "t").replace(F, "F").replace(X, "x")
+    record = read(once + "\n" + once, "x", "F", time="t", segments="auto")
+    assert record.starts.tolist() == [0, len(ROWS)]
+    assert any("repeat the header: 2, first line 24" in note.text for note in record.history)
