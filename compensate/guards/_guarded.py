@@ -3,6 +3,7 @@
 from typing import Any, NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -198,7 +199,8 @@ class GuardedCompensator(AbstractCompensator[GuardedState, Found]):
         reading = reading_of(y, 1)
         seen = self._clipped(reading)
         given = jnp.zeros_like(reading) if t is None else jnp.asarray(t, float)
-        clock, late, last = self._clock(state, given, y)
+        longest = jnp.inf if self.longest is None else self.longest
+        clock, late, last = _clock(longest, state.clock, state.last, given, y)
         y = with_reading(y, 1, seen)
         times = None if t is None else clock
         found: Any
@@ -241,20 +243,6 @@ class GuardedCompensator(AbstractCompensator[GuardedState, Found]):
         }  # fmt: skip
         return node("guard", parameters, BEGUN)
 
-    def _clock(self, state: GuardedState, t: Array, y: Array) -> tuple[Array, Array, Array]:
-        """The inner clock, which begins with the first reading and in which no step is longer than
-        `longest`; which samples come after a longer one; the time of the last reading."""
-        valid = jnp.isfinite(y) if y.ndim == 1 else jnp.isfinite(y).all(axis=-1)
-        at = jnp.concatenate([jnp.full(1, -1), latest_of(valid)])
-        times = jnp.concatenate([t, state.last[None]])  # the last one is that at -1
-        wait = t - times[at[:-1]]
-        passed = jnp.where(valid & (wait > 0), wait, 0.0)
-        if self.longest is None:
-            late = jnp.zeros(t.shape, bool)
-        else:
-            late, passed = passed >= self.longest, jnp.minimum(passed, self.longest)
-        return state.clock + jnp.cumsum(passed), late, times[at[-1]]
-
     def _clipped(self, y: Array) -> Array:
         if self.readings is None:
             return y
@@ -267,3 +255,17 @@ class GuardedCompensator(AbstractCompensator[GuardedState, Found]):
             return jnp.clip(value, self.low, self.high)
         beyond = (value < self.low - self.slack) | (value > self.high + self.slack)
         return jnp.where(beyond, jnp.nan, value)
+
+
+@jax.jit
+def _clock(
+    longest: Array, begin: Array, last: Array, t: Array, y: Array
+) -> tuple[Array, Array, Array]:
+    """The inner clock, which begins with the first reading and in which no step is longer than `longest`;
+    which samples come after a longer one; the time of the last reading."""
+    valid = jnp.isfinite(y) if y.ndim == 1 else jnp.isfinite(y).all(axis=-1)
+    at = jnp.concatenate([jnp.full(1, -1), latest_of(valid)])
+    times = jnp.concatenate([t, last[None]])  # the last one is that at -1
+    wait = t - times[at[:-1]]
+    passed = jnp.where(valid & (wait > 0), wait, 0.0)
+    return begin + jnp.cumsum(jnp.minimum(passed, longest)), passed >= longest, times[at[-1]]
