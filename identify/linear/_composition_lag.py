@@ -115,7 +115,7 @@ def find_lag(record: Record, floor: float | None = None) -> Lag | None:
     inside: dict[tuple[tuple[str, ...], bool], Bool[np.ndarray, " unknowns"]] = {}
 
     @functools.cache
-    def error(lag: float, some: tuple[str, ...], leading: bool) -> float:
+    def error(some: tuple[str, ...], leading: bool, lag: float) -> float:
         there, memory = moved(lag)
         problem = Problem(there, cut, whole.of(*some)._replace(leading=leading), memory)
         problem.inside = inside.get((some, leading), problem.inside)
@@ -124,27 +124,26 @@ def find_lag(record: Record, floor: float | None = None) -> Lag | None:
         inside[some, leading] = problem.inside
         return float(np.mean(residuals[problem.taut] ** 2))
 
-    def left(lag: float, some: tuple[str, ...]) -> float:
-        whole_steps = step * round(lag / step)
-        after, before = (
-            min(error(x, some, way) for way in (False, True)) for x in (whole_steps, 0.0)
-        )
-        return after / max(before, 1e-300)
+    def least(lag: float, some: tuple[str, ...]) -> float:
+        return min(error(some, way, lag) for way in (False, True))
 
     found = {}
     for some, leading in itertools.product(MEMORIES, (False, True)):
-        none, *steps = (error(lag, some, leading) for lag in (0.0, -step, step))
-        if none <= min(steps):
-            continue  # and at whole steps a lag has to take away a fifth
-        lag, curvature = least_at(lambda x, s=some, w=leading: error(x, s, w), step, 16 * step)
+        at = functools.partial(error, some, leading)
+        count, before = 0, None
+        while count != before and abs(count) <= 16:
+            before = count
+            count = min((before, before - 1, before + 1), key=lambda k: at(k * step))
+        lefts = [least(count * step, one) / max(least(0.0, one), 1e-300) for one in MEMORIES]
+        if abs(count) > 16 or min(lefts) >= 1 - WORTH or max(lefts) >= 1 + WORTH:
+            continue
+        lag, curvature = least_at(at, count * step, step)
         if not curvature:
             continue
-        lefts = [left(lag, memory) for memory in MEMORIES]
-        if min(lefts) < 1 - WORTH and max(lefts) < 1 + WORTH:
-            facts = min(ROWS, int(few.mask.sum()))
-            deviation = float(np.sqrt(2 * error(lag, some, leading) / curvature / facts))
-            if abs(lag) > 2 * deviation:
-                found[Lag(lag, deviation, some, leading)] = np.prod(lefts)
+        facts = min(ROWS, int(few.mask.sum()))
+        deviation = float(np.sqrt(2 * at(lag) / curvature / facts))
+        if abs(lag) > 2 * deviation:
+            found[Lag(lag, deviation, some, leading)] = np.prod(lefts)
     return min(found, key=lambda one: found[one], default=None)
 
 

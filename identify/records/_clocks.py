@@ -102,30 +102,17 @@ def _moves(record: Record) -> tuple[int, float]:
     return moves, float(middle.mean())
 
 
-def least_at(objective: Callable[[float], float], step: float, most: float) -> tuple[float, float]:
+def least_at(objective: Callable[[float], float], begin: float, step: float) -> tuple[float, float]:
     """Where a smooth function of a lag is least, and its second derivative there.
 
-    Strides of `step` go downhill from 0, as far as `most`; three halvings and a parabola follow. The
+    From `begin`, the least at whole steps, half a step and a quarter go downhill; a parabola follows. The
     derivative is 0 where the function goes on falling.
     """
-    seen: dict[float, float] = {}
-
-    def at(lag: float) -> float:
-        if lag not in seen:
-            seen[lag] = objective(lag)
-        return seen[lag]
-
-    middle, stride = 0.0, step
-    for _ in range(40):
-        around = [middle - stride, middle, middle + stride]
-        best = min(around, key=at)
-        if best == middle or abs(best) > most:
-            if stride <= step / 4:
-                break
-            stride /= 2
-        else:
-            middle = best
-    a, b, c = (at(middle + k * stride) for k in (-1, 0, 1))
+    middle, stride = begin, step
+    for _ in range(2):
+        stride /= 2
+        middle = min((middle - stride, middle, middle + stride), key=objective)
+    a, b, c = (objective(middle + k * stride) for k in (-1, 0, 1))
     curvature = (a - 2 * b + c) / stride**2 if b <= min(a, c) else 0.0
     away = (a - c) / (2 * stride * curvature) if curvature > 0 else 0.0
     return middle + float(np.clip(away, -stride, stride)), curvature
