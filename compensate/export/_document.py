@@ -193,14 +193,16 @@ def write(path: str | Path, document: Mapping[str, Any]) -> Path:
     return path
 
 
-def require_one_input(document: dict[str, Any]) -> None:
-    """Raise `InputError` `not-invertible` where plain Python finds other inputs than JAX in the golden
-    pair: both search, and only where a reading has several inputs do they end at different ones."""
+def require_one_input(document: dict[str, Any], dropped: Sequence[str]) -> None:
+    """Raise `InputError` `not-invertible`, `bad-option` where plain Python finds other inputs than JAX in
+    the golden pair: both search, and only where reversals were `dropped` (the note on it), or a reading
+    has several inputs, do they end at different ones."""
     _, off = _replay(document)
     if off > document["golden"]["tolerance"]:
         raise InputError(
-            "not-invertible",
-            f"plain Python finds an input {off:.3g} off that of JAX: the model's output falls while its"
-            " input rises, so that a reading has several inputs.",
-            fix="export another model.",
+            "bad-option" if dropped else "not-invertible",
+            f"plain Python finds an input {off:.3g} off that of JAX.",
+            cause=" ".join(dropped)
+            or "The model's output falls while its input rises, so that a reading has several inputs.",
+            fix="" if dropped else "Export another model.",
         )

@@ -56,7 +56,8 @@ GOLDEN, GOLDEN_SEARCHED = 200, 40
 COUNTED = 2000
 """Readings over which the operations of a step are counted, evenly."""
 
-DEEP = 4096
+DEPTH, DEEP = 64, 4096
+"""Reversals that an export stores at least by default, and so many that none is dropped."""
 
 
 class Quantity(NamedTuple):
@@ -124,7 +125,7 @@ def export_runtime(
     - `error`: `calibrated(invert(model), record)`, for the deviation beside every estimate.
     - `limits`: readings beyond are taken for the nearer limit; by default half the readings' span on
       either side.
-    - `depth`: reversals that a Preisach model remembers, 64 by default.
+    - `depth`: reversals that a Preisach model remembers; by default 64, or what the readings need.
     - `trained`: (low, high), the least and the greatest input of the training rows; `beyond`, `start`,
       `past` (by default what the readings tell), `deviation` and `seen` as of `invert`. The file gives the
       values and statuses of what that returns, with `readings=limits`. None: no guard.
@@ -185,7 +186,7 @@ class Program:
         estimate: Quantity = INPUT,
         title: str = "",
         limits: tuple[float, float] | None = None,
-        depth: int = 64,
+        depth: int | None = None,
         error: CalibratedCompensator | None = None,
         trained: tuple[float, float] | None = None,
         beyond: str = "limit",
@@ -225,7 +226,7 @@ class Program:
                 )
             guarded = isinstance(compensator, GuardedCompensator)
             compensator = replace(compensator, inner=adaptive) if guarded else adaptive
-        self._adaptive, self.model, self.depth = adaptive, model, depth
+        self._adaptive, self.model, self.depth = adaptive, model, depth or DEEP
         tree = self._tree(np.float64)
         y, conditioned = np.asarray(readings, float), condition_of(model)
         if y.ndim != 1 + (conditioned is not None):
@@ -253,14 +254,18 @@ class Program:
         low, high = limits or wider(y)
         self.guard = compensator if isinstance(compensator, GuardedCompensator) else None
         y, t = np.clip(y, low, high), np.zeros_like(y) if t is None else t
-        n = GOLDEN_SEARCHED if kinds & {"sum", "adaptive", "degrading_bouc_wen"} else GOLDEN
         given = np.column_stack([y, c]) if conditioned else y
+        self._readings, self._times = given, t
+        self._needed = self._reversals() if "preisach" in kinds else 0
+        if depth is None:
+            self.depth = max(DEPTH, self._needed)
+            tree = self._tree(np.float64)
+        n = GOLDEN_SEARCHED if kinds & {"sum", "adaptive", "degrading_bouc_wen"} else GOLDEN
         golden = _told_apart(compensator, t[:n], given[:n])
         value = np.asarray(compensator.simulate(t[:n], golden).value)
         begin = compensator.simulate(t[:1], jnp.full(given[:1].shape, jnp.nan)).value[0]
         span = float(np.ptp(value[np.isfinite(value)])) if np.isfinite(value).any() else 0.0
         self.time_unit = time_unit
-        self._readings, self._times = given, t
         known = None
         if conditioned is not None:
             ends = np.asarray(conditioned.knots, float)[[0, -1]]
@@ -294,7 +299,7 @@ class Program:
                 "value": [number(v) for v in value], "tolerance": 1e-9 * max(span, 1e-300),
             },
         }  # fmt: skip
-        require_one_input(self._whole())
+        require_one_input(self._whole(), self._deep_enough())
 
     def _longest(self, t: np.ndarray) -> float:
         if not isinstance(self.model, Oscillator):
@@ -340,17 +345,17 @@ class Program:
             f" {100 * self._tabulated:.2g} per cent of their range.",
         )
 
-    def _deep_enough(self) -> tuple[str, ...]:
-        if all(node["kind"] != "preisach" for node in nodes_of(self._trees[np.float64])):
-            return ()
+    def _reversals(self) -> int:
         dt = np.diff(self._times, prepend=self._times[0])
         deep = tree_of(self.model, depth=DEEP)
-        needed = deepest(deep, "find", dt.tolist(), self._readings.tolist())
-        if needed <= self.depth:
+        return deepest(deep, "find", dt.tolist(), self._readings.tolist())
+
+    def _deep_enough(self) -> tuple[str, ...]:
+        if self._needed <= self.depth:
             return ()
         return (
-            f"These readings need {needed} stored reversals but the export keeps {self.depth}, so the"
-            f" smallest loops are dropped. Use a depth of {needed} to keep all.",
+            f"These readings need {self._needed} stored reversals but the export keeps {self.depth}, so"
+            f" the smallest loops are dropped. Use a depth of {self._needed} to keep all.",
         )
 
     @property

@@ -240,7 +240,11 @@ class Export(Command):
     shear: bool = option("Material card: the fitted modulus is a shear modulus.", False)
     single: bool = option("Use float instead of double in C.", False, flag="--float")
     fixed: bool = option("Use integers (fixed point): Preisach grids with --to arduino.", False)
-    depth: int = option("Number of reversals that a Preisach model stores.", 64, least=3)
+    depth: int | None = option(
+        "Number of reversals that a Preisach model stores (default: 64, or what the fit's readings need).",
+        None,
+        least=3,
+    )
     limits: tuple[float, float] | None = option(
         "LOW HIGH: readings beyond these limits are clipped to them.", None
     )

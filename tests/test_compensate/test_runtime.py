@@ -349,3 +349,13 @@ def test_what_cannot_be_exported_is_refused(tmp_path: Path):
         worn = DegradingBoucWen(BoucWen(1.0, 0.1, 1.0), strength_loss=0.2)
         export_c(worn, tmp_path / "it.h", y)
     assert not list(tmp_path.iterdir())
+
+
+def test_an_export_keeps_what_its_first_readings_need(tmp_path: Path):
+    """A demagnetised grid of 40 cells begins with 64 reversals, and turns once more."""
+    density = GridDensity(-2.0, 2.0, np.tril(np.ones((40, 40))))
+    model = Preisach(density, initial="demagnetised")
+    y = np.asarray(model.simulate(None, [0.003, 0.112, 0.25, 0.4]))
+    assert export_runtime(model, tmp_path / "it.json", y).notes == ()
+    with raises("bad-option", "need 65 stored reversals"):
+        export_runtime(model, tmp_path / "it.json", y, depth=64)
