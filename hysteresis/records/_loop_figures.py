@@ -11,7 +11,7 @@ from ._abstract_record import AbstractRecord
 from ._loop_cut import LoopRows, Pair, largest_row, loop_rows, parabola, ranges, widest
 
 FULL = 0.95
-"""Of the widest loop's range of inputs: loops that pass so much of it are compared."""
+"""Of the inputs that both branches of the widest loop pass: loops that pass so much of it are compared."""
 
 LEVELS = 65
 """Inputs at which the branches of a loop without noise are compared."""
@@ -121,11 +121,11 @@ class Loops:
 
     @classmethod
     def full(cls, record: AbstractRecord) -> "Loops":
-        """The loops that pass 95 % of the widest loop's inputs, read at the same inputs."""
+        """The loops whose branches both pass 95 % of the widest loop's inputs, read at the same inputs."""
         cut = loop_rows(record)
         cut = cut.only(cut.counted)
         every = cls(record, cut)
-        span = np.where(every.common[1] > every.common[0], every.high - every.low, 0.0)
+        span = every.common[1] - every.common[0]
         return cls(
             record, cut.only(span >= FULL * span.max(initial=np.nextafter(0, 1))), alike=True
         )

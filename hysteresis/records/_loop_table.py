@@ -50,7 +50,7 @@ class LoopFigure(NamedTuple):
 
 
 class LoopSummary(NamedTuple):
-    """A figure over the full loops: those that pass 95 % of the widest loop's inputs, and tell it.
+    """A figure over the full loops, both branches of which pass 95 % of the widest loop's inputs:
 
     - `value`, `error`: mean, and its standard error from the noise. `scatter`: standard deviation from loop
       to loop, None of one.
@@ -75,7 +75,7 @@ class LoopTable:
 
     - `kind`: "mechanical", "magnetic", "ferroelectric" or "plain".
     - `run`, `cycle`: (k,) sequence and number in it. `first`, `last`: (k,) lines. `full`: (k,) whether its
-      range of inputs is 95 % of the widest.
+      branches both pass 95 % of the widest range that two do.
     - `figures`: a `LoopFigure` each. `model`: the same loops as a fitted model has them, or None.
     """
 
@@ -211,7 +211,7 @@ MAIN = (
 
 def left_out(loops: int) -> str:
     """What a summary says of loops that are not full."""
-    why = f"range of inputs below {100 * FULL:.0f} % of the widest, or too few rows"
+    why = f"a branch below {100 * FULL:.0f} % of the widest loop's inputs, or too few rows"
     return f"Means are over the full loops and leave out {number_of(loops, 'loop')} ({why})."
 
 
@@ -252,8 +252,9 @@ def loop_table(
 
     def of_block(loops: Loops) -> Iterator[tuple[Any, ...]]:
         """Name, unit, and of each loop value, error and reason; the range of inputs first."""
-        overlaps = loops.common[1] > loops.common[0]
-        yield "", "", np.where(overlaps, loops.high - loops.low, np.nan), overlaps, overlaps
+        both = loops.common[1] - loops.common[0]
+        overlaps = both > 0
+        yield "", "", np.where(overlaps, both, np.nan), overlaps, overlaps
         for name, (value, error), unit, why in _figures(record, kind, loops):
             why = np.where(overlaps, why, NO_OVERLAP).astype(object)
             empty = (why != "") | ~np.isfinite(value) | ~np.isfinite(error)

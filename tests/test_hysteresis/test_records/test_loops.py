@@ -278,3 +278,16 @@ def test_a_turn_of_two_rows_is_not_read_beyond_its_readings():
     for name, value in truth.items():
         off = np.abs(table[name].value - value) / table[name].error
         assert np.mean(off < 1.645) >= 0.75, name
+
+
+def test_a_loop_that_does_not_close_counts_in_no_mean():
+    """A play of 0.5 that gives 3 J between -2 and 2; the second loop ends at -1.2, and softens nothing."""
+    x = np.interp(
+        np.arange(1001), np.arange(11) * 100, (-2, 2, -2, 2, -1.2, 1.5, -1.5, 2, -2, 2, -2)
+    )
+    force = [-1.5]
+    for at in x[1:]:
+        force.append(max(at - 0.5, min(at + 0.5, force[-1])))
+    table = record_of(x, np.array(force), ("m", "N")).loops()
+    assert table.full.tolist() == [True, False, False, False, True]
+    assert np.isnan(table["softening"].value).all()
