@@ -53,6 +53,7 @@ def write_whole(file: Path, content: str | bytes) -> None:
 
     Half a character, as the name of a file may hold, is written as an escape.
     """
+    file.parent.mkdir(parents=True, exist_ok=True)
     with atomic_file(file) as new:
         raw = content.encode("utf-8", "backslashreplace") if isinstance(content, str) else content
         new.write_bytes(raw)

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from hysteresis import AbstractModel, InputError, laws
 
 from ...runtime import _file
+from .._cards import CARDS
 from .._document import nodes_of
 from .._export import Exported, Program
 from ._artefact import Artefact, name_in_c
@@ -212,7 +213,9 @@ def check(target: str, real: str | None) -> None:
     """Raise `InputError` `bad-option` where the target is unknown, or cannot have such numbers."""
     if target not in TARGETS:
         raise InputError(
-            "bad-option", f"The target {target!r} is unknown.", fix=f"{', '.join(TARGETS)}."
+            "bad-option",
+            f"The target {target!r} is unknown.",
+            fix=f"{', '.join(TARGETS)}; of a material card: {', '.join(CARDS)}.",
         )
     reals = TARGETS[target][1]
     if real is not None and real not in reals:

@@ -48,7 +48,6 @@ def onnx(program: Program, out: Path, real: str) -> Exported:
     }
     package.helper.set_model_props(model, facts)
     package.checker.check_model(model, full_check=True)
-    out.parent.mkdir(parents=True, exist_ok=True)
     write_whole(out, model.SerializeToString(deterministic=True))
     return Exported(out, (*program.notes, *made.notes))
 

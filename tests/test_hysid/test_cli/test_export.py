@@ -81,7 +81,20 @@ def test_a_target_is_written(folder: Path):
     found = run("export", folder, "--to", "arduino", folder / "foam", "--json").json()
     assert found["files"] == {"arduino": str(folder / "foam")}
     assert load(folder / "foam" / "hysid-export.json").origin["verdict"]
-    refused(run("export", folder, "--to", "plc", folder / "plc"), "plc", "arduino")
+    refused(run("export", folder, "--to", "plc", folder / "plc"), "plc", "arduino", "opensees")
+
+
+def test_a_folder_that_is_lacking_is_made(folder: Path):
+    assert run("export", folder, "--runtime", folder / "new" / "it.json").code == 0
+    assert load(folder / "new" / "it.json").step(0.0, 5.0)
+
+
+def test_a_clock_without_a_unit_tells_no_time(tmp_path: Path):
+    (tmp_path / "run.csv").write_text(text(sponge()).replace("time (s)", "time"))
+    columns = [str(word).replace("time (s)", "time") for word in COLUMNS]
+    assert run("fit", tmp_path / "run.csv", *columns, *LINE, "--out", tmp_path / "fit").code == 0
+    said = run("export", tmp_path / "fit", "--runtime", tmp_path / "it.json").out
+    assert "OK is reached after 0.095 cycles.\n" in said
 
 
 @pytest.mark.skipif(not COMPILERS, reason="no C compiler")
