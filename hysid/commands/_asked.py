@@ -241,9 +241,7 @@ class Export(Command):
     single: bool = option("Use float instead of double in C.", False, flag="--float")
     fixed: bool = option("Use integers (fixed point): Preisach grids with --to arduino.", False)
     depth: int | None = option(
-        "Number of reversals that a Preisach model stores (default: 64, or what the fit's readings need).",
-        None,
-        least=3,
+        "Reversals a Preisach model stores (default: 64, or as needed).", None, least=3
     )
     limits: tuple[float, float] | None = option(
         "LOW HIGH: readings beyond these limits are clipped to them.", None
