@@ -53,8 +53,8 @@ def write_whole(file: Path, content: str | bytes) -> None:
 
     Half a character, as the name of a file may hold, is written as an escape.
     """
-    file.parent.mkdir(parents=True, exist_ok=True)
     with atomic_file(file) as new:
+        file.parent.mkdir(parents=True, exist_ok=True)
         raw = content.encode("utf-8", "backslashreplace") if isinstance(content, str) else content
         new.write_bytes(raw)
 

@@ -119,7 +119,7 @@ def test_what_runs_do_not_tell_is_empty(tmp_path):
     for suffix in (".pdf", ".html"):
         assert write_data_sheet(one, tmp_path / f"sheet{suffix}").stat().st_size > 10_000
         with raises("cannot-write"):
-            write_data_sheet(one, tmp_path / "no" / f"sheet{suffix}")
+            write_data_sheet(one, tmp_path / "sheet.pdf" / f"sheet{suffix}")
     assert len(one.plot().axes) == 4
     assert "full-scale output" in one._repr_html_()
 
