@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import equinox as eqx
 import numpy as np
+import scipy
 from jaxtyping import Complex, Float
 from numpy.typing import ArrayLike
 
@@ -69,11 +70,11 @@ class Lines(NamedTuple):
     def fine(self, spectrum: Complex[np.ndarray, "*signals lines"]) -> Any:
         """In fine steps."""
         size = self.samples * self.finer
-        return np.fft.irfft(spectrum * self.finer, size, axis=-1)
+        return scipy.fft.irfft(spectrum * self.finer, size, axis=-1)
 
     def coarse(self, fine: Float[np.ndarray, "*signals fine"]) -> Any:
         """The spectrum of what fine steps found."""
-        return np.fft.rfft(fine, axis=-1)[..., : self.count] / self.finer
+        return scipy.fft.rfft(fine, axis=-1)[..., : self.count] / self.finer
 
 
 class Steady(NamedTuple):

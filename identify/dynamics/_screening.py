@@ -8,15 +8,16 @@ The share of the residuals that such columns explain is one small least-squares 
 measured outputs would explain themselves: they hold the reaction already.
 """
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from hysteresis import Feedback
-from hysteresis.numerics._input_memory import stops
+from hysteresis import Feedback, StopsAndPowers
+from hysteresis.dynamics._feedback import level_of
+from hysteresis.running import tangents
 
 from ._feedback_search import Spectra, simulated
+from ._feedback_unknowns import numbers_by_unknowns
 from ._periodic_tests import excited_lines
 from ._vector_fitting import real
 
@@ -70,13 +71,8 @@ def to_unit(model: Feedback, shapes: Any, direct: Any, data: Spectra) -> tuple[A
 STOPS = (0.05, 0.2, 0.8)
 """Of the screening, in root mean squares of the drive."""
 
-LAWS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
-    "stops": lambda z: stops(np.append(0.0, np.tile(z, 2)), np.array(STOPS))[-len(z) :].T,
-    "square": lambda z: z[None] ** 2,
-    "cube": lambda z: z[None] * z**2,
-    "level": lambda z: z[None] * np.log(np.sqrt(np.mean(z**2))),
-}
-"""Reactions to a periodic drive (fine,)."""
+LAWS = {"stops": (0, 1, 2), "square": (3,), "cube": (4,), "level": (-1,)}
+"""Which of the reactions to a drive they are; the last one is the drive by the logarithm of its level."""
 
 
 def screening(model: Feedback, data: Spectra) -> tuple[tuple[Screened, ...], dict[str, float]]:
@@ -100,18 +96,24 @@ def screening(model: Feedback, data: Spectra) -> tuple[tuple[Screened, ...], dic
         right = wide.T @ e / size
         return float(right @ np.linalg.solve(normal, right) / max(e @ e, 1e-300))
 
+    numbers, by = numbers_by_unknowns(StopsAndPowers(STOPS, np.zeros(len(STOPS))))
+
+    def reactions(drive: Any) -> Any:
+        z = data.lines.fine(drive)
+        w = tangents(numbers, by, np.tile(z, 2), data.lines.clock, kept=(len(z), 1)).columns
+        return data.lines.coarse(np.column_stack([w, z * np.log(level_of(z))]).T)[:, at]
+
     shares, by_group = [], {}
     for group in GROUPS:
         shapes, direct = to_unit(model, *drives_of(model, group), data)
         spectra = _probe(model, shapes, direct, data)
         everything = []
         for i in range(len(shapes)):
-            for law in LAWS:
+            W = np.stack([reactions(z[:, i]) for z in spectra])
+            for law, which in LAWS.items():
                 columns = []
-                each = [LAWS[law](data.lines.fine(z[:, i])) for z in spectra]
-                for k in range(len(each[0])):
-                    W = np.stack([data.lines.coarse(w[k])[at] for w in each])
-                    wide = W[:, :, None, None] * ways / data.size[:, None, :, None]
+                for k in which:
+                    wide = W[:, k, :, None, None] * ways / data.size[:, None, :, None]
                     columns.append(real(wide.reshape(rest.size, -1)))
                 shares.append(Screened(f"{group} {i + 1}", law, share(columns)))
                 everything += columns

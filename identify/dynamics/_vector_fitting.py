@@ -37,12 +37,10 @@ def vector_fitted(
 def _moved(s: Any, responses: Responses, poles: Any) -> Any:
     basis = basis_of(s, poles)
     wide = np.column_stack([basis, np.ones(len(s))])
-    own = wide.shape[1]
-    rows = []
+    own, rows = np.linalg.qr(real(wide))[0], []
     for response in responses.T:
-        both = np.column_stack([wide, -wide * response[:, None]])
-        upper: Any = np.linalg.qr(real(both), mode="r")
-        rows.append(upper[own:, own:])
+        sigma = real(-wide * response[:, None])
+        rows.append(np.linalg.qr(sigma - own @ (own.T @ sigma), mode="r"))
     # sigma does not vanish: its mean over the lines is 1 (the relaxed condition).
     size = np.linalg.norm(responses) / len(s)
     left = np.vstack([*rows, size * wide.real.sum(0)])
