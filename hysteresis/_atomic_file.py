@@ -18,7 +18,7 @@ _FORGOTTEN = 3600.0
 
 @contextmanager
 def atomic_file(file: Path, *, durable: bool = False) -> Iterator[Path]:
-    """The path of a temporary file beside `file`, which replaces it when the block ends.
+    """The path of a temporary file beside `file`, which replaces it in the end. Its folder is made.
 
         with atomic_file(folder / "fit.json") as new:
             new.write_text(text)
@@ -31,6 +31,7 @@ def atomic_file(file: Path, *, durable: bool = False) -> Iterator[Path]:
     - `durable`: wait until the disk holds the file, so that it survives a power cut too. That takes
       milliseconds, so it is for checkpoints and not for every file.
     """
+    file.parent.mkdir(parents=True, exist_ok=True)
     _forget(file)
     mine = f"{os.getpid()}-{threading.get_native_id()}"
     new = file.with_name(f"{file.stem}.new-{mine}{file.suffix}")
@@ -54,14 +55,12 @@ def write_whole(file: Path, content: str | bytes) -> None:
     Half a character, as the name of a file may hold, is written as an escape.
     """
     with atomic_file(file) as new:
-        file.parent.mkdir(parents=True, exist_ok=True)
         raw = content.encode("utf-8", "backslashreplace") if isinstance(content, str) else content
         new.write_bytes(raw)
 
 
 def write_table(file: Path, header: Iterable[Any], rows: Iterable[Iterable[Any]]) -> None:
     """Write a table as CSV, whole or not at all; half a character is written as an escape."""
-    file.parent.mkdir(parents=True, exist_ok=True)
     how: Any = {"newline": "", "encoding": "utf-8", "errors": "backslashreplace"}
     with atomic_file(file) as new, new.open("w", **how) as handle:
         csv.writer(handle).writerows([header, *rows])

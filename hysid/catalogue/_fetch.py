@@ -58,7 +58,6 @@ def fetch(
             fix="compare with a source you trust, then say --accept; the checksums go into the TOML.",
         )
     written, rows = _table(dataset, texts)
-    out.mkdir(parents=True, exist_ok=True)
     # hysteresis brings JAX, which the commands on data sets do without until there is a file to write.
     from hysteresis._atomic_file import write_whole
 

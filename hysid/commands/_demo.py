@@ -52,7 +52,6 @@ def demo_data(out: Path, datasets: Path = DATASETS) -> Path:
     shipped = datasets / name
     if shipped.is_file():
         return shipped
-    out.mkdir(parents=True, exist_ok=True)
     file = out / name
     rows = zip(*FoamBlock().mixed_cycles(noise=0.05, seed=52), strict=True)
     lines = [f"{t:.1f},{F:.3f},{round(float(d), 3) + 0.0:.3f},{n}\n" for t, F, d, n in rows]

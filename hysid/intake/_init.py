@@ -40,7 +40,6 @@ def init(
     if found.no_roles and "frequency" not in found.selection:
         return _without_roles(file, found)
     folder = config.with_suffix("") if out else folder_of(file)
-    config.parent.mkdir(parents=True, exist_ok=True)
     write_whole(config, toml(file, found))
     if folder.exists() and folder.samefile(file):  # a file without a suffix
         folder = folder.with_name(f"{folder.name}-fit")

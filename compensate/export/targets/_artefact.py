@@ -133,7 +133,6 @@ class Artefact:
 
     def write_archive(self, out: Path) -> Path:
         """All files in one ZIP archive, the same bytes from the same model."""
-        out.parent.mkdir(parents=True, exist_ok=True)
         with atomic_file(out) as new, zipfile.ZipFile(new, "w", zipfile.ZIP_DEFLATED) as archive:
             for path, content in self.files.items():
                 entry = zipfile.ZipInfo(path, (1980, 1, 1, 0, 0, 0))
