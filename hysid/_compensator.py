@@ -46,7 +46,9 @@ class RunIn(NamedTuple):
         of_rows = f"{since}, {100 * self.share:.3g} % of the estimates are OK"
         if self.cycles is None:
             return f"{of_rows}; nine tenths of what follows never are."
-        time = "" if self.time is None or time_unit == "1" else f", {self.time:.3g} {time_unit}"
+        time = ""
+        if self.time is not None and time_unit != "1":
+            time = f", {quantity(self.time, time_unit, 3)}"
         return f"{of_rows}: OK is reached after {self.cycles:.2g} cycles{time}."
 
 

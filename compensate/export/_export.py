@@ -226,8 +226,8 @@ class Program:
                 )
             guarded = isinstance(compensator, GuardedCompensator)
             compensator = replace(compensator, inner=adaptive) if guarded else adaptive
-        self._adaptive, self.model, self.depth = adaptive, model, depth or DEEP
-        tree = self._tree(np.float64)
+        self._adaptive, self.model, self.depth = adaptive, model, DEEP
+        nodes = list(nodes_of(self._tree(np.float64)))
         y, conditioned = np.asarray(readings, float), condition_of(model)
         if y.ndim != 1 + (conditioned is not None):
             raise InputError(
@@ -242,7 +242,6 @@ class Program:
             raise InputError("no-rows", "There are fewer than two finite readings to export for.")
         y, c = y[finite], c[finite]
         t = None if times is None else np.asarray(times, float)[finite]
-        nodes = list(nodes_of(tree))
         rates, kinds = any(map(has_rates, nodes)), {node["kind"] for node in nodes}
         # The error may depend on the speed where the model does not.
         counts_time = rates or (t is not None and error is not None and error.knows_speeds)
@@ -257,9 +256,8 @@ class Program:
         given = np.column_stack([y, c]) if conditioned else y
         self._readings, self._times = given, t
         self._needed = self._reversals() if "preisach" in kinds else 0
-        if depth is None:
-            self.depth = max(DEPTH, self._needed)
-            tree = self._tree(np.float64)
+        self.depth = depth or max(DEPTH, self._needed)
+        tree = self._tree(np.float64)
         n = GOLDEN_SEARCHED if kinds & {"sum", "adaptive", "degrading_bouc_wen"} else GOLDEN
         golden = _told_apart(compensator, t[:n], given[:n])
         value = np.asarray(compensator.simulate(t[:n], golden).value)

@@ -135,7 +135,7 @@ def find_lag(record: Record, floor: float | None = None) -> Lag | None:
             before = count
             count = min((before, before - 1, before + 1), key=lambda k: at(k * step))
         lefts = [least(count * step, one) / max(least(0.0, one), 1e-300) for one in MEMORIES]
-        if abs(count) > 16 or min(lefts) >= 1 - WORTH or max(lefts) >= 1 + WORTH:
+        if count != before or min(lefts) >= 1 - WORTH or max(lefts) >= 1 + WORTH:
             continue
         lag, curvature = least_at(at, count * step, step)
         if not curvature:
