@@ -118,6 +118,10 @@ def without(hole: np.ndarray, t: np.ndarray, y: np.ndarray) -> tuple[np.ndarray,
     )
 
 
+def rms(error: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(error**2)))
+
+
 def weights(rng: np.random.Generator, sparse: bool = False) -> np.ndarray:
     """(n, n) positive masses; with `sparse` four fifths of them, and whole rows and columns, are 0."""
     w = np.tril(rng.uniform(0.1, 1.0, (CELLS, CELLS)))

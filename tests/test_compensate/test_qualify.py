@@ -13,8 +13,7 @@ from compensate.internal import Estimate
 from compensate.qualification._qualify import Step, latency, loop_widths
 from hysteresis import Burgers, InputError, LinearSponge, PrandtlIshlinskii, Preisach, Record
 from hysteresis.preisach import GridDensity
-from tests.problems import weights
-from tests.test_identify.test_fitting.test_verdict import rms
+from tests.problems import rms, weights
 
 THRESHOLD = 1.0
 NORMAL_95 = 1.6448536269514722

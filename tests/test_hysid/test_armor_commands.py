@@ -3,7 +3,6 @@
 import csv
 import json
 import shutil
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +24,6 @@ SPONGE = with_units(LinearSponge(1.298, 6.186, 1.5), Units("N", "mm"))
 SAME = [("gf", "m", False), ("kgf", "inch", True)]
 
 
-@cache
 def fit_of(force: str, length: str, folder: Path, turned: bool = False) -> Path:
     """A saved fit of one curve, measured in these units, of the displacement or of the force."""
     if (place := folder / f"{force}-{length}-{turned}").exists():

@@ -12,9 +12,8 @@ from compensate import estimate, invert
 from hysteresis import LinearSponge, Record
 from hysteresis.curves import PolynomialCurve
 from identify import FitResult
-from tests.problems import play
+from tests.problems import play, rms
 from tests.test_hysid.command import COLUMNS, LINE, put, run, sponge, text
-from tests.test_identify.test_fitting.test_verdict import rms
 
 QUICK: dict[str, Any] = {"noise": "gaussian", "starts": 1}
 TIME = np.arange(241) / 60

@@ -13,7 +13,7 @@ from identify import FitResult, fit, fit_step
 from identify.fitting._verdict import judge
 from identify.internal import Verdict, estimate_noise, members_and_questions, root_difference
 from identify.noise._model import NoiseModel
-from tests.problems import play
+from tests.problems import play, rms
 from tests.refusals import refuses
 
 QUICK: dict[str, Any] = {"model": LinearSponge(K=1.0, b=0.0), "noise": "gaussian", "starts": 1}
@@ -44,10 +44,6 @@ def numbers(verdict: Verdict, code: str) -> list[float]:
     """Of the one sentence with this code."""
     (said,) = [r for r in verdict.reasons if getattr(r, "code", "") == code]
     return [float(x) for x in re.findall(r"-?\d+\.?\d*(?:e[+-]\d+)?", said.replace("+- ", ""))]
-
-
-def rms(error: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(error**2)))
 
 
 def errors(found: FitResult) -> tuple[np.ndarray, np.ndarray]:
