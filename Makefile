@@ -1,5 +1,6 @@
 # make demo    a first result on shipped data, from nothing
 # make test    the tests
+# make quick   laws, inverses, a fit and a file of each maker: half a minute
 # make thorough  the studies among the tests, which `make test` leaves out
 # make pages   the code that docs/ and docstrings show, run as tests without building the pages
 # make lint    formatting, style, import directions, types
@@ -19,13 +20,19 @@ READY  := $(VENV)/.installed
 DOCS_READY := $(VENV)/.installed-docs
 WORKERS ?= 2
 
-.PHONY: demo test thorough pages lint docs datasets picture package targets minimum bench clean
+.PHONY: demo test quick thorough pages lint docs datasets picture package targets minimum bench clean
 
 demo: $(READY)
 	$(BIN)/hysid demo --out out/demo
 
 test: $(READY)
 	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile -q
+
+QUICK := test_architecture.py test_hysteresis/test_trees.py \
+	test_compensate/test_invert.py test_identify/test_fitting/test_fit.py test_hysid/test_intake/test_vendor_files.py
+
+quick: $(READY)
+	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile -q $(addprefix tests/,$(QUICK))
 
 thorough: $(READY)
 	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile -q -m thorough
