@@ -14,6 +14,7 @@ from .diagnostics._sensitivity import sensitivity as sensitivity
 from .diagnostics._sloppiness import sloppiness as sloppiness
 from .diagnostics._whiteness import whiteness as whiteness
 from .dynamics._feedback_fit import fit_feedback as fit_feedback
+from .dynamics._modes import fit_modes as fit_modes
 from .dynamics._periodic_tests import distortion as distortion
 from .dynamics._periodic_tests import periodic_test as periodic_test
 from .files._fit_folder import load as load

@@ -17,10 +17,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hysteresis import Feedback, InputError, StopsAndPowers
-from hysteresis.dynamics._feedback import CLOSE
 
 from ._feedback_search import Spectra, gauss_newton
 from ._feedback_unknowns import Unknowns
+from ._modes import WORTH, chosen_modes, in_own_units
 from ._periodic_tests import (
     PeriodicTest,
     excited_lines,
@@ -30,18 +30,9 @@ from ._periodic_tests import (
     steady_ones,
 )
 from ._screening import GROUPS, Screened, drives_of, screening, to_unit
-from ._vector_fitting import vector_fitted
 
 THRESHOLDS = np.geomspace(0.004, 2.5, 10)
 """Of the stops of a channel, in root mean squares of its drive at the middle level."""
-
-MOST_MODES = 30
-WORTH = 0.98
-"""More modes, or a group of channels, have to bring the error of the held-out tests below this part of
-it."""
-
-SLOWEST_DECAY, BAND = 5e-4, (0.02, 1.15)
-"""Poles that are modes: their decay, and where they lie, in parts of the highest excited frequency."""
 
 SMALL = -1e-3
 """First weight of a new stop: how it moves the modes has to be seen, not to be right."""
@@ -112,7 +103,7 @@ def fit_feedback(
     raw, noise = spectra_of(tests)
     steady = steady_ones(raw, noise)
     kept = np.flatnonzero(steady)
-    in_units, data = _scaled(raw.part(steady))
+    in_units, data = in_own_units(raw.part(steady))
     # The last test of each level of two or more.
     level = data.level
     out = np.array([k in level[:i] and k not in level[i + 1 :] for i, k in enumerate(level)])
@@ -157,26 +148,6 @@ def fit_feedback(
     )  # fmt: skip
 
 
-def _scaled(data: Spectra) -> tuple[Callable[[Feedback], Feedback], Spectra]:
-    """The tests in units of their sizes, and what gives a model of those the units of the tests."""
-    middle = data.level == np.unique(data.level)[len(np.unique(data.level)) // 2]
-    at = excited_lines(data.U)
-    u = float(np.sqrt((input_sizes(data.U[middle], data.lines) ** 2).mean()))
-    y = data.size[middle][0] / np.sqrt((np.abs(data.U[middle][:, 1:]) ** 2).mean()) * u
-    t = 3.0 / float(abs(data.lines.s[at[-1]]))
-
-    def back(model: Feedback) -> Feedback:
-        none = np.ones(len(model.channels))
-        columns, rows = np.append(np.full(model.inputs, u), none), np.append(y, none)[:, None]
-        return Feedback(
-            model.poles / t, model.entries / (columns * t), model.shapes * rows,
-            model.direct * rows / columns, model.delay * t, model.channels, model.levels, model.memory,
-        )  # fmt: skip
-
-    lines = data.lines._replace(dt=data.lines.dt / t)
-    return back, Spectra(lines, data.U / u, data.Y / y, data.level, data.size / y)
-
-
 def _unseen(data: Spectra, out: np.ndarray, names: list[str], search: "_Search") -> float:
     """The error at the middle level of a fit of these groups to the others."""
     levels = np.unique(data.level)
@@ -219,41 +190,12 @@ class _Search:
         return model
 
     def modes(self) -> Feedback:
-        """Modes of the middle level, their number and the delay by the held-out test there: errors below
-        what a steady state leaves tell nothing."""
-        own = self.train.part(self.train.level == self.middle)
-        rest = self.test.part(self.test.level == self.middle)
+        """Modes of the middle level, by the held-out test there."""
+        own, rest = (data.part(data.level == self.middle) for data in (self.train, self.test))
         at = excited_lines(own.U)
         G, _, _ = linear_response(own.U, own.Y, at, 0)
-        s = own.lines.s[at]
-
-        def error(model: Feedback) -> float:
-            return rest.errors(model)[self.middle]
-
-        def tried(count: int, delay: float, thin: int = 1) -> tuple[float, Feedback]:
-            model = modal(s, G, count, delay, thin)
-            return (error(model), model) if len(model.poles) else (np.inf, model)
-
-        thin = max(1, len(at) // 1000)
-        delays = np.arange(8) * 0.25 * own.lines.dt
-        _, delay = min((tried(20, d, thin)[0], d) for d in delays)
-        best: tuple[float, Feedback | None] = (np.inf, None)
-        seen = {0}
-        for count in range(2, MOST_MODES + 1, 2):
-            e, model = tried(count, delay)
-            if e > 1.3 * best[0] or best[0] < CLOSE or len(model.poles) in seen:
-                continue
-            seen.add(len(model.poles))
-            found = gauss_newton(model, own, Unknowns(), steps=10, thin=thin).model
-            if (e := error(found)) < WORTH * best[0]:
-                best = e, found
-        model = best[1]
-        if model is None:
-            raise InputError(
-                "nothing-fits",
-                "no resonance was found in the band of the excitation.",
-                fix="excite a band that holds the resonances.",
-            )
+        told = np.ones((len(at), 1)), G.reshape(len(at), -1)
+        model = chosen_modes(own, at, told, lambda model: rest.errors(model)[self.middle])
         return self.told(f"{len(model.poles)} modes", model)
 
     def error(self, model: Feedback) -> float:
@@ -279,23 +221,6 @@ class _Search:
                 until=self.late,
             ).model  # fmt: skip
         return self.told("all tests", model)
-
-
-def modal(s: Any, G: Any, count: int, delay: float, thin: int = 1) -> Feedback:
-    """Modes of rank one of a response (lines, outputs, inputs), from so many poles over the band."""
-    _, ny, nu = G.shape
-    top = abs(s[-1])
-    at = top * np.linspace(abs(s[0]) / top if count < 3 else 0.5 / count, 1.03, count)
-    flat = (G * np.exp(s * delay)[:, None, None]).reshape(len(s), -1)[::thin]
-    poles, _, _ = vector_fitted(s[::thin], flat, (-0.01 + 1j) * at)
-    inside = (poles.imag > BAND[0] * top) & (poles.imag < BAND[1] * top)
-    poles = poles[inside & (-poles.real > SLOWEST_DECAY * top)]
-    poles, residues, direct = vector_fitted(s[::thin], flat, poles, 0)
-    left, sizes, right = np.linalg.svd(residues.reshape(-1, ny, nu))
-    root = np.sqrt(sizes[:, :1])
-    return Feedback(
-        poles, right[:, 0] * root, (left[:, :, 0] * root).T, direct.reshape(ny, nu), delay
-    )
 
 
 def with_channels(model: Feedback, shapes: Any, direct: Any) -> Feedback:

@@ -1,9 +1,9 @@
-"""Vector fitting: common poles of several frequency responses, by moving them until they no longer move.
+"""Vector fitting: common poles of outputs Y of inputs U, by moving them until they no longer move.
 
-    sigma(s) H(s) = sum r_m / (s - p_m) + d,     sigma(s) = sum c_m / (s - p_m) + c_0
+    sigma Y = sum over inputs of (sum r_m / (s - p_m) + d) U,     sigma = sum c_m / (s - p_m) + c_0
 
-is linear in r, d, c and c_0, and the zeros of sigma are the next poles p. Each response is eliminated by a
-QR decomposition of its own, so a step costs responses x lines x poles^2.
+is linear in r, d, c and c_0, and the zeros of sigma are the next poles p. For frequency responses U is 1.
+Each output's own unknowns are eliminated by a QR decomposition: a step costs outputs x lines x columns^2.
 
 Source: Gustavsen and Semlyen 1999; relaxed, Gustavsen 2006; fast, Deschrijver et al. 2008.
 """
@@ -24,20 +24,21 @@ def basis_of(s: Any, poles: Any) -> Complex[np.ndarray, "lines columns"]:
 
 
 def vector_fitted(
-    s: Any, responses: Responses, poles: Any, steps: int = 20
-) -> tuple[Any, Any, Float[np.ndarray, " responses"]]:
-    """Poles (poles,) of positive imaginary part, residues (poles, responses), direct terms."""
+    s: Any, inputs: Any, responses: Responses, poles: Any, steps: int = 20
+) -> tuple[Any, Any, Float[np.ndarray, "inputs responses"]]:
+    """Poles (poles,) of positive imaginary part, residues (inputs, poles, responses), direct terms."""
     for _ in range(steps):
-        poles = _moved(s, responses, poles)
+        poles = _moved(s, inputs, responses, poles)
     wide = np.column_stack([basis_of(s, poles), np.ones(len(s))])
-    found = np.linalg.lstsq(real(wide), real(responses), rcond=None)[0]
-    return poles, found[0:-1:2] + 1j * found[1:-1:2], found[-1]
+    driven = np.hstack([wide * u[:, None] for u in inputs.T])
+    found = np.linalg.lstsq(real(driven), real(responses), rcond=None)[0]
+    found = found.reshape(inputs.shape[1], -1, responses.shape[1])
+    return poles, found[:, 0:-1:2] + 1j * found[:, 1:-1:2], found[:, -1]
 
 
-def _moved(s: Any, responses: Responses, poles: Any) -> Any:
-    basis = basis_of(s, poles)
-    wide = np.column_stack([basis, np.ones(len(s))])
-    own, rows = np.linalg.qr(real(wide))[0], []
+def _moved(s: Any, inputs: Any, responses: Responses, poles: Any) -> Any:
+    wide = np.column_stack([basis_of(s, poles), np.ones(len(s))])
+    own, rows = np.linalg.qr(real(np.hstack([wide * u[:, None] for u in inputs.T])))[0], []
     for response in responses.T:
         sigma = real(-wide * response[:, None])
         rows.append(np.linalg.qr(sigma - own @ (own.T @ sigma), mode="r"))

@@ -13,7 +13,7 @@ from hysteresis import (
     Oscillator,
     StopsAndPowers,
 )
-from identify import distortion, fit_feedback, periodic_test
+from identify import distortion, fit_feedback, fit_modes, periodic_test
 from identify.internal import PeriodicTest
 from tests.refusals import refuses
 from tests.test_hysid.command import run
@@ -153,3 +153,33 @@ def test_command_tells_distortion(tmp_path):
     assert row["output"] == "y"
     assert row["even"] > 10
     assert max(row["odd"], 1e6 * row["noise"]) < 1
+
+
+def two_modes() -> Feedback:
+    """One input, two outputs."""
+    return Feedback([-0.05 + 1.5j, -0.1 + 4j], [[-0.3j], [0.2]], [[1, 1], [1, -0.5]], [[0.1], [0]])
+
+
+@pytest.mark.parametrize("excitation", ["noise", "sweep", "blows"])
+def test_modes_are_found_from_any_record(excitation):
+    """It begins and ends in the middle of the motion; the model predicts another run from rest."""
+    truth, rng, rows = two_modes(), np.random.default_rng(1), 4000
+    u = rng.normal(size=(rows, 1))
+    if excitation == "sweep":
+        u[:, 0] = np.sin(0.0002 * np.pi * np.arange(rows) ** 2 * DT)
+    if excitation == "blows":
+        u = np.where(rng.random((rows, 1)) < 0.01, 5.0 * rng.random((rows, 1)), 0.0)
+    y = truth.simulate(u, DT)[500:]
+    noisy = y + 0.01 * y.std(0) * rng.normal(size=y.shape)
+    found = fit_modes(u[500:], noisy, DT)
+    for pole in truth.poles:
+        assert np.abs(found.poles - pole).min() < 2e-3 * abs(pole)
+    new = rng.normal(size=(2000, 1))
+    wanted = truth.simulate(new, DT)
+    assert (found.simulate(new, DT) - wanted).std() < 0.01 * wanted.std()
+
+
+def test_a_record_without_a_resonance_has_no_modes():
+    rng = np.random.default_rng(0)
+    for code, rows in (("nothing-fits", 500), ("too-few-rows", 20)):
+        refuses(code, lambda n=rows: fit_modes(rng.normal(size=n), rng.normal(size=n), DT))

@@ -1,0 +1,191 @@
+"""The modes of a linear system: poles by vector fitting, then Gauss-Newton, their number by held-out lines.
+
+A record that is no period is that of a system with an input more: what its ends differ by is one blow at
+the first row, which strikes every mode,
+
+    Y = G U + sum of c_m a_m / (s - p_m),     a_m = x_m(0) - x_m(T).
+
+Cost: some twenty steps for each number of modes, and as many without one of them.
+
+Source: Pintelon and Schoukens, System Identification (2012); `_vector_fitting.py`.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hysteresis import Feedback, InputError
+from hysteresis.dynamics._feedback import CLOSE
+
+from ._feedback_search import Spectra, gauss_newton, simulated
+from ._feedback_unknowns import Unknowns
+from ._measured_motion import LEAST_ROWS
+from ._periodic_tests import (
+    PeriodicTest,
+    excited_lines,
+    input_sizes,
+    spectra_of,
+)
+from ._vector_fitting import vector_fitted
+
+MOST_MODES = 30
+WORTH = 0.98
+"""More modes, or a group of channels, have to bring the error of what is held out below this part of it."""
+
+SLOWEST_DECAY, BAND = 5e-4, (0.02, 1.15)
+"""Poles that are modes: their decay, and where they lie, in parts of the highest excited frequency."""
+
+FEW = 1000
+"""Lines of many that a step takes."""
+
+
+def fit_modes(u: ArrayLike, y: ArrayLike, dt: float) -> Feedback:
+    """The modes of a linear system, from any record on an even clock: noise, a sweep, blows of a hammer.
+
+        x_m' = poles_m x_m + entries_m u,     y = 2 Re(shapes x) + direct u
+
+    y is read `delay` later. Half of the spectrum's lines are held out while the delay and the number of
+    modes are chosen. From periodic tests `fit_feedback` finds hysteresis between them, too.
+
+    - `u`: (rows, inputs). `y`: (rows, outputs). `dt`: time between rows.
+
+    **Returns:** a `Feedback` without channels, in the record's units, at most 30 modes.
+
+    Raises `InputError` `nothing-fits` where no mode is found, `too-few-rows`, `length-mismatch`,
+    `not-finite`, `constant-input` and `constant-output` for unusable records.
+
+    Source: Gustavsen and Semlyen 1999; ends of a record as smooth terms, Pintelon and Schoukens 2012.
+
+    **Example:**
+
+        >>> truth = hysteresis.Feedback([-0.1 + 1.5j], [[-0.3j]], [[1.0]], [[0.0]])
+        >>> u = np.random.default_rng(0).normal(size=(2000, 1))
+        >>> identify.fit_modes(u, truth.simulate(u, dt=0.5), dt=0.5).poles.round(3).tolist()
+        [(-0.1+1.5j)]
+    """
+    u, y = (np.asarray(x, float).reshape(len(np.asarray(x)), -1) for x in (u, y))
+    if len(u) < LEAST_ROWS:
+        raise InputError(
+            "too-few-rows",
+            f"{len(u)} rows do not show modes.",
+            fix=f"measure at least {LEAST_ROWS} rows.",
+        )
+    in_units, data = in_own_units(spectra_of([PeriodicTest(u, y[None], dt)])[0])
+    at, blow = excited_lines(data.U), np.full((1, data.lines.count, 1), data.size.mean())
+    data = data._replace(U=np.concatenate([data.U, blow], 2))
+    # Half of the lines are held out: without inputs and outputs they are in no sum.
+    seen = np.random.default_rng(0).random(data.lines.count) < 0.5
+
+    def error(model: Feedback) -> float:
+        left, whole = (data.left(y)[:, ~seen] for y in (simulated(model, data).output, 0.0))
+        return float(np.linalg.norm(left) / np.linalg.norm(whole))
+
+    part = data._replace(U=data.U * seen[:, None], Y=data.Y * seen[:, None])
+    at = at[seen[at]]
+    # A mode takes away its share of the noise from the lines that it was fitted to.
+    worth = 1 - (1 + u.shape[1] + y.shape[1]) / (len(at) * y.shape[1])
+    found = chosen_modes(part, at, (data.U[0, at], data.Y[0, at]), error, worth)
+    thin = max(1, data.lines.count // FEW)
+    found = gauss_newton(found, data, Unknowns(), steps=20, thin=thin).model
+    without = found.entries[:, :-1], found.direct[:, :-1]
+    return in_units(replace(found, entries=without[0], direct=without[1]))
+
+
+def chosen_modes(
+    data: Spectra,
+    at: np.ndarray,
+    told: tuple[Any, Any],
+    error: Callable[[Feedback], float],
+    worth: float = WORTH,
+) -> Feedback:
+    """Modes of one level, their number and the delay by the `error` of what is held out: errors below what
+    a steady state leaves tell nothing. At the lines `at` they are looked for from what is `told`, inputs
+    and outputs or ones and responses.
+
+    Raises `InputError` `nothing-fits`.
+    """
+    s = data.lines.s[at]
+
+    def tried(count: int, delay: float, thin: int = 1) -> tuple[float, Feedback]:
+        model = modal(s, *told, count, delay, data.Y.shape[2], thin)
+        return (error(model), model) if len(model.poles) else (np.inf, model)
+
+    thin = max(1, len(at) // FEW)
+    delays = np.arange(8) * 0.25 * data.lines.dt
+    _, delay = min((tried(20, d, thin)[0], d) for d in delays)
+    least, best, found = np.inf, 1.0, None  # of no model 1 is left
+    seen = {0}
+    for count in range(2, MOST_MODES + 1, 2):
+        e, model = tried(count, delay)
+        least = min(least, e)
+        if e > 1.3 * least or best < CLOSE or len(model.poles) in seen:
+            continue
+        seen.add(len(model.poles))
+        model = gauss_newton(model, data, Unknowns(), steps=10, thin=thin).model
+        if (e := error(model)) < worth * best:
+            best, found = e, model
+    if found is None:
+        raise InputError(
+            "nothing-fits",
+            "no resonance was found in the band of the excitation.",
+            fix="excite a band that holds the resonances.",
+        )
+    # More poles than modes were needed to find them: those that are not worth theirs go.
+    while len(found.poles) > 1:
+        size = np.linalg.norm(found.shapes, axis=0) * np.linalg.norm(found.entries, axis=1)
+        kept = np.arange(len(size)) != np.argmin(size / -found.poles.real)
+        fewer = replace(
+            found,
+            poles=found.poles[kept],
+            entries=found.entries[kept],
+            shapes=found.shapes[:, kept],
+        )
+        fewer = gauss_newton(fewer, data, Unknowns(), steps=5, thin=thin).model
+        if error(fewer) > max(best, CLOSE) / worth:
+            break
+        found = fewer
+    return found
+
+
+def in_own_units(data: Spectra) -> tuple[Callable[[Feedback], Feedback], Spectra]:
+    """The tests in units of their sizes, and what gives a model of those the units of the tests."""
+    middle = data.level == np.unique(data.level)[len(np.unique(data.level)) // 2]
+    at = excited_lines(data.U)
+    u = float(np.sqrt((input_sizes(data.U[middle], data.lines) ** 2).mean()))
+    y = data.size[middle][0] / np.sqrt((np.abs(data.U[middle][:, 1:]) ** 2).mean()) * u
+    t = 3.0 / float(abs(data.lines.s[at[-1]]))
+
+    def back(model: Feedback) -> Feedback:
+        none = np.ones(len(model.channels))
+        columns, rows = np.append(np.full(model.inputs, u), none), np.append(y, none)[:, None]
+        return Feedback(
+            model.poles / t, model.entries / (columns * t), model.shapes * rows,
+            model.direct * rows / columns, model.delay * t, model.channels, model.levels, model.memory,
+        )  # fmt: skip
+
+    lines = data.lines._replace(dt=data.lines.dt / t)
+    return back, Spectra(lines, data.U / u, data.Y / y, data.level, data.size / y)
+
+
+def modal(
+    s: Any, U: Any, Y: Any, count: int, delay: float, outputs: int, thin: int = 1
+) -> Feedback:
+    """Modes of rank one from inputs U and outputs Y, or from ones and responses (lines, outputs x inputs),
+    by so many poles over the band."""
+    top = abs(s[-1])
+    at = top * np.linspace(abs(s[0]) / top if count < 3 else 0.5 / count, 1.03, count)
+    own = s[::thin], U[::thin], (Y * np.exp(s * delay)[:, None])[::thin]
+    poles, _, _ = vector_fitted(*own, (-0.01 + 1j) * at)
+    inside = (poles.imag > BAND[0] * top) & (poles.imag < BAND[1] * top)
+    poles = poles[inside & (-poles.real > SLOWEST_DECAY * top)]
+    poles, residues, direct = vector_fitted(*own, poles, 0)
+    both = np.concatenate([residues, direct[:, None]], 1).reshape(
+        U.shape[1], len(poles) + 1, outputs, -1
+    )
+    both = both.transpose(1, 2, 3, 0).reshape(len(poles) + 1, outputs, -1)
+    left, sizes, right = np.linalg.svd(both[:-1])
+    root = np.sqrt(sizes[:, :1])
+    return Feedback(poles, right[:, 0] * root, (left[:, :, 0] * root).T, both[-1].real, delay)
