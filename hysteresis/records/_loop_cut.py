@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ._abstract_record import AbstractRecord
-from ._cycles import default_dead_band, groups_of_legs, noise_level, turning_points
+from ._cycles import default_dead_band, groups_of_legs, turning_points
+from ._row_noise import RowNoise, row_noise
 
 CLOSED = 0.05
 """Of its range of inputs: a loop whose ends are so close is closed by a straight line. The tip that this
@@ -42,8 +43,8 @@ class LoopRows(NamedTuple):
     - `sequence`, `number`: (k,) of each loop; numbers count from 1 within a sequence.
     - `counted`: (k,) whether enough of its rows count. `closed`: (k,) whether it comes back to its first
       input. `ends`: (k, 2) first and last row of the record.
-    - `noise`: (2, sequences) standard deviations of input and output. `clock`: the usual time from row to
-      row, 0 without a clock.
+    - `noise`: of input and of output, of each sequence. `clock`: the usual time from row to row, 0 without
+      a clock.
     """
 
     rows: np.ndarray
@@ -56,7 +57,7 @@ class LoopRows(NamedTuple):
     counted: np.ndarray
     closed: np.ndarray
     ends: np.ndarray
-    noise: np.ndarray
+    noise: tuple[RowNoise, RowNoise]
     clock: float
 
     def only(self, chosen: np.ndarray) -> "LoopRows":
@@ -88,11 +89,10 @@ def loop_rows(record: AbstractRecord) -> LoopRows:
     """
     found: list[np.ndarray] = []
     kept: list[np.ndarray] = []
-    noise, bounds = np.zeros((2, len(record.labels))), [0]
+    noise, bounds = np.zeros((2, 3, len(record.labels))), [0]
     for k, (_, where) in enumerate(record.sequences()):
         u, y = record.input[where], record.output[where]
         rows = np.flatnonzero(record.mask[where] & np.isfinite(y))
-        noise[:, k] = [_noise(x[rows]) for x in (u, y)]
         cut = _legs(u)
         # Rows that do not count are taken away: a bound in them moves to the next that counts.
         at = np.searchsorted(rows, cut)
@@ -101,6 +101,8 @@ def loop_rows(record: AbstractRecord) -> LoopRows:
         counted &= (at[:, 1] > at[:, 0]) & (at[:, 2] > at[:, 1])
         closed = np.zeros(len(cut), bool)
         at[counted, 2], closed[counted] = _closed(u[rows], at[counted])
+        legs = at[counted, :2].T.ravel(), at[counted, 1:].T.ravel()
+        noise[:, :, k] = [_noise(x[rows], *legs) for x in (u, y)]
         ends = cut[:, ::2]
         ends[counted] = rows[at[counted, ::2]]
         which = np.full(len(cut), k), np.arange(1, len(cut) + 1)
@@ -115,7 +117,8 @@ def loop_rows(record: AbstractRecord) -> LoopRows:
     first, turn, last, sequence, number, counted, closed, *ends = np.concatenate(found).T
     return LoopRows(
         np.concatenate(kept), np.array(bounds), first, turn, last, sequence, number,
-        counted.astype(bool), closed.astype(bool), np.column_stack(ends), noise, clock,
+        counted.astype(bool), closed.astype(bool), np.column_stack(ends),
+        (RowNoise(*noise[0]), RowNoise(*noise[1])), clock,
     )  # fmt: skip
 
 
@@ -170,9 +173,10 @@ def ranges(first: np.ndarray, stop: np.ndarray) -> np.ndarray:
     return np.arange(int(lengths.sum())) + np.repeat(first - begins, lengths)
 
 
-def _noise(x: np.ndarray) -> float:
-    """Standard deviation of a reading: its noise, or what the steps of a converter leave open."""
-    return max(noise_level(x), step_of(x) / np.sqrt(12))
+def _noise(x: np.ndarray, first: np.ndarray, last: np.ndarray) -> tuple[float, float, float]:
+    """Noise of a reading on legs between these rows, or what the steps of a converter leave open."""
+    found, step = row_noise(x, first, last + 1), step_of(x) / np.sqrt(12)
+    return found if found[0] > step else (step, 0.0, 0.0)
 
 
 def step_of(x: np.ndarray) -> float:

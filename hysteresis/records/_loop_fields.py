@@ -11,6 +11,8 @@ from ._abstract_record import AbstractRecord
 from ._loads import over
 from ._loop_cut import Pair, largest_row, ranges, widest
 from ._loop_figures import Loops
+from ._loop_slopes import lines
+from ._row_noise import RowNoise
 
 HIGH, HIGHER = 0.7, 0.85
 """Of the largest field: from here on the slope counts as that of what does not saturate."""
@@ -120,8 +122,8 @@ class _Single(NamedTuple):
 
     u: np.ndarray
     y: np.ndarray
-    su: np.ndarray
-    sy: np.ndarray
+    nu: RowNoise
+    ny: RowNoise
     branch: np.ndarray
     begins: np.ndarray
 
@@ -134,11 +136,11 @@ def _single(loops: Loops) -> _Single:
         for at in (loops.leg_first, loops.leg_last)
     )
     lengths = last + 1 - first
-    su, sy = (np.repeat(s, 2) * np.sqrt(rows) for s in (loops.su, loops.sy))
+    nu, ny = (one.at(sequence) for one in loops.cut.noise)
     at = ranges(first, last + 1)
     u, y = (x[at] for x in loops.rows)
     branch = np.repeat(np.arange(len(lengths)), lengths)
-    return _Single(u, y, su, sy, branch, np.cumsum(lengths) - lengths)
+    return _Single(u, y, nu, ny, branch, np.cumsum(lengths) - lengths)
 
 
 def _at_zero(loops: Loops, rows: _Single, over_input: bool) -> tuple[Pair, Pair]:
@@ -147,7 +149,7 @@ def _at_zero(loops: Loops, rows: _Single, over_input: bool) -> tuple[Pair, Pair]
 
     On the rising and the falling branch, NaN where a branch does not cross zero.
     """
-    own, level, sigma_x, sigma_y = rows[:4] if over_input else (rows.y, rows.u, rows.sy, rows.su)
+    own, level, noise_x, noise_y = rows[:4] if over_input else (rows.y, rows.u, rows.ny, rows.nu)
     begins, stop = rows.begins, np.append(rows.begins[1:], len(own))
     number = np.arange(len(own))
     crosses = (np.diff(rows.branch) == 0) & ((own[1:] >= 0) != (own[:-1] >= 0))
@@ -163,7 +165,7 @@ def _at_zero(loops: Loops, rows: _Single, over_input: bool) -> tuple[Pair, Pair]
     # A chord lies off a curve by an eighth of its bend.
     before, after = (np.clip(k, begins, stop - 1) for k in (first - 1, last + 1))
     bend = np.abs(level[before] - level[first] - level[last] + level[after]) / 2
-    error = np.hypot(np.hypot(sigma_y, slope * sigma_x), bend / 8)
+    error = np.hypot(np.hypot(noise_y.sigma, slope * noise_x.sigma), bend / 8)
     size = np.abs(own[last] - own[first])
     found = [(middle, error), (slope, np.sqrt(2) * error / np.where(size > 0, size, np.nan))]
     centre, most = (first + last + 1) // 2, loops.many * loops.tip_rows
@@ -181,6 +183,7 @@ def _at_zero(loops: Loops, rows: _Single, over_input: bool) -> tuple[Pair, Pair]
         square[~good] = np.eye(4)
         inverse = np.linalg.inv(square)
         line = (inverse @ np.swapaxes(powers, 1, 2) @ (level[near] * inside)[..., None])[..., 0]
+        sigma_x, sigma_y = (n.sigma * np.sqrt(n.grown(2.0 * w)) for n in (noise_x, noise_y))
         sigma = np.hypot(sigma_y, line[:, 1] / scale * sigma_x)
         sizes = np.ones_like(scale), scale
         fits.append(
@@ -203,8 +206,8 @@ def _saturation(loops: Loops, share: float) -> tuple[Pair, Pair]:
     loop = branch // 2
     largest = np.maximum(np.abs(loops.low), np.abs(loops.high))
     inside = np.abs(u) >= share * largest[loop]
-    slope, slope_error, (mean_u, mean_y, mean_error) = loops.lines(
-        inside, u, y, groups=2 * loop + (u > 0)
+    slope, slope_error, (mean_u, mean_y, mean_error) = lines(
+        loops, inside, u, y, groups=2 * loop + (u > 0)
     )
     level = mean_y - slope * mean_u
     wrong = np.hypot(mean_error, slope_error * mean_u)
@@ -218,7 +221,7 @@ ROUNDING = 1e-12
 """Of the work done on the way: so much of it is rounding."""
 
 
-def area(loops: Loops, x: np.ndarray, y: np.ndarray, sx: np.ndarray, sy: np.ndarray) -> Pair:
+def area(loops: Loops, x: np.ndarray, y: np.ndarray, nx: RowNoise, ny: RowNoise) -> Pair:
     """`int y dx` around each loop, closed by a straight line: polygon, noise, and sampling step."""
     a, c = loops.cut.first, loops.cut.last
     steps = ranges(a, c)
@@ -240,11 +243,14 @@ def area(loops: Loops, x: np.ndarray, y: np.ndarray, sx: np.ndarray, sy: np.ndar
     two = np.where(even, 1.0, 0.0)
     moved = [
         np.maximum(
-            np.add.reduceat(two * (z[second] - z[steps]) ** 2, begins) / 2 - s**2 * (c - a) / 2, 0
+            np.add.reduceat(two * (z[second] - z[steps]) ** 2, begins) / 2
+            - n.sigma**2 * (1 - n.share * n.keeps**2) * (c - a) / 2,
+            0,
         )
-        for z, s in ((x, sx), (y, sy))
+        for z, n in ((x, nx), (y, ny))
     ]
-    noise = sy**2 * moved[0] + sx**2 * moved[1] + sx**2 * sy**2 * (c - a) / 2
+    sx, sy = (n.sigma**2 * n.grown((c - a) / 2) for n in (nx, ny))
+    noise = sy * moved[0] + sx * moved[1] + nx.sigma**2 * ny.sigma**2 * (c - a) / 2
     return whole, np.sqrt(noise + ((whole - half) / 3) ** 2)
 
 

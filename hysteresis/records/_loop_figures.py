@@ -1,6 +1,6 @@
 """Figures of loops: what each loop of a record tells, with an error, for all loops at once.
 
-Errors are propagated from the noise of input and output, which counts as white, and from the sampling step.
+Errors are propagated from the noise of input and output, see `RowNoise`, and from the sampling step.
 """
 
 from typing import NamedTuple
@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ._abstract_record import AbstractRecord
-from ._loop_cut import LoopRows, Pair, largest_row, loop_rows, parabola, ranges, widest
+from ._loop_cut import AGREE, LoopRows, Pair, largest_row, loop_rows, parabola, ranges, widest
+from ._row_noise import RowNoise
 
 FULL = 0.95
 """Of the inputs that both branches of the widest loop pass: loops that pass so much of it are compared."""
@@ -18,12 +19,6 @@ LEVELS = 65
 
 BIN_ROWS = 8
 """Rows of a branch that are averaged at a level where there is noise."""
-
-MARGIN = 0.05
-"""Of the input's range, left out at either end of the line through the middle of a loop."""
-
-TANGENT, INITIAL = 0.1, 0.1
-"""Of a branch: its tangent is taken so far on either side of its middle, its initial slope up to here."""
 
 TIP_ROWS = 16
 """Rows beside a turning point that tell its level where there is noise."""
@@ -70,7 +65,8 @@ class Loops:
         self.u = record.input[cut.rows]
         self.y = (record.output if y is None else y)[cut.rows]
         self.t = None if record.time is None else record.time[cut.rows]
-        self.su, self.sy = cut.noise[:, cut.sequence]
+        self.noise = tuple(one.at(cut.sequence) for one in cut.noise)
+        self.su, self.sy = (one.sigma for one in self.noise)
         both = (self.u, self.su), (record.output[cut.rows], self.sy)
         quiet = [not (self.size and np.median(s) > QUIET * np.ptp(x)) for x, s in both]
         self.quiet_u, self.quiet_y = quiet
@@ -110,7 +106,14 @@ class Loops:
         self.rising = self.u[turn] > self.u[first]
         u = self.u[self.legs.at]
         low, high = (f.reduceat(u, self.legs.begins) for f in (np.minimum, np.maximum))
-        self.ends = low, high
+        self.ends = low.copy(), high.copy()
+        # Of a branch that turns at its ends these are known better than by its outermost row.
+        level = [one[0][0] for one in self.tips]
+        begin, end = np.column_stack(level[:2]).ravel(), np.column_stack(level[1:]).ravel()
+        for x, side in ((low, -1), (high, 1)):
+            row = largest_row(side * self.u, self.leg_first, self.leg_last)
+            at_end = np.where(self.leg_last - row <= self.tip_rows, end, self.u[row])
+            x[:] = np.where(row - self.leg_first <= self.tip_rows, begin, at_end)
         both = low.reshape(-1, 2), high.reshape(-1, 2)
         self.low, self.high = both[0].min(1), both[1].max(1)
         self.common = both[0].max(1), both[1].min(1)
@@ -139,7 +142,8 @@ class Loops:
         self.u, self.y = (x[whole].mean(1) for x in (self.u, self.y))
         if self.t is not None:
             self.t = self.t[whole].mean(1)
-        self.su, self.sy = self.su / np.sqrt(rows), self.sy / np.sqrt(rows)
+        self.noise = tuple(one.means(rows) for one in self.noise)
+        self.su, self.sy = (one.sigma for one in self.noise)
         self.before = np.full(self.size, (rows - 1) / (2 * rows))
         self.after = self.before + rest[sequence] / rows
         first, turn, last = (
@@ -150,9 +154,10 @@ class Loops:
             bounds=new, clock=cut.clock * rows, first=first, turn=turn, last=last
         )
 
-    def noise_of(self, x: np.ndarray) -> tuple[np.ndarray, bool]:
-        """The standard deviation of input or output, and whether that is rounding alone."""
-        return (self.su, self.quiet_u) if x is self.u else (self.sy, self.quiet_y)
+    def noise_of(self, x: np.ndarray) -> tuple[RowNoise, bool]:
+        """The noise of input or output, and whether the rows tell its levels: it is rounding alone."""
+        quiet = self.quiet_u if x is self.u else self.quiet_y
+        return self.noise[x is not self.u], quiet and self.many == 1
 
     def tip(self, x: np.ndarray, at: np.ndarray) -> Pair:
         """Where a series turns, near these rows, and the standard error of that row.
@@ -160,7 +165,7 @@ class Loops:
         The row of the largest value is chosen by its noise: of the rows that noise may have chosen, it is
         the one at the vertex of a parabola through the rows on either side.
         """
-        w, (sigma, quiet) = 2 * self.tip_rows, self.noise_of(x)
+        w, (noise, quiet) = 2 * self.tip_rows, self.noise_of(x)
         if not w or quiet:
             return at, np.zeros(len(at))
         begin, end = self._ends()
@@ -170,14 +175,22 @@ class Loops:
         window = window - window[:, w : w + 1]
         mean, lean, bend = (window @ row for row in parabola(steps))
         top = (x[at] - x[centre])[:, None]
-        near = np.sign(top - mean[:, None]) * (top - window) <= MAY_BE * sigma[:, None]
+        side = np.sign(top - mean[:, None])
+        near = side * (top - window) <= MAY_BE * noise.sigma[:, None]
         first = centre - w + near.argmax(1)
         last = centre + w - near[:, ::-1].argmax(1)
         vertex = np.nan_to_num(-lean / (2 * bend))
-        error = sigma * np.linalg.norm(parabola(steps)[1]) / np.abs(2 * bend)
+        error = noise.of(parabola(steps)[1]) / np.abs(2 * bend)
         found = np.clip(np.rint(centre + vertex), first, last).astype(int)
         rounded = np.hypot(np.nan_to_num(error, nan=np.inf), 1 / np.sqrt(12))
-        return found, np.minimum(rounded, np.maximum(last - first, 1) / np.sqrt(12))
+        rounded = np.minimum(rounded, np.maximum(last - first, 1) / np.sqrt(12))
+        # A series that moves where its readings begin or end turns there.
+        _, slope, square = parabola(steps)
+        for row, edge, way in ((first, begin, -w), (last, end, w)):
+            gone = way / w * side[:, 0] * (lean + 2 * way * bend)
+            moves = (row == edge) & (gone > AGREE * noise.of(slope + 2 * way * square))
+            found, rounded = np.where(moves, edge, found), np.where(moves, 0.0, rounded)
+        return found, rounded
 
     def value(
         self, x: np.ndarray, at: np.ndarray, off: np.ndarray | float = 0.0, both: bool = False
@@ -187,7 +200,8 @@ class Loops:
         Of the rows before it and at it, and with `both` of those on both sides without it: an extreme is
         the row whose noise is largest, and lies between two rows. `off`: the standard error of the row.
         """
-        sigma, quiet = self.noise_of(x)
+        noise, quiet = self.noise_of(x)
+        sigma = noise.sigma
         near = [x[np.clip(at + k, *self._ends())] for k in (-1, 0, 1)]
         if not self.tip_rows or quiet:
             return x[at], np.hypot(sigma, both * np.abs(near[0] - 2 * near[1] + near[2]) / 8)
@@ -219,7 +233,7 @@ class Loops:
         self, x: np.ndarray, at: np.ndarray, off: np.ndarray | float, both: bool, w: int
     ) -> Pair:
         """`value` by so many rows on a side."""
-        sigma, _ = self.noise_of(x)
+        noise, _ = self.noise_of(x)
         begin, end = self._ends()
         steps = np.arange(w) + both
         _, lean, _ = weights = parabola(steps)
@@ -236,11 +250,11 @@ class Loops:
             if both
             else np.where(has_before, *slopes) * off
         )
-        error = np.hypot(
-            sigma * np.linalg.norm(level, axis=1) / np.where(two, np.sqrt(2), 1), moved
-        )
+        apart = np.pad(level, ((0, 0), (both, 0)))
+        around = np.hstack([apart[:, :0:-1], apart[:, :1], apart[:, 1:]]) / 2
+        error = np.hypot(np.where(two, noise.of(around), noise.of(level)), moved)
         told = has_before | has_after
-        return np.where(told, found, x[at]), np.where(told, error, sigma)
+        return np.where(told, found, x[at]), np.where(told, error, noise.sigma)
 
     def peak(self, x: np.ndarray, largest: bool) -> tuple[np.ndarray, np.ndarray, Pair]:
         """The row of a series' extreme in each loop, that row's error, and the level there.
@@ -250,9 +264,15 @@ class Loops:
         """
         rows, off = self.tip(x, self.extreme(x, largest))
         level = self.value(x, rows, both=True)
-        if x is self.u or not self.tip_rows:
+        if not self.tip_rows:
             return rows, off, level
-        for (at, error), (_, corner) in zip(self.turns, self.tips, strict=True):
+        corners = [tip[x is not self.u] for tip in self.tips]
+        # The lower of two ends that noise may have parted is too low: both tell where the loop closes.
+        (a, ea), _, (b, eb) = corners
+        alike = np.abs(a - b) <= MAY_BE * np.hypot(ea, eb)
+        mean = np.where(alike, (a + b) / 2, [a, b]), np.where(alike, np.hypot(ea, eb) / 2, [ea, eb])
+        corners[::2] = zip(*mean, strict=True)
+        for (at, error), corner in zip(self.turns, corners, strict=True):
             beyond = (1 if largest else -1) * (level[0] - corner[0])
             there = (np.abs(rows - at) <= self.tip_rows) & (beyond < 2 * level[1])
             rows, off = np.where(there, at, rows), np.where(there, error, off)
@@ -329,8 +349,11 @@ class Loops:
             left = np.where(bent, bend / 6, np.hypot(left, beyond))
             rise, run = (np.pad(x[2:] - x[:-2], 1, "edge") for x in (smooth, key))
             steep = np.interp(wanted, key, rise / np.where(run > 0, run, np.inf)) / width[:, None]
-            error = np.where(bent, np.hypot(sigma_y, steep * sigma_u), error)
-        error = np.hypot(error * part, left)
+            slope = np.where(bent, steep, slope)
+        # What lasts from row to row is the less averaged.
+        rows = np.maximum(part**-2, 1.0)
+        grown = [np.sqrt(one.at(number // 2).grown(rows)) for one in self.noise]
+        error = np.hypot(np.hypot(grown[0] * slope * sigma_u, grown[1] * sigma_y) * part, left)
         shape = self.size, 2, self.levels
         found, error = (self.by_way(x.reshape(shape)) for x in (found, error))
         self.branches, self.branch_errors = found, error
@@ -369,9 +392,11 @@ class Loops:
 
     def _largest(self, w: int) -> Pair:
         (smooth, _, _), mean = self._smoothed(w)
-        errors = self.gap_error[:, w : self.levels - w] * np.linalg.norm(
-            parabola(np.arange(-w, w + 1))[0]
-        )
+        part = np.linalg.norm(parabola(np.arange(-w, w + 1))[0])
+        # Noise that lasts is alike at neighbouring levels.
+        rows = np.median(self.lengths) / self.levels
+        grown = np.sqrt(self.noise[1].grown(rows / part**2) / self.noise[1].grown(rows))
+        errors = self.gap_error[:, w : self.levels - w] * part * grown[:, None]
         # A parabola through a corner would be too high; the mean is high beside no corner.
         height, row = np.abs(mean), np.arange(self.size)
         at = height.argmax(1)
@@ -380,71 +405,3 @@ class Loops:
         near = height[row, at][:, None] - height <= error[:, None]
         near &= np.sign(smooth) == np.sign(value)[:, None]
         return np.where(near, smooth, 0.0).sum(1) / np.maximum(near.sum(1), 1), error
-
-    def middle_slope(self) -> Pair:
-        """Of the line through the middle between the branches, output over input."""
-        low, high = self.common
-        middle, half = (low + high) / 2, (0.5 - MARGIN) * (high - low)
-        at, branch, begins = self.legs
-        loop = branch // 2
-        # int y (u - middle) du over the inputs within, as int y dg, g = (u - middle)^2 / 2.
-        way = np.clip(self.u[at] - middle[loop], -half[loop], half[loop])
-        sign = np.where(np.repeat(self.rising, 2) == (np.arange(2 * self.size) % 2 == 0), 1.0, -1.0)
-        g = way**2 / 2
-        same = branch[1:] == branch[:-1]
-        y = self.y[at] - self.y[self.leg_first][branch]
-        step, ahead = np.diff(g), np.diff(y)
-        parts = np.where(same, (y[1:] + y[:-1]) / 2 * step, 0.0)
-        inside = np.abs(way) < half[loop]
-        noise = [
-            np.where(same, step, 0.0) ** 2 * self.sy[loop[1:]] ** 2,
-            np.where(same, way[1:] * inside[1:] * ahead, 0.0) ** 2 * self.su[loop[1:]] ** 2,
-        ]
-        total, variance = (
-            np.add.reduceat(np.append(x, 0.0), begins) for x in (parts, noise[0] + noise[1])
-        )
-        slope = (sign * total).reshape(-1, 2).sum(1) / (4 * half**3 / 3)
-        error = np.sqrt(variance.reshape(-1, 2).sum(1)) / (4 * half**3 / 3)
-        # Between the rows of a round motion its chords are so much flatter.
-        chord = (np.pi / self.lengths.reshape(-1, 2).min(1)) ** 2 / 6
-        return slope, np.hypot(error, slope * chord)
-
-    def slopes(self, initial: bool) -> tuple[Pair, Pair]:
-        """Of the rising and of the falling branch: the initial slope, or the tangent at its middle."""
-        at, branch, _ = self.legs
-        u, y = self.u[at], self.y[at]
-        ends = [one[0][0] for one in self.tips]
-        begin, end = np.column_stack(ends[:2]).ravel(), np.column_stack(ends[1:]).ravel()
-        way = (u - begin[branch]) / (end - begin)[branch]
-        inside = way <= INITIAL if initial else np.abs(way - 0.5) <= TANGENT
-        if initial:  # a branch with inner loops comes back to its beginning
-            inside &= at - self.leg_first[branch] <= 0.5 * self.lengths[branch]
-        slope, error, _ = self.lines(inside, u, y)
-        if initial:  # a steep beginning depends on where it begins
-            where = np.column_stack([one[0][1] for one in self.tips[:2]]).ravel()
-            straight, _, _ = self.lines(np.abs(way - 0.5) <= TANGENT, u, y)
-            error = np.hypot(error, (slope - straight) * where / (INITIAL * np.abs(end - begin)))
-        pairs = [self.by_way(x.reshape(-1, 2)) for x in (slope, error)]
-        rising, falling = ((pairs[0][:, k], pairs[1][:, k]) for k in (0, 1))
-        return rising, falling
-
-    def lines(
-        self, inside: np.ndarray, u: np.ndarray, y: np.ndarray, groups: np.ndarray | None = None
-    ) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, ...]]:
-        """Least-squares lines of the rows `inside` of each branch: slope, its error, and centre.
-
-        `groups`: (m,) of each row, in place of its branch. The centre is the mean input, the mean output
-        and its standard error.
-        """
-        group = self.legs.branch if groups is None else groups
-        count = 2 * self.size
-        own, u, y = group[inside], u[inside], y[inside]
-        n = np.bincount(own, minlength=count)
-        mean_u, mean_y = (np.bincount(own, x, count) / n for x in (u, y))
-        du, dy = u - mean_u[own], y - mean_y[own]
-        suu, suy = (np.bincount(own, du * x, count) for x in (du, dy))
-        slope = np.where(n >= 3, suy / suu, np.nan)
-        sigma = np.hypot(np.repeat(self.sy, 2), slope * np.repeat(self.su, 2))
-        error = sigma / np.sqrt(suu)
-        centre = mean_u, mean_y, sigma / np.sqrt(n)
-        return np.where(np.isfinite(slope), slope, np.nan), error, centre

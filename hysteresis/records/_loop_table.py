@@ -7,6 +7,7 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy
 
 from .._errors import InputError
 from .._format import number_of, plain, with_error
@@ -16,6 +17,8 @@ from ._loads import kind_of_units, over, times
 from ._loop_cut import Pair, loop_rows
 from ._loop_fields import area, field_figures, field_unit, given_back
 from ._loop_figures import FULL, Loops
+from ._loop_slopes import middle_slope, slopes
+from ._row_noise import student
 
 KINDS = ("mechanical", "magnetic", "ferroelectric", "plain")
 
@@ -35,6 +38,9 @@ AGAINST = "energy lost and secant stiffness have opposite signs"
 SURE = 3.0
 """Standard errors from which on a loop has an area whose halves can be compared."""
 
+CHANCE = 0.01
+"""So seldom noise alone makes loops differ by more than they may."""
+
 SHOWN = 12
 """Loops that are printed."""
 
@@ -52,8 +58,8 @@ class LoopFigure(NamedTuple):
 class LoopSummary(NamedTuple):
     """A figure over the full loops, both branches of which pass 95 % of the widest loop's inputs:
 
-    - `value`, `error`: mean, and its standard error from the noise. `scatter`: standard deviation from loop
-      to loop, None of one.
+    - `value`, `error`: mean, and its standard error: from the noise, or Student's from the scatter where
+      loops differ by more. `scatter`: standard deviation from loop to loop, None of one.
     - `loops`: how many. `first`, `later`: of each run's first full loop, and of the later ones, where runs
       have both. `reason`: why there is no value.
     """
@@ -121,7 +127,10 @@ class LoopTable:
         begins = np.isin(np.flatnonzero(told), np.flatnonzero(self.full)[starts])
         both = begins.any() and not begins.all()
         first, later = (float(x[w].mean()) if both else None for w in (begins, ~begins))
-        error = float(np.sqrt(np.sum(one.error[told] ** 2)) / n)
+        square = float(np.mean(one.error[told] ** 2))
+        error = float(np.sqrt(square / n))
+        if scatter and scatter**2 * (n - 1) > square * scipy.special.chdtri(n - 1, CHANCE):
+            error = student(n - 1) * scatter / float(np.sqrt(n))
         return LoopSummary(one.name, float(x.mean()), error, scatter, one.unit, n, first, later)
 
     def columns(self) -> dict[str, np.ndarray]:
@@ -310,7 +319,7 @@ Told = tuple[str, Pair, str, "np.ndarray | str"]
 def _figures(record: AbstractRecord, kind: str, loops: Loops) -> Iterator[Told]:
     """Name, value with error, unit and reason of each figure of all loops."""
     cut, unit_u, unit_y = loops.cut, record.input_unit, record.output_unit
-    u, y, su, sy = loops.u, loops.y, loops.su, loops.sy
+    u, y, (nu, ny) = loops.u, loops.y, loops.noise
     if loops.t is not None:
         step = np.full(loops.size, cut.clock / np.sqrt(6))
         past = cut.clock * (loops.past(cut.first) + loops.past(cut.last))
@@ -325,7 +334,7 @@ def _figures(record: AbstractRecord, kind: str, loops: Loops) -> Iterator[Told]:
     yield "output at lowest input", loops.value(y, rows, off), unit_y, ""
     opened = np.where(cut.closed, "", OPEN)
     yield "closure", less(loops.tips[2][1], loops.tips[0][1]), unit_y, opened
-    around = area(loops, u, y, su, sy)
+    around = area(loops, u, y, nu, ny)
     size = less(peaks["input", "highest"][2], peaks["input", "lowest"][2])
     mean = np.abs(around[0]) / size[0]
     yield "loop width", (mean, np.hypot(around[1], mean * size[1]) / size[0]), unit_y, opened
@@ -348,15 +357,15 @@ def _of_stiffness(record: AbstractRecord, loops: Loops) -> Iterator[Told]:
     def turned(pair: Pair) -> Pair:
         return (1 / pair[0], pair[1] / pair[0] ** 2) if creep else pair
 
-    yield name, turned(loops.middle_slope()), unit, ""
+    yield name, turned(middle_slope(loops)), unit, ""
     ends = pairwise(loops.tips)
     chords = [_ratio(less(y1, y0), less(u1, u0)) for (u0, y0), (u1, y1) in ends]
     values, errors = (loops.by_way(np.stack(x, axis=1)) for x in zip(*chords, strict=True))
     secants = [(values[:, k], errors[:, k]) for k in (0, 1)]
     for what, pairs in (
         ("secant", secants),
-        ("tangent", loops.slopes(initial=False)),
-        ("initial", loops.slopes(initial=True)),
+        ("tangent", slopes(loops, initial=False)),
+        ("initial", slopes(loops, initial=True)),
     ):  # fmt: skip
         for way, pair in zip(("loading", "unloading"), pairs, strict=True):
             yield f"{what} {name}, {way}", turned(pair), unit, ""
@@ -372,10 +381,10 @@ def _of_energy(
 ) -> Iterator[Told]:
     """Work done on the specimen, what it gives back and loses, and the damping that is worth."""
     creep = kind_of_units(record) == "creep"
-    load, x, sl, sx = loops.y, loops.u, loops.sy, loops.su
+    load, x, (nx, nl) = loops.y, loops.u, loops.noise
     way, units = "input", (record.output_unit, record.input_unit)
     if creep:
-        load, x, sl, sx, way, units = x, load, sx, sl, "output", units[::-1]
+        load, x, nl, nx, way, units = x, load, nx, nl, "output", units[::-1]
     # A polygon's area over the other axis has the other sign.
     whole = -around[0] if creep else around[0]
     unit, error = times(*units), around[1]
@@ -405,7 +414,7 @@ def _of_energy(
     rows = loops.legs.at
     above[rows] = np.maximum(x[rows] - middle[loops.legs.branch // 2], 0.0)
     # Both halves err by as much; where they part errs by the error of the middle.
-    uneven = 2 * area(loops, above, load, sx, sl)[0] / whole - 1
+    uneven = 2 * area(loops, above, load, nx, nl)[0] / whole - 1
     parted = loops.width_at_middle()[0] * size[1]
     wrong = np.hypot(error * np.hypot(1, uneven), parted) / np.abs(whole)
     thin = np.where(np.abs(whole) > SURE * error, opened, THIN)

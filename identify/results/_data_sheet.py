@@ -211,7 +211,7 @@ class _Sheet(NamedTuple):
     @property
     def resolution(self) -> float:
         """The larger of the converter's step and two standard deviations of the noise."""
-        record, noise = self.record, float(np.median(self.loops.cut.noise[1]))
+        record, noise = self.record, float(np.median(self.loops.cut.noise[1].sigma))
         steps = [step_of(record.output[s][record.mask[s]]) for _, s in record.sequences()]
         return max(2 * noise, float(np.median(steps)))
 
@@ -330,7 +330,7 @@ class _Sheet(NamedTuple):
     def slow(self) -> Iterator[SheetRow]:
         """What holds and noise tell."""
         record, span = self.record, self.high - self.low
-        noise = float(np.median(self.loops.cut.noise[1]))
+        noise = float(np.median(self.loops.cut.noise[1].sigma))
         why = "the record has no clock" if record.time is None else "the input is never held there"
         for name, own in (
             ("creep", [one for one in self.held if one[0] >= self.low + UPPER * span]),
