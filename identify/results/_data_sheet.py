@@ -14,6 +14,7 @@ from hysteresis._show import aligned
 from hysteresis.records._loads import over
 from hysteresis.records._loop_cut import Pair, step_of
 from hysteresis.records._loop_figures import Loops
+from hysteresis.records._row_noise import student
 
 from .._levels import FEWEST, REPEATS
 from ._characteristics import holds_of
@@ -42,12 +43,15 @@ DEFINITIONS = {
         "Downscale less upscale reading, of the upscale reading (ISO 376), from 10 % of the range and 500"
         " resolutions on.",
     "repeatability":
-        "Largest spread of the readings at one input, approached from one side, within a run.",
+        "Largest spread of the readings at one input, approached from one side, within a run; it holds"
+        " their noise.",
     "repeatability error":
-        "Spread of the upscale readings at one input, of the reading (ISO 376), from that limit on.",
-    "reproducibility": "Largest spread at one input, from one side, between the means of the runs.",
+        "Spread of the upscale readings at one input, of the reading (ISO 376), from that limit on, noise"
+        " included.",
+    "reproducibility":
+        "Largest spread at one input, from one side, between the means of the runs, noise included.",
     "zero return": "Reading at the lower end after a loop less that before it, the mean of all loops.",
-    "zero error": "The largest of these, without regard to sign (ISO 376).",
+    "zero error": "The largest of these, without regard to sign (ISO 376), noise included.",
     "drift of the zero":
         "Rate at which the reading at the lower end changes within the runs, from their second loop on.",
     "creep": "Change of the output while the input is held in the upper half of its range; the largest.",
@@ -168,16 +172,19 @@ def data_sheet(record: Record) -> DataSheet:
         )  # fmt: skip
     ends = []
     for largest in (False, True):
-        rows, off, (level, _) = loops.peak(loops.u, largest)
-        ends.append((float(level.mean()), loops.value(loops.y, rows, off)))
-    (low, bottom), (high, top) = ends
+        rows, off, level = loops.peak(loops.u, largest)
+        ends.append((level, loops.value(loops.y, rows, off)))
+    (begin, bottom), (end, top) = ends
+    low, high = float(begin[0].mean()), float(end[0].mean())
     scale = float(np.mean(top[0] - bottom[0]))
     if not abs(scale) > 0:
         raise InputError(
             "zero-range", "The output is the same at both ends of the input's range.",
             place=record.source, fix="Give the column of the reading (--output COL).",
         )  # fmt: skip
-    sheet = _Sheet(record, loops, low, high, bottom, top, scale, _holds(record))
+    # Where the input has no noise, both columns are read at the same row.
+    span = 0.0 if loops.quiet_u else float(np.linalg.norm([begin[1], end[1]]) / loops.size)
+    sheet = _Sheet(record, loops, low, high, span, bottom, top, scale, _holds(record))
     rows = (
         *sheet.static(),
         *sheet.scatter(),
@@ -198,6 +205,7 @@ class _Sheet(NamedTuple):
     loops: Loops
     low: float
     high: float
+    span_error: float
     bottom: Pair
     top: Pair
     scale: float
@@ -235,7 +243,8 @@ class _Sheet(NamedTuple):
         error, zero = float(np.linalg.norm(errors)), float(self.bottom[0].mean())
         slope = over(record.output_unit, record.input_unit)
         yield self.row("full-scale output", self.scale, error, unit=record.output_unit)
-        yield self.row("sensitivity", self.scale / span, error / span, unit=slope)
+        both = np.hypot(error, self.scale / span * self.span_error)
+        yield self.row("sensitivity", self.scale / span, both / span, unit=slope)
         yield self.row("zero", zero, errors[0], unit=record.output_unit)
         x = np.concatenate([[0.0], (self.inputs - self.low) / span, [1.0]])
         y = np.concatenate([[0.0], loops.branches.mean((0, 1)) - zero, [self.scale]])
@@ -403,7 +412,7 @@ def _slope(x: np.ndarray, y: np.ndarray, group: np.ndarray) -> tuple[float, floa
         return None
     slope = float(x @ y / (x @ x))
     left = y - slope * x
-    return slope, float(np.sqrt(left @ left / free / (x @ x)))
+    return slope, student(free) * float(np.sqrt(left @ left / free / (x @ x)))
 
 
 def _holds(record: Record) -> list[tuple[float, np.ndarray, np.ndarray]]:
