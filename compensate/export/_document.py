@@ -4,16 +4,17 @@ import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from hysteresis import AbstractModel, InputError, Oscillator, Preisach
+from hysteresis import AbstractModel, Feedback, InputError, Oscillator, Preisach
 from hysteresis._atomic_file import write_whole
 from hysteresis.laws._tree import node_of
 from hysteresis.preisach import GridDensity
+from hysteresis.running import estimates, numbers_of
 from hysteresis.trees import Tree, plain
 
 from .._contract import Estimate, Status
@@ -41,6 +42,10 @@ def require_double() -> None:
         )
 
 
+Model: TypeAlias = AbstractModel | Feedback
+"""What can be exported: what moves under a force goes from that to the displacement."""
+
+
 # Models and what is around their inverses as trees of plain numbers: what the runtimes without JAX run.
 
 
@@ -53,7 +58,7 @@ def program_of(model: AbstractModel) -> Tree:
     return tree_of(model)
 
 
-def tree_of(model: AbstractModel, precision: type = np.float64, depth: int = 64) -> Tree:
+def tree_of(model: Model, precision: type = np.float64, depth: int = 64) -> Tree:
     """The tree of a model for numbers of a precision, and so many reversals of a Preisach model."""
     return plain(model.tree(float(np.finfo(precision).eps), depth))
 
@@ -76,7 +81,7 @@ def guard_tree(guard: GuardedCompensator, precision: type = np.float64) -> Tree:
 # Other first states of a tree, which a file holds.
 
 
-def starts_in(tree: Tree, model: AbstractModel, starts: Iterable[Start]) -> list[list[Tree]]:
+def starts_in(tree: Tree, model: Any, starts: Iterable[Start]) -> list[list[Tree]]:
     """For each start the states of the tree's elements, in the order of `node_of`."""
     return [_after(tree, model, start.history) for start in starts]
 
@@ -104,7 +109,7 @@ def states_over(tree: Tree, way: str, dt: Sequence[float], y: Sequence[Any]) -> 
         yield states
 
 
-# An oscillator where `Program` expects a compensator.
+# What moves under a force where `Program` expects a compensator.
 
 
 LONGEST = 10.0
@@ -112,17 +117,17 @@ LONGEST = 10.0
 
 
 class Motion(NamedTuple):
-    """An oscillator where a compensator is expected: readings are forces, estimates displacements."""
+    """Masses where a compensator is expected: readings are forces, estimates displacements."""
 
-    model: Oscillator
+    model: Oscillator | Feedback
 
     def simulate(self, t: Any, force: Any) -> Estimate:
         """The displacements from rest; at rest, where no force is known."""
-        u = np.asarray(force, float)
+        u, dt = np.asarray(force, float), np.diff(np.asarray(t, float), prepend=t[0])
         if not np.isfinite(u).all():
             return Estimate(jnp.zeros(len(u)), jnp.full(len(u), int(Status.INVALID)))
-        found = self.model.displacement(np.asarray(t, float) - float(t[0]), u)
-        return Estimate(jnp.asarray(found), jnp.full(len(u), int(Status.OK)))
+        found = estimates(numbers_of(self.model.tree()), u, dt, 0.0)
+        return Estimate(jnp.asarray(found.value), jnp.asarray(found.status))
 
 
 # Densities without a grid, tabulated on one: the elements know those on grids alone.

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hysteresis import AbstractModel, InputError, Oscillator
+from hysteresis import AbstractModel, Feedback, InputError, Oscillator
 from hysteresis._atomic_file import write_whole
 from hysteresis._quantities import conversion
 from hysteresis.laws import announced
@@ -34,6 +34,7 @@ from ._band import banded
 from ._c99_header import header
 from ._document import LONGEST as LONGEST_MOTION
 from ._document import (
+    Model,
     Motion,
     guard_tree,
     nodes_of,
@@ -104,9 +105,7 @@ class Exported(NamedTuple):
     notes: tuple[str, ...]
 
 
-def export_runtime(
-    model: AbstractModel, path: str | Path, readings: ArrayLike, **options: Any
-) -> Exported:
+def export_runtime(model: Model, path: str | Path, readings: ArrayLike, **options: Any) -> Exported:
     """Write the inverse of a model as JSON for `compensate.runtime.load`.
 
     **Arguments:**
@@ -148,7 +147,7 @@ def export_runtime(
 
 
 def export_c(
-    model: AbstractModel,
+    model: Model,
     path: str | Path,
     readings: ArrayLike,
     *,
@@ -178,7 +177,7 @@ class Program:
 
     def __init__(
         self,
-        model: AbstractModel,
+        model: Model,
         readings: ArrayLike,
         *,
         times: ArrayLike | None = None,
@@ -200,14 +199,15 @@ class Program:
         band: Guaranteed | None = None,
     ):
         require_double()
-        if model.units is not None:
-            back, forth = model.units.output, model.units.input
-            if isinstance(model, Oscillator):
+        moves = isinstance(model, Oscillator | Feedback)
+        if (units := getattr(model, "units", None)) is not None:
+            back, forth = units.output, units.input
+            if moves:
                 back, forth = forth, back
             reading, estimate = _named(reading, back), _named(estimate, forth)
-        original, model = model, with_grids(model)
+        original, model = model, with_grids(model) if isinstance(model, AbstractModel) else model
         compensator: AbstractCompensator | Motion
-        if isinstance(model, Oscillator):
+        if isinstance(model, Oscillator | Feedback):
             compensator = Motion(model)
         else:
             if past is None and start == "unknown" and times is not None:
@@ -276,7 +276,9 @@ class Program:
         away = FAR * max(float(np.ptp(reached)), 1e-3 * float(np.abs(reached).max()), 1e-30)
         self._trees: dict[type, Tree] = {np.float64: tree}
         held = c if conditioned else None
-        off = 0.0 if original is model else _apart(original, model, t, value, held)
+        off, starts = 0.0, self.guard.starts if self.guard else ()
+        if original is not model and isinstance(original, AbstractModel):
+            off = _apart(original, model, t, value, held)
         self._tabulated = off
         self._rest = {
             "schema": COMPENSATOR_SCHEMA, "kind": KIND, "title": title or type(model).__name__,
@@ -286,7 +288,7 @@ class Program:
             "inputs": [float(min(reached)) - away, float(max(reached)) + away], "start": number(begin),
             "origin": origin and {**origin._asdict(), "codes": list(origin.codes)},
             "error": error and plain(error.law()), "condition": known,
-            "starts": starts_in(tree, model, self.guard.starts) if self.guard else [],
+            "starts": starts_in(tree, model, starts),
             "coverage": error and number(error.coverage),
             "lasting": error and {"share": error.share, "time": error.lasts},
             "band": band and banded(band, error),
@@ -300,7 +302,7 @@ class Program:
         require_one_input(self._whole(), self._deep_enough())
 
     def _longest(self, t: np.ndarray) -> float:
-        if not isinstance(self.model, Oscillator):
+        if not isinstance(self.model, Oscillator | Feedback):
             return min(longest_step(t), stable_step(self.model))
         return LONGEST_MOTION * float(np.median(np.diff(t)))
 
@@ -407,7 +409,7 @@ def _told_apart(
 
 def _apart(
     given: AbstractModel,
-    tabulated: AbstractModel,
+    tabulated: Any,
     t: np.ndarray,
     u: np.ndarray,
     c: np.ndarray | None,

@@ -377,8 +377,10 @@ class Function:
             kind = "real"
             a, b = (self._real(e) if e.type == "int" else e for e in (a, b))
         # Operators group from the left, a - b - c = (a - b) - c: on the right an equal level needs
-        # parentheses. So no sum changes its order, and C rounds where Python does.
-        return Expression(f"{a.within(level)} {sign} {b.within(level + 1)}", kind, level)
+        # parentheses. So no sum changes its order, and C rounds where Python does. gcc wants a comparison
+        # within another one in parentheses.
+        least = 11 if level in (9, 10) else level
+        return Expression(f"{a.within(least)} {sign} {b.within(level + 1)}", kind, level)
 
     def _call(self, node: ast.Call, name: str, quiet: bool) -> Expression:
         if self.kinds.get(name) == "Callable":

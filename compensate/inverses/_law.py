@@ -187,7 +187,9 @@ def told_of_condition(
 
 def goes_back_only(tree: Tree) -> bool:
     """Whether a tree runs from outputs to inputs alone."""
-    return tree["kind"] == "oscillator" or any(map(goes_back_only, tree.get("parts", ())))
+    return tree["kind"] in ("feedback", "oscillator") or any(
+        map(goes_back_only, tree.get("parts", ()))
+    )
 
 
 def has_laws(model: AbstractModel) -> bool:

@@ -20,9 +20,10 @@ from jaxtyping import Complex, Float
 from numpy.typing import ArrayLike
 
 from .._errors import InputError
-from .._model import AbstractModel
+from .._model import DOUBLE, AbstractModel, Tree
 from .._registry import register
 from ..running import Numbers, numbers_of, run
+from ..trees import node
 from ._feedback_in_time import in_time
 from ._recorder import clock
 
@@ -258,6 +259,35 @@ class Feedback(eqx.Module):
     def laws(self) -> tuple[Numbers, ...]:
         """Of the channels, in numbers."""
         return tuple(numbers_of(channel.tree()) for channel in self.channels)
+
+    def tree(self, eps: float = DOUBLE, depth: int = 64, substeps: int = 16) -> Tree:
+        """Of one input and one output as a law, whose `find` goes from one to the other, as of a model.
+
+        - `substeps`: of a sample, in each of which the input is straight.
+
+        Raises `InputError` `not-exportable` for several inputs or outputs, and a delay.
+        """
+        if self.inputs != 1 or self.outputs != 1 or self.delay:
+            raise InputError(
+                "not-exportable",
+                f"it has {self.inputs} inputs, {self.outputs} outputs and a delay of {self.delay:g}.",
+                cause="a law has one input and one output at the same time.",
+                fix="give dataclasses.replace(model, delay=0.0), and one input and output of it.",
+            )
+        n, modes, b, c = len(self.channels), len(self.poles), self.entries, self.shapes
+        known = {
+            "substeps": substeps, "modes": modes, "channels": n, "memory": min(self.memory, 1e30),
+            "decay": self.poles.real, "turn": self.poles.imag, "enter": b.real, "enters": b.imag,
+            "show": c.real, "shows": c.imag, "direct": self.direct, "level": self.levels,
+        }  # fmt: skip
+        of_modes = dict.fromkeys(
+            ("x", "xs", "keep", "keeps", "hold", "holds", "rise", "rises"), modes
+        )
+        sizes = of_modes | dict.fromkeys(("w", "square", "free", "new"), n) | {"gain": n * n}
+        state = dict.fromkeys(("u", "stays", "change", "largest"), 0.0) | {"begun": 0, "pace": -1.0}
+        state |= {name: np.zeros(max(size, 1)) for name, size in sizes.items()}
+        flat = {k: np.ravel(x) if np.ndim(x) else x for k, x in known.items()}
+        return node("feedback", flat, state, [x.tree(eps, depth) for x in self.channels])
 
     def steady(
         self, u: ArrayLike, dt: float, finer: int = 4

@@ -19,7 +19,7 @@ from types import ModuleType
 
 KINDS = (
     "adaptive", "bouc_wen", "chain", "clip", "curve", "curves_of_plays", "dead_band",
-    "degrading_bouc_wen", "drift", "duhem", "foam", "friction", "line",
+    "degrading_bouc_wen", "drift", "duhem", "feedback", "foam", "friction", "line",
     "maxwell", "occupancy", "oscillator", "plays", "polynomial", "preisach", "rate_form", "scaled",
     "series", "share", "softening", "stops", "stops_and_powers", "sum", "time_drift",
 )  # fmt: skip

@@ -49,6 +49,8 @@ def _names(node: Node) -> list[str]:
         return ["step"]
     if node.kind in BESIDE:
         return []
+    if node.kind == "feedback":
+        return ["inner", "find", "status"]
     if node.parts:
         learning = ["inner", "followed"] if node.kind == "adaptive" else []
         return ["look", "move", "find", "status", *learning]
@@ -104,6 +106,14 @@ def _body(node: Node, name: str) -> list[str]:
             return [f"return {' + '.join(_call(part, name) for part in parts)}"]
         case ("adaptive", _):
             return _adaptive(node, name, p, s)
+        case ("feedback", "find"):
+            return [f"return {own('find', f'inner_{node.number}', p, s, 's', 'dt', 'x')}"]
+        case ("feedback", _):  # the channels look at their drives, or move there
+            return [
+                *(own("taken", p, s, str(i), _channel(part, own("drive", p, s, str(i))))
+                  for i, part in enumerate(parts)),
+                "return x",
+            ]  # fmt: skip
     time = ["dt"] if "dt" in _arguments(kind, name) else []
     called = own(name, p, s, *time, "x")
     return [called if name == "follow" else f"return {called}"]
@@ -178,6 +188,10 @@ def _adaptive(node: Node, name: str, p: str, s: str) -> list[str]:
 
 def _call(part: Node, name: str, x: str = "x") -> str:
     return f"{name}_{part.number}(s, dt, {x})"
+
+
+def _channel(part: Node, drive: str) -> str:
+    return f"{_call(part, 'move', drive)} if x > 0.0 else {_call(part, 'look', drive)}"
 
 
 def _status(part: Node) -> str:

@@ -13,7 +13,7 @@ from ._law import PARSING, kept, law
 from ._marks import Leaf, Marked
 from ._numbers import Structure
 
-FORWARD = {"oscillator": "find"}
+FORWARD = {"feedback": "find", "oscillator": "find"}
 """Kinds that go from what is given to what is measured by another function than `move`."""
 
 WRAPPED = {"scaled": "onward", "share": "weighted"}

@@ -14,8 +14,10 @@ from hysteresis import (
     BoucWenForce,
     Conditioned,
     DuhemForce,
+    Feedback,
     GeneralizedPlays,
     Oscillator,
+    StopsAndPowers,
     Sum,
 )
 from tests.c_harness import COMPILERS, Compiled
@@ -59,6 +61,32 @@ def test_targets_step_as_the_model(name: str, tmp_path):
     assert known.sum() == (len(straight) + 2) // 3
     # Newmark's error with steps three times as long, at 18 to 30 Hz.
     assert np.abs(value - whole)[known].max() < 0.02 * np.abs(whole).max()
+
+
+@pytest.mark.skipif(not COMPILERS, reason="no C compiler")
+def test_channels_between_modes_step_in_c(tmp_path):
+    """Two masses, the second one shaken and read, by joints of Bouc-Wen's force with an exponent and of
+    stops, whose stiffness follows the level. `simulate` finds the same fixed point window by window."""
+    joints = (
+        BoucWenForce(2.0, 1.5, 0.5, 1.5),
+        StopsAndPowers([0.2, 0.6], [1.0, 0.5], [0.1, 0.2, 0.0]),
+    )
+    both = Feedback.of_masses([2.0, 1.0], [0.3, 0.3], [5.0, 3.0], joints)
+    of_one = both.entries[:, 1:], both.shapes[1:], np.zeros((3, 3))
+    model = Feedback(both.poles, *of_one, 0.0, joints, [0.0, 0.3], 20.0)
+    dt, force = 0.1, 2 * np.sin(np.arange(400) * 0.13) + np.sin(np.arange(400) * 0.31 + 1)
+    path = export_c(model, tmp_path / "it.h", force, times=dt * np.arange(len(force))).path
+    it = Compiled(path)
+    assert it.wrong == 0
+    # Forces that are straight within the steps of both: 16 to a sample in C, one of these in time.
+    fine = np.interp(np.arange(16 * 399 + 1) / 16, np.arange(400), force)
+    wanted = model.simulate(fine[:, None], dt / 16, finer=1)[::16, 0]
+    found, status = it.run(np.full(len(force), dt), force)
+    # The windows settle to 1e-9 of the largest reaction, each on top of those before.
+    assert np.abs(found - wanted).max() < 1e-8 * wanted.std()
+    assert set(status.tolist()) == {int(Status.OK)}
+    late = replace(model, delay=0.05)
+    refuses("not-exportable", lambda: export_c(late, path, force, times=np.arange(400.0)))
 
 
 ROWS = 40

@@ -10,11 +10,11 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from hysteresis import AbstractModel, InputError, laws
+from hysteresis import InputError, laws
 
 from ...runtime import _file
 from .._cards import CARDS
-from .._document import nodes_of
+from .._document import Model, nodes_of
 from .._export import Exported, Program
 from ._artefact import Artefact, name_in_c
 from ._fixed_point import add_fixed_point
@@ -175,7 +175,7 @@ TARGETS: dict[str, tuple[Callable[[Program, Path, str], Exported], tuple[str, ..
 
 def export_to(
     target: str,
-    model: AbstractModel,
+    model: Model,
     path: str | Path,
     readings: ArrayLike,
     *,
@@ -184,7 +184,8 @@ def export_to(
 ) -> Exported:
     """Write the inverse of a model for a target; arguments otherwise as of `export_runtime`.
 
-    Of an `Oscillator` it is the step from force to displacement, and `readings` are forces.
+    Of an `Oscillator`, and of a `Feedback` of one input and output, it is the step from force to
+    displacement, and `readings` are forces.
 
     **Arguments:**
 
