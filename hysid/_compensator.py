@@ -88,11 +88,11 @@ def run_in_of(status: np.ndarray, record: Record, start: str = "unknown") -> Run
 AT_ONCE = 20_000
 """Rows up to which the band is learnt with the fit; a longer record's at its first use."""
 
-BETTER: dict[str, tuple[Level, str, str]] = {
-    "straight line": ("FAIL", "worse-than-line", "A straight line from {output} is better"),
-    "cubic per branch": ("CAUTION", "worse-than-cubic", "On motions like the trained ones a cubic of"
-                         " {output} for either way it goes is better"),
-}  # fmt: skip
+BETTER: tuple[tuple[Level, str, str], ...] = (
+    ("FAIL", "worse-than-line", "A straight line from {line} is better"),
+    ("CAUTION", "worse-than-cubic", "On motions like the trained ones a cubic of"
+     " {output} for either way it goes is better"),
+)  # fmt: skip
 """Of each simple inverse, what a compensator is at best that errs more."""
 
 
@@ -154,24 +154,26 @@ def judged_compensator(fit: identify.FitResult) -> Judged:
     level: Level = "PASS"
     reasons: list[Note] = []
     better: list[str] = []
-    for name, estimates in identify.internal.backwards(fit.train, fit.used, record):
+    line = " and ".join((record.output_name, *fit.train.conditions))
+    simplest = identify.internal.backwards(fit.train, fit.used, record)
+    for (name, estimates), (limit, code, text) in zip(simplest, BETTER, strict=True):
         off = (estimates - record.input)[rows]
         simple.append({"name": name, **figures(off)})
         blocks = (np.array(identify.internal.block_errors(x)) for x in (off, error))
         worse = identify.internal.root_difference(*blocks)
         if worse is None or worse.value <= max(worse.error, 1e-9 * span):
             continue
-        limit, code, text = BETTER[name]
         level = limit if level == "PASS" else level
         better.append(name)
         apart = f"{quantity(worse.value, unit, 2)} +- {quantity(worse.error, unit, 2)}"
         rms = quantity(simple[-1]["rmse"], unit, 3)
-        said = f"{text.format(output=record.output_name)}: {rms} rms, less by {apart}."
+        said = f"{text.format(output=record.output_name, line=line)}: {rms} rms, less by {apart}."
         reasons.append(Note(code, said))
     rms = [quantity(one["rmse"], unit, 3) for one in (own, *simple)]
     said = f"The compensator estimates {record.input_name} on {where} to {rms[0]} rms"
-    said += f" ({quantity(own['max_abs'], unit, 3)} at most); a straight line fitted to the training rows"
-    said += f" to {rms[1]}, a cubic for either way of {record.output_name} to {rms[2]}."
+    said += f" ({quantity(own['max_abs'], unit, 3)} at most); a straight line from {line} fitted to"
+    said += f" the training rows to {rms[1]}, a cubic for either way of {record.output_name} to"
+    said += f" {rms[2]}."
     document = {"rows": part, **own, "baselines": simple, "better": better, "refused": None}
     return Judged(level, (Note("compensator-error", said), *reasons), document)
 

@@ -63,6 +63,19 @@ def test_a_compensator_that_is_worse_than_a_line_fails(fitted: FitResult):
     assert f"{rms(line_error(fitted)):.3g} rms" in worse.verdict.reasons[1]
 
 
+def test_a_line_over_the_condition_too_is_named():
+    """A model without the condition is worse than a line that has it."""
+    made = [replace(record(0.0), output=record(0.0).output + c) for c in (0.0, 1.0, 2.0)]
+    columns = {"c": np.repeat([0.0, 1.0, 2.0], len(TIME))}
+    u, y = (np.concatenate([getattr(one, x) for one in made]) for x in ("input", "output"))
+    both = Record.from_arrays(
+        u, y, groups=columns["c"], columns=columns, conditions={"c": "degC"}
+    )  # fmt: skip
+    worse = hysid.fit(both, LinearSponge(K=1.0, b=0.0), purpose="compensate", **QUICK)
+    assert worse.verdict.codes[:2] == ("compensator-error", "worse-than-line")
+    assert "A straight line from output and c is better" in worse.verdict.reasons[1]
+
+
 def test_a_candidate_without_an_inverse_is_passed_over():
     """A parabola falls on one side of its domain, wherever it was fitted."""
     bent, parabola = record(0.1), PolynomialCurve(np.array([1.0, 1.0, 1.0]), -50.0, 50.0)
