@@ -23,12 +23,7 @@ from hysteresis.dynamics._feedback import CLOSE
 from ._feedback_search import Spectra, gauss_newton, simulated
 from ._feedback_unknowns import Unknowns
 from ._measured_motion import LEAST_ROWS
-from ._periodic_tests import (
-    PeriodicTest,
-    excited_lines,
-    input_sizes,
-    spectra_of,
-)
+from ._periodic_tests import PeriodicTest, excited_lines, input_sizes, spectra_of
 from ._vector_fitting import vector_fitted
 
 MOST_MODES = 30
@@ -38,8 +33,8 @@ WORTH = 0.98
 SLOWEST_DECAY, BAND = 5e-4, (0.02, 1.15)
 """Poles that are modes: their decay, and where they lie, in parts of the highest excited frequency."""
 
-FEW = 1000
-"""Lines of many that a step takes."""
+LEAST_LINES, FEW = 4, 1000
+"""Lines that tell a mode's pole and residue, and so many of many that a step takes."""
 
 
 def fit_modes(u: ArrayLike, y: ArrayLike, dt: float) -> Feedback:
@@ -54,8 +49,8 @@ def fit_modes(u: ArrayLike, y: ArrayLike, dt: float) -> Feedback:
 
     **Returns:** a `Feedback` without channels, in the record's units, at most 30 modes.
 
-    Raises `InputError` `nothing-fits` where no mode is found, `too-few-rows`, `length-mismatch`,
-    `not-finite`, `constant-input` and `constant-output` for unusable records.
+    Raises `InputError` `nothing-fits` where no mode is found, `no-excitation`, `too-few-rows`,
+    `length-mismatch`, `not-finite`, `constant-input` and `constant-output` for unusable records.
 
     Source: Gustavsen and Semlyen 1999; ends of a record as smooth terms, Pintelon and Schoukens 2012.
 
@@ -85,6 +80,12 @@ def fit_modes(u: ArrayLike, y: ArrayLike, dt: float) -> Feedback:
 
     part = data._replace(U=data.U * seen[:, None], Y=data.Y * seen[:, None])
     at = at[seen[at]]
+    if len(at) < LEAST_LINES:
+        raise InputError(
+            "no-excitation",
+            "the inputs have too few frequencies.",
+            fix="excite with noise, a multisine or a sweep about the resonances.",
+        )
     # A mode takes away its share of the noise from the lines that it was fitted to.
     worth = 1 - (1 + u.shape[1] + y.shape[1]) / (len(at) * y.shape[1])
     found = chosen_modes(part, at, (data.U[0, at], data.Y[0, at]), error, worth)

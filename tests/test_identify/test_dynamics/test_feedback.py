@@ -183,3 +183,5 @@ def test_a_record_without_a_resonance_has_no_modes():
     rng = np.random.default_rng(0)
     for code, rows in (("nothing-fits", 500), ("too-few-rows", 20)):
         refuses(code, lambda n=rows: fit_modes(rng.normal(size=n), rng.normal(size=n), DT))
+    sine = np.sin(np.arange(512) * np.pi / 16)
+    refuses("no-excitation", lambda: fit_modes(sine, sine, DT))
