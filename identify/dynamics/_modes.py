@@ -22,13 +22,17 @@ from hysteresis.dynamics._feedback import CLOSE
 
 from ._feedback_search import Spectra, gauss_newton, simulated
 from ._feedback_unknowns import Unknowns
-from ._measured_motion import LEAST_ROWS
+from ._measured_motion import LEAST_NOISE, LEAST_ROWS
 from ._periodic_tests import PeriodicTest, excited_lines, input_sizes, spectra_of
 from ._vector_fitting import vector_fitted
 
 MOST_MODES = 30
 WORTH = 0.98
 """More modes, or a group of channels, have to bring the error of what is held out below this part of it."""
+
+NEAR = 1.3
+"""Of trials by vector fitting those are taken that err less than so many times the best: the shortest such
+delay, and all such numbers of modes, which Gauss-Newton then tells apart."""
 
 SLOWEST_DECAY, BAND = 5e-4, (0.02, 1.15)
 """Poles that are modes: their decay, and where they lie, in parts of the highest excited frequency."""
@@ -47,7 +51,8 @@ def fit_modes(u: ArrayLike, y: ArrayLike, dt: float) -> Feedback:
 
     - `u`: (rows, inputs). `y`: (rows, outputs). `dt`: time between rows.
 
-    **Returns:** a `Feedback` without channels, in the record's units, at most 30 modes.
+    **Returns:** a `Feedback` without channels, in the record's units, of at most 30 modes. Those beyond the
+    band of the inputs stand for what lies above it.
 
     Raises `InputError` `nothing-fits` where no mode is found, `no-excitation`, `too-few-rows`,
     `length-mismatch`, `not-finite`, `constant-input` and `constant-output` for unusable records.
@@ -58,8 +63,8 @@ def fit_modes(u: ArrayLike, y: ArrayLike, dt: float) -> Feedback:
 
         >>> truth = hysteresis.Feedback([-0.1 + 1.5j], [[-0.3j]], [[1.0]], [[0.0]])
         >>> u = np.random.default_rng(0).normal(size=(2000, 1))
-        >>> identify.fit_modes(u, truth.simulate(u, dt=0.5), dt=0.5).poles.round(3).tolist()
-        [(-0.1+1.5j)]
+        >>> complex(identify.fit_modes(u, truth.simulate(u, dt=0.5), dt=0.5).poles[0].round(3))
+        (-0.1+1.5j)
     """
     u, y = (np.asarray(x, float).reshape(len(np.asarray(x)), -1) for x in (u, y))
     if len(u) < LEAST_ROWS:
@@ -76,7 +81,7 @@ def fit_modes(u: ArrayLike, y: ArrayLike, dt: float) -> Feedback:
 
     def error(model: Feedback) -> float:
         left, whole = (data.left(y)[:, ~seen] for y in (simulated(model, data).output, 0.0))
-        return float(np.linalg.norm(left) / np.linalg.norm(whole))
+        return float(np.hypot(np.linalg.norm(left) / np.linalg.norm(whole), LEAST_NOISE))
 
     part = data._replace(U=data.U * seen[:, None], Y=data.Y * seen[:, None])
     at = at[seen[at]]
@@ -86,9 +91,7 @@ def fit_modes(u: ArrayLike, y: ArrayLike, dt: float) -> Feedback:
             "the inputs have too few frequencies.",
             fix="excite with noise, a multisine or a sweep about the resonances.",
         )
-    # A mode takes away its share of the noise from the lines that it was fitted to.
-    worth = 1 - (1 + u.shape[1] + y.shape[1]) / (len(at) * y.shape[1])
-    found = chosen_modes(part, at, (data.U[0, at], data.Y[0, at]), error, worth)
+    found = chosen_modes(part, at, (data.U[0, at], data.Y[0, at]), error)
     thin = max(1, data.lines.count // FEW)
     found = gauss_newton(found, data, Unknowns(), steps=20, thin=thin).model
     without = found.entries[:, :-1], found.direct[:, :-1]
@@ -96,11 +99,7 @@ def fit_modes(u: ArrayLike, y: ArrayLike, dt: float) -> Feedback:
 
 
 def chosen_modes(
-    data: Spectra,
-    at: np.ndarray,
-    told: tuple[Any, Any],
-    error: Callable[[Feedback], float],
-    worth: float = WORTH,
+    data: Spectra, at: np.ndarray, told: tuple[Any, Any], error: Callable[[Feedback], float]
 ) -> Feedback:
     """Modes of one level, their number and the delay by the `error` of what is held out: errors below what
     a steady state leaves tell nothing. At the lines `at` they are looked for from what is `told`, inputs
@@ -116,17 +115,18 @@ def chosen_modes(
 
     thin = max(1, len(at) // FEW)
     delays = np.arange(8) * 0.25 * data.lines.dt
-    _, delay = min((tried(20, d, thin)[0], d) for d in delays)
+    errors = np.array([tried(20, d, thin)[0] for d in delays])
+    delay = delays[np.argmax(errors <= NEAR * errors.min())]
     least, best, found = np.inf, 1.0, None  # of no model 1 is left
     seen = {0}
     for count in range(2, MOST_MODES + 1, 2):
         e, model = tried(count, delay)
         least = min(least, e)
-        if e > 1.3 * least or best < CLOSE or len(model.poles) in seen:
+        if e > NEAR * least or best < CLOSE or len(model.poles) in seen:
             continue
         seen.add(len(model.poles))
         model = gauss_newton(model, data, Unknowns(), steps=10, thin=thin).model
-        if (e := error(model)) < worth * best:
+        if (e := error(model)) < WORTH * best:
             best, found = e, model
     if found is None:
         raise InputError(
@@ -145,7 +145,7 @@ def chosen_modes(
             shapes=found.shapes[:, kept],
         )
         fewer = gauss_newton(fewer, data, Unknowns(), steps=5, thin=thin).model
-        if error(fewer) > max(best, CLOSE) / worth:
+        if error(fewer) > max(best, CLOSE) / WORTH:
             break
         found = fewer
     return found
