@@ -12,7 +12,7 @@ from hysteresis._format import number_of, plain, quantity, with_error
 from hysteresis._quantities import conversion
 from hysteresis._show import aligned
 from hysteresis.records._loads import over
-from hysteresis.records._loop_cut import Pair, step_of
+from hysteresis.records._loop_cut import Pair, largest_row, step_of
 from hysteresis.records._loop_figures import Loops
 from hysteresis.records._row_noise import student
 
@@ -171,9 +171,11 @@ def data_sheet(record: Record) -> DataSheet:
             fix="Give runs over one range, or a data sheet of each.",
         )  # fmt: skip
     ends = []
-    for largest in (False, True):
-        rows, off, level = loops.peak(loops.u, largest)
-        ends.append((level, loops.value(loops.y, rows, off)))
+    for side in (-1, 1):
+        # In the first leg: a loop's last row is the first of the next.
+        at = largest_row(side * loops.u, loops.cut.first, loops.cut.turn)
+        rows, off = loops.tip(loops.u, at)
+        ends.append((loops.value(loops.u, rows, both=True), loops.value(loops.y, rows, off)))
     (begin, bottom), (end, top) = ends
     low, high = float(begin[0].mean()), float(end[0].mean())
     scale = float(np.mean(top[0] - bottom[0]))
@@ -318,7 +320,12 @@ class _Sheet(NamedTuple):
             back, error = (after - before)[up], np.hypot(error0, error1)[up]
             at = int(np.abs(back).argmax())
             told = number_of(len(back), "loop")
-            yield self.row("zero return", back.mean(), np.linalg.norm(error) / len(back), told)
+            # A reading between two loops is after the one and before the other.
+            rows = np.concatenate([loops.cut.first[up], loops.cut.last[up]])
+            _, one, which = np.unique(rows, return_index=True, return_inverse=True)
+            share = np.bincount(which, np.repeat([-1.0, 1.0], len(back))) / len(back)
+            wrong = np.linalg.norm(share * np.concatenate([error0[up], error1[up]])[one])
+            yield self.row("zero return", back.mean(), wrong, told)
             yield self.row("zero error", abs(back[at]), error[at], told)
         hours = conversion(unit, "h")
         rate = "percent / h" if hours else f"percent / {unit}"
