@@ -19,6 +19,7 @@ from hysteresis.trees import Tree, node
 
 from .._contract import AbstractCompensator, Found, Status
 from .._readings import conditioned_in, latest_of, reading_of, with_reading
+from ..inverses._law import beyond_knots
 from ..runtime._file import LONGEST
 from ._run_in import Start
 
@@ -211,9 +212,11 @@ class GuardedCompensator(AbstractCompensator[GuardedState, Found]):
             after, of_other = self.inner.stream(times, y, other)
             others.append(after)
             apart = jnp.maximum(apart, jnp.abs(of_other.value - found.value))
+        unknown = late | (seen != reading)
+        if (conditioned := conditioned_in(self.inner)) is not None:
+            unknown |= beyond_knots(conditioned, y)
         told = each(
-            self._numbers, "limited",
-            found.value, found.status, late | (seen != reading), apart, reading,
+            self._numbers, "limited", found.value, found.status, unknown, apart, reading,
             where=jnp.where(found.status == Status.INVALID, jnp.nan, reading), state=state.limited,
             held=jnp.where(jnp.isnan(state.last), self._limited(found.value), state.value),
             keeps=("beyond",),

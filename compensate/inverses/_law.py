@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 from hysteresis import AbstractModel, InputError, register
 from hysteresis._law_model import OWN
 from hysteresis._parameter import is_concrete
-from hysteresis.models._conditioned import condition_of
+from hysteresis.models._conditioned import Conditioned, condition_of
 from hysteresis.models._viscoelastic import AbstractViscoelastic
 from hysteresis.records._branch_rows import STILL
 from hysteresis.running import Known, Numbers, estimates, held_at_first, numbers_of, told
@@ -178,11 +178,15 @@ def told_of_condition(
     """Statuses that say where the condition, the second column of y, is beyond the model's."""
     if (conditioned := condition_of(model)) is None:
         return jnp.asarray(status)
+    sound = (status == Status.OK) | (status == Status.FLAT)
+    return jnp.where(beyond_knots(conditioned, y) & sound, Status.EXTRAPOLATED, status)
+
+
+def beyond_knots(conditioned: Conditioned, y: Array | np.ndarray) -> Any:
+    """Where the condition, the second column of y, is beyond the trained ones."""
     knots, c = conditioned.knots, y[:, 1]
     margin = STILL * (knots[-1] - knots[0])
-    beyond = (c < knots[0] - margin) | (c > knots[-1] + margin)
-    sound = (status == Status.OK) | (status == Status.FLAT)
-    return jnp.where(beyond & sound, Status.EXTRAPOLATED, status)
+    return (c < knots[0] - margin) | (c > knots[-1] + margin)
 
 
 def goes_back_only(tree: Tree) -> bool:

@@ -84,3 +84,13 @@ def test_without_a_condition_the_last_estimate_is_held():
 def test_a_model_that_rises_here_and_falls_there_has_no_inverse():
     mixed = Conditioned((Scaled(part(1.0, 0.1), 1.0), Scaled(part(1.0, 0.1), -1.0)), [0.0, 1.0])
     refuses("not-invertible", lambda: invert(mixed))
+
+
+def test_at_the_end_of_the_range_a_strange_condition_is_told():
+    """Noise at rest takes a reading beyond what the model can give: the end, OK, at known conditions alone."""
+    down = np.array([[0.0, 10.0], [-1.0, 10.0]])
+    least = float(model().simulate(None, down)[-1])
+    guarded = invert(model(), trained=(-1.0, 2.0), seen=(least - 1.0, least + 9.0))
+    found = guarded.simulate(None, np.array([[least - 0.01, c] for c in (10.0, 0.0, 10.0)]))
+    np.testing.assert_allclose(found.value, -1.0)
+    assert [*found.status] == [Status.OK, Status.EXTRAPOLATED, Status.OK]
