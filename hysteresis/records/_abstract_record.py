@@ -100,6 +100,8 @@ class AbstractRecord:
             if not (bad := np.isnan(x) & where).any():
                 continue
             fill = 'nan="interpolate" (--nan interpolate) fills them in a straight line.'
+            if any(np.isnan(part).all() for part in np.split(x, self.starts[1:])):
+                fill = "leave out the sequence that has none at all."
             if role != "output":
                 fill = f"hysteresis needs complete {role}; {fill}"
             else:

@@ -87,7 +87,7 @@ def test_a_model_that_rises_here_and_falls_there_has_no_inverse():
 
 
 def test_at_the_end_of_the_range_a_strange_condition_is_told():
-    """Noise at rest takes a reading beyond what the model can give: the end, OK, at known conditions alone."""
+    """A reading beyond what the model can give is the end, OK, at trained conditions alone."""
     down = np.array([[0.0, 10.0], [-1.0, 10.0]])
     least = float(model().simulate(None, down)[-1])
     guarded = invert(model(), trained=(-1.0, 2.0), seen=(least - 1.0, least + 9.0))

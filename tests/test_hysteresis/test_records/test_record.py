@@ -44,6 +44,8 @@ def test_nan_input_needs_interpolation_and_nan_output_may_be_masked():
     assert "Filled 3 NaN" in filled.history[-1]
     refuses("nan-input", lambda: Record.from_arrays(y, u, t, nan="omit"), '"interpolate"')
     assert np.allclose(Record.from_arrays(y, u, t, nan="interpolate").input, u)
+    none = "leave out the sequence that has none at all"
+    refuses("nan-input", lambda: Record.from_arrays(u * np.nan, u, t, nan="interpolate"), none)
 
 
 def test_clock_faults_name_their_lines():
