@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from compensate import Status, calibrated, export_c, export_runtime, invert
+from compensate import Status, calibrated, export_c, export_runtime, export_to, invert
 from compensate.runtime import FileError, load
 from hysteresis import (
     AbstractModel,
@@ -339,6 +339,8 @@ def test_a_density_is_tabulated_and_its_error_told(tmp_path: Path):
 def test_what_cannot_be_exported_is_refused(tmp_path: Path):
     model, y = relays()
     refuses("bad-name", lambda: export_c(model, tmp_path / "3 d.h", y))
+    for name in ("mujoco", "class", "3 d"):
+        refuses("bad-name", lambda name=name: export_to("mujoco", model, tmp_path / name, y))
     refuses("bad-option", lambda: export_c(model, tmp_path / "it.h", y, real="half"))
     refuses("no-rows", lambda: export_c(model, tmp_path / "it.h", [np.nan, 1.0]))
     refuses("no-time", lambda: export_c(Burgers(1.0, 1.0, 1.0, 1.0), tmp_path / "it.h", y))

@@ -1,6 +1,7 @@
 """What every target is made of: facts for its templates, a folder or an archive written whole."""
 
 import json
+import keyword
 import re
 import shutil
 import subprocess
@@ -161,6 +162,13 @@ class Artefact:
             return library.read_bytes()
 
 
+USED = frozenset({
+    "arduino", "filters", "geometry_msgs", "mujoco", "numpy", "onnx", "pluginlib", "rclcpp", "sklearn",
+    "std_msgs", "std_srvs", *keyword.kwlist,
+})  # fmt: skip
+"""Names of what exports include, import or depend on."""
+
+
 def name_in_c(out: Path, *, lower: bool = False) -> str:
     """The name of an export, from its file's or folder's. Raises `InputError` `bad-name`."""
     stem = out.stem if out.suffix in (".fmu", ".onnx", ".h") else out.name
@@ -172,6 +180,12 @@ def name_in_c(out: Path, *, lower: bool = False) -> str:
         )
     if not re.fullmatch(pattern, stem):
         raise InputError("bad-name", f"{stem!r} cannot be the name of this export.", fix=what)
+    if stem.lower() in USED:
+        said, fix = (
+            f"{stem!r} is the name of something that exports use.",
+            "give another name (--out).",
+        )
+        raise InputError("bad-name", said, fix=fix)
     return stem
 
 
