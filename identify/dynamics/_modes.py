@@ -1,6 +1,6 @@
 """The modes of a linear system: poles by vector fitting, then Gauss-Newton, their number by held-out lines.
 
-A record that is no period is that of a system with an input more: what its ends differ by is one blow at
+A record that is not a period is one of a system with an input more: its ends differ by one blow at
 the first row, which strikes every mode,
 
     Y = G U + sum of c_m a_m / (s - p_m),     a_m = x_m(0) - x_m(T).
