@@ -10,7 +10,7 @@ from ..diagnostics._profile_likelihood import another_minimum
 from ..diagnostics._rows_beyond import loops_left, unseen_time_constants
 from ..diagnostics._sloppiness import without_effect
 from ..records._folds import LEAST_GAIN, root_difference
-from ..results._detail import DiscreteSpectrum
+from ..results._detail import Composition, DiscreteSpectrum
 from ..results._fit_result import PURPOSES, FitResult
 from ..results._goodness_of_fit import best_baseline
 from ..results._trained_condition import RowsBeyond
@@ -53,8 +53,9 @@ def judge(fit: FitResult, warnings: tuple[Note, ...] = ()) -> Verdict:
     without a standard error, a second minimum, no noise model that explains the residuals. To compensate: a
     specimen that still changes; a compensator that was not tried.
 
-    Rows that the fit leaves out are told. A zero that moves is told first of all. Ratios are of like with
-    like: rms with rms in the output's unit, for holds in per cent of the reading.
+    Rows that the fit leaves out are told, and a condition that it ignores. A zero that moves is told first
+    of all. Ratios are of like with like: rms with rms in the output's unit, for holds in per cent of the
+    reading.
     """
     found = Reasons([], [], [])
     if not fit.success:
@@ -65,6 +66,7 @@ def judge(fit: FitResult, warnings: tuple[Note, ...] = ()) -> Verdict:
     _compare(fit, found)
     if not isinstance(fit.detail, DiscreteSpectrum):  # whose input is held, or a frequency
         _loops(fit, found)
+        _ignored_condition(fit, found)
     _held_out(fit, found)
     over_cycles(fit, found)
     _parameters(fit, found)
@@ -165,6 +167,19 @@ def _loops(fit: FitResult, found: Reasons) -> None:
     )
     values = {"share": loops.share, "left": loops.left, "width": loops.width}
     found.cautions.append(Note("loops-left", text, values))
+
+
+def _ignored_condition(fit: FitResult, found: Reasons) -> None:
+    """That the output of the model is the same at every value of the condition that was named."""
+    found.facts.extend(note for note in fit.train.history if note.code == "constant-condition")
+    if fit.condition is None and fit.train.conditions:
+        text = (
+            f"The model does not depend on {', '.join(fit.train.conditions)}, so no row is flagged for"
+            " its value there."
+        )
+        if not isinstance(fit.detail, Composition):
+            text += " A composition may depend on it (--model Composition)."
+        found.facts.append(Note("condition-ignored", text))
 
 
 def _held_out(fit: FitResult, found: Reasons) -> None:

@@ -186,4 +186,6 @@ def test_two_conditions_and_a_constant_one():
         identify.fit(record_of(columns, condition=[C, "pressure (bar)"]), "LinearSponge")
     still = replace(record_of(rig()), columns={C: np.full(4 * ROWS, 300.0)})
     fit = identify.fit(still, "LinearSponge", noise="gaussian", starts=1)
-    assert "constant-condition" in {note.code for note in fit.train.history}
+    assert "constant-condition" in {note.code for note in fit.verdict.reasons}
+    ignored = identify.fit(record_of(rig()), "LinearSponge", noise="gaussian", starts=1)
+    assert any(f"not depend on {C}" in reason for reason in ignored.verdict.reasons)
