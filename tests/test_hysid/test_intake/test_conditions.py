@@ -189,3 +189,4 @@ def test_two_conditions_and_a_constant_one():
     assert "constant-condition" in {note.code for note in fit.verdict.reasons}
     ignored = identify.fit(record_of(rig()), "LinearSponge", noise="gaussian", starts=1)
     assert any(f"not depend on {C}" in reason for reason in ignored.verdict.reasons)
+    assert "condition-ignored" in ignored.verdict.codes
