@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hysteresis import InputError, Record
+from hysteresis._quantities import require_same
 from hysteresis.models._conditioned import with_condition
 
 from ._readings import conditioned_in, readings_of
@@ -34,14 +35,15 @@ def estimate(compensator: Simulates[Found], record: Record) -> Found:
 
     **Arguments:**
 
-    - `compensator`: of a model whose output is the output of the record, in its unit. Where the model
-      depends on a condition, the record has it too.
+    - `compensator`: of a model whose output is the output of the record, in its unit: that of a fit knows
+      its `units`. Where the model depends on a condition, the record has it too.
     - `record`: its input is looked at in known rows alone.
 
     **Returns:** what `compensator.simulate` returns, over the rows (..., samples): `value` in the unit of
     the model's input, `status`, and for compensators that know their error `deviation` and `draws`.
 
-    **Raises:** `InputError` `no-rows`, `no-condition`, and what `compensator.simulate` raises.
+    **Raises:** `InputError` `no-rows`, `no-condition`, `wrong-unit`, and what `compensator.simulate`
+    raises.
 
     **Example:**
 
@@ -51,6 +53,7 @@ def estimate(compensator: Simulates[Found], record: Record) -> Found:
     """
     if not len(record):
         raise InputError("no-rows", "The record has no rows to estimate.", place=record.source)
+    _check_units(compensator, record)
     found, readings = [], readings_of(compensator, record)
     for rows, first in _stretches(compensator, record):
         n = rows.stop - rows.start
@@ -64,6 +67,21 @@ def estimate(compensator: Simulates[Found], record: Record) -> Found:
         whole = compensator.simulate(t, y, **first)
         found.append(jax.tree.map(lambda x, n=n: np.asarray(x)[..., :n], whole))
     return jax.tree.map(lambda *parts: jnp.asarray(np.concatenate(parts, axis=-1)), *found)
+
+
+def _check_units(compensator: Any, record: Record) -> None:
+    """Raise `InputError` `wrong-unit` where a column that is read has another unit than the compensator."""
+    columns = []
+    if (units := getattr(compensator, "units", None)) is not None:
+        columns = [
+            (record.output_name, record.output_unit, units.input),
+            (record.time_name, record.time_unit, units.time),
+        ]
+        if record.known is not None:
+            columns.append((record.input_name, record.input_unit, units.output))
+    if (found := conditioned_in(compensator)) is not None:
+        columns.append((found.condition, record.conditions.get(found.condition, "1"), found.unit))
+    require_same(columns)
 
 
 def _stretches(compensator: Any, record: Record) -> Iterator[tuple[slice, dict[str, Any]]]:

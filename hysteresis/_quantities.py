@@ -1,5 +1,6 @@
 """Units of a model's input, output and time, and their conversion."""
 
+from collections.abc import Iterable
 from dataclasses import fields
 from fractions import Fraction
 from functools import cache
@@ -92,6 +93,19 @@ def with_units(module: Module, units: Units | None, trained: Any = None) -> Modu
     if trained is not None:
         object.__setattr__(new, "trained", as_range(trained))
     return new
+
+
+def require_same(columns: Iterable[tuple[str, str, str]]) -> None:
+    """Raise `InputError` `wrong-unit` where a column, (name, unit, wanted unit), is in another unit than
+    wanted, and both are known."""
+    for name, unit, wanted in columns:
+        if unit != wanted and "1" not in (unit, wanted):
+            raise InputError(
+                "wrong-unit",
+                f"{name} is in {unit}; the model was fitted to {wanted}.",
+                cause="another quantity, or the same in another unit.",
+                fix=f"give the column in {wanted}, and say so in its header.",
+            )
 
 
 def as_units(words: Any) -> Units | None:

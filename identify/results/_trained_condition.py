@@ -5,8 +5,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
-from hysteresis import AbstractModel, Conditioned, InputError, Record
+from hysteresis import AbstractModel, Conditioned, Record
 from hysteresis._format import quantity
+from hysteresis._quantities import require_same
 from hysteresis.models._conditioned import condition_column, condition_of
 from hysteresis.models._extrapolation import extended
 
@@ -52,14 +53,7 @@ def check_units(fit: Any, record: Record, *sides: str) -> None:
         for side in ("time", *sides)
         if side != "input" or not record.channels
     ]
-    for name, unit, wanted in known:
-        if unit != wanted and "1" not in (unit, wanted):
-            raise InputError(
-                "wrong-unit",
-                f"{name} is in {unit}; the model was fitted to {wanted}.",
-                cause="another quantity, or the same in another unit.",
-                fix=f"give the column in {wanted}, and say so in its header.",
-            )
+    require_same(known)
 
 
 # How many of the held-out rows lie beyond what a fit has seen, and how large its error is there.

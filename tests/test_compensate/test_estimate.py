@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from compensate import Status, estimate, invert
 from compensate.internal import BracketedCompensator
 from hysteresis import Burgers, PrandtlIshlinskii, Preisach, Record
-from hysteresis.internal import with_units
+from hysteresis.internal import Units, with_units
 from hysteresis.preisach import GridDensity
 from tests.problems import HIGH, INVERTIBLE, KINDS, LOW, Problem, random_histories, weights
 from tests.refusals import refuses
@@ -120,3 +120,11 @@ def test_a_record_with_known_rows_is_estimated_from_them():
     )
     found = estimate(invert(model), record)
     assert np.allclose(found.value[LAST - FIRST :], u[LAST:], atol=1e-6)
+
+
+@pytest.mark.parametrize("other", [{"output_unit": "mN"}, {"time_unit": "ms"}])
+def test_a_record_in_another_unit_is_refused(other: dict):
+    compensator = invert(with_units(BURGERS, Units("mm", "N")))
+    given = replace(record(0, [8]), input_unit="mm", output_unit="N", time_unit="s")
+    estimate(compensator, given)
+    refuses("wrong-unit", lambda: estimate(compensator, replace(given, **other)))
