@@ -31,10 +31,10 @@ def with_known(record: Record, known: Any) -> Record:
     """
     name = str(known)
     if name in record.columns:
-        counts = np.asarray(record.columns[name], float)[record.starts]
+        counts = floats(record.columns[name])[record.starts]
     else:
         counts = np.full(len(record.starts), float(name) if name.isdecimal() else np.nan)
-    if not (np.isfinite(counts) & (counts >= 0)).all():
+    if not (np.isfinite(counts) & (counts >= 0) & (counts == np.floor(counts))).all():
         raise InputError(
             "bad-option",
             f"{name!r} is neither a number of rows nor a column of such numbers.",

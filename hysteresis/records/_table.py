@@ -175,7 +175,8 @@ def column_of(table: "Table | AbstractRecord", name: str) -> np.ndarray:
         f"No column {name!r}; have {', '.join(map(repr, have))}.",
         place=getattr(table, "path", ""),
         cause=cause,
-        fix="give the exact header, with its unit (--input, --output, --time, --group, --each).",
+        fix="give the exact header, with its unit (--input, --output, --time, --group, --each), or correct"
+        " it in the file.",
     )
 
 

@@ -86,8 +86,12 @@ def test_terms_of_each_sequence_are_taken_where_states_tell_less(tmp_path: Path)
 
 def test_what_is_no_number_of_rows_is_told(fit: identify.FitResult):
     record = cut_from_one_history()
-    with raises("bad-option", "neither a number of rows nor a column"):
-        fit.predict(record, known="many")
+    rows = len(record)
+    words = {"word": np.full(rows, "many"), "half": np.full(rows, 2.5)}
+    record = replace(record, columns={**record.columns, **words})
+    for known in ("many", *words):
+        with raises("bad-option", "neither a number of rows nor a column"):
+            fit.predict(record, known=known)
     refuses("no-rows", lambda: fit.predict(record, known=LENGTH), "none is left")
     np.testing.assert_array_equal(fit.predict(record, known=0), fit.predict(record))
 
