@@ -57,13 +57,18 @@ def with_known(record: Record, known: Any) -> Record:
     return record.noted("known-rows", said, mask=mask, columns={**record.columns, KNOWN: rows})
 
 
+def _listed(words: str | Sequence[str] | None) -> list[str]:
+    """Names as a list: one alone is a list of one."""
+    return [words] if isinstance(words, str) else list(words or ())
+
+
 def turned(record: Record, names: str | Sequence[str]) -> Record:
     """The record with the sign of these columns turned: its input, output, channels or conditions.
 
     **Raises:** `InputError` `no-column` for a name that is none of them.
     """
     changes: dict[str, Any] = {"columns": dict(record.columns)}
-    for name in (names,) if isinstance(names, str) else names:
+    for name in _listed(names):
         roles = {record.output_name: "output"}
         if not record.channels:
             roles[record.input_name] = "input"
@@ -235,7 +240,7 @@ def read_csv(
         problem = f"time={time!r}, dt={dt!r}: give one of them, and a step above 0."
         raise InputError("bad-option", problem, fix="--time COL, or --dt SECONDS.")
     notes, units = list(table.notes), {}
-    inputs = [input] if isinstance(input, str) else list(input)
+    inputs, condition, keep, rezero = map(_listed, (input, condition, keep, rezero))
     if not inputs or len(set(inputs)) < len(inputs):
         twice = ", ".join(sorted({repr(name) for name in inputs if inputs.count(name) > 1}))
         problem = f"Input {twice} is given twice." if inputs else "No input is given."
@@ -272,7 +277,7 @@ def read_csv(
             lines = f"The rows are on lines {table.line.min()} to {table.line.max()} (--rezero LINE:SIZE)."
             raise InputError("no-match", problem, place=table.path, fix=lines)
     chosen = slice(None) if rows.all() else rows  # a view, where a mask makes a copy
-    names = [group] if isinstance(group, str) else list(group or ())
+    names = _listed(group)
     for name in (*names, *keep, *filter(None, [sigma])):
         column_of(table, name)
     groups = None

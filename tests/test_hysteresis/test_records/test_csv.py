@@ -126,6 +126,11 @@ def test_groups_where_and_keep(read):
     assert record.labels == ("a/1", "a/2", "a/10", "b/1", "b/2", "b/10")
     assert np.array_equal(record.time, np.tile(0.5 * np.arange(4), 6))
     assert np.array_equal(record.columns["part"], record.input % 3)
+    one = read(
+        text, "x_mm", "f_N", keep="part", condition="run"
+    )  # one name is not a list of letters
+    assert "part" in one.columns
+    assert list(one.conditions) == ["run"]
     some = read(text, "x_mm", "f_N", group="sample", where={"run": ["2", "10.0"]})
     assert len(some) == 16
     assert some.labels == ("a", "b")
