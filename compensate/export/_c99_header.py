@@ -27,6 +27,13 @@ from ._python_to_c99 import Element, comment, element, number
 
 Tree = dict[str, Any]
 
+STANDARD = frozenset({
+    "assert", "complex", "ctype", "errno", "fenv", "float", "inttypes", "iso646", "limits", "locale",
+    "math", "setjmp", "signal", "stdarg", "stdbool", "stddef", "stdint", "stdio", "stdlib", "string",
+    "tgmath", "time", "wchar", "wctype",
+})  # fmt: skip
+"""Headers of C99 itself, which a header of such a name hides from the compiler."""
+
 OUTPUTS = 20
 """Operations of a step that hand out what its nodes have found."""
 

@@ -31,7 +31,7 @@ from ..runtime._file import COMPENSATOR_SCHEMA, number
 from ..uncertainty._calibrated import CalibratedCompensator
 from ..uncertainty._guaranteed import Guaranteed
 from ._band import banded
-from ._c99_header import header
+from ._c99_header import STANDARD, header
 from ._document import LONGEST as LONGEST_MOTION
 from ._document import (
     Model,
@@ -370,10 +370,10 @@ class Program:
     def write_c(self, path: str | Path, real: str = "double") -> Exported:
         """`export_c` of what was prepared."""
         path = Path(path)
-        if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", path.stem):
+        if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", path.stem) or path.stem.lower() in STANDARD:
             raise InputError(
-                "bad-name", f"{path.stem!r} cannot be a name in C.",
-                fix="letters, digits and _, a letter first.",
+                "bad-name", f"{path.stem!r} cannot be the name of a header.",
+                fix="letters, digits and _, a letter first, and not the name of a header of C itself.",
             )  # fmt: skip
         if real not in ("double", "float"):
             raise InputError("bad-option", f"real={real!r} is unknown.", fix="double or float.")

@@ -338,9 +338,16 @@ def test_a_density_is_tabulated_and_its_error_told(tmp_path: Path):
 
 def test_what_cannot_be_exported_is_refused(tmp_path: Path):
     model, y = relays()
-    refuses("bad-name", lambda: export_c(model, tmp_path / "3 d.h", y))
-    for name in ("mujoco", "class", "3 d"):
-        refuses("bad-name", lambda name=name: export_to("mujoco", model, tmp_path / name, y))
+    for name in ("3 d", "math", "String"):
+        refuses("bad-name", lambda name=name: export_c(model, tmp_path / f"{name}.h", y))
+    for target, name in (
+        ("mujoco", "mujoco"),
+        ("mujoco", "class"),
+        ("ros2", "math"),
+        ("sklearn", "json"),
+    ):
+        out = tmp_path / name
+        refuses("bad-name", lambda to=target, out=out: export_to(to, model, out, y))
     refuses("bad-option", lambda: export_c(model, tmp_path / "it.h", y, real="half"))
     refuses("no-rows", lambda: export_c(model, tmp_path / "it.h", [np.nan, 1.0]))
     refuses("no-time", lambda: export_c(Burgers(1.0, 1.0, 1.0, 1.0), tmp_path / "it.h", y))

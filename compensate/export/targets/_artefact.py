@@ -21,7 +21,7 @@ from hysteresis._atomic_file import atomic_file
 from hysteresis._escape import c_comment, c_string, markup, visible
 
 from ...runtime._file import checksum
-from .._c99_header import header
+from .._c99_header import STANDARD, header
 from .._export import Program
 
 if TYPE_CHECKING:
@@ -163,13 +163,13 @@ class Artefact:
 
 
 USED = frozenset({
-    "arduino", "filters", "geometry_msgs", "mujoco", "numpy", "onnx", "pluginlib", "rclcpp", "sklearn",
-    "std_msgs", "std_srvs", *keyword.kwlist,
+    "arduino", "filters", "geometry_msgs", "mj", "mujoco", "numpy", "onnx", "pluginlib", "rclcpp",
+    "sklearn", "std", "std_msgs", "std_srvs", *STANDARD, *keyword.kwlist,
 })  # fmt: skip
 """Names of what exports include, import or depend on."""
 
 
-def name_in_c(out: Path, *, lower: bool = False) -> str:
+def name_in_c(out: Path, *, lower: bool = False, used: frozenset[str] = USED) -> str:
     """The name of an export, from its file's or folder's. Raises `InputError` `bad-name`."""
     stem = out.stem if out.suffix in (".fmu", ".onnx", ".h") else out.name
     pattern, what = r"[A-Za-z][A-Za-z0-9_]*", "letters, digits and _, a letter first."
@@ -180,7 +180,7 @@ def name_in_c(out: Path, *, lower: bool = False) -> str:
         )
     if not re.fullmatch(pattern, stem):
         raise InputError("bad-name", f"{stem!r} cannot be the name of this export.", fix=what)
-    if stem.lower() in USED:
+    if stem.lower() in used:
         said, fix = (
             f"{stem!r} is the name of something that exports use.",
             "give another name (--out).",

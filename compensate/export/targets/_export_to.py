@@ -2,6 +2,7 @@
 
 import inspect
 import platform
+import sys
 import uuid
 from collections.abc import Callable
 from importlib.util import find_spec
@@ -16,7 +17,7 @@ from ...runtime import _file
 from .._cards import CARDS
 from .._document import Model, nodes_of
 from .._export import Exported, Program
-from ._artefact import Artefact, name_in_c
+from ._artefact import USED, Artefact, name_in_c
 from ._fixed_point import add_fixed_point
 from ._onnx import onnx
 
@@ -94,7 +95,8 @@ LAWS = Path(laws.__file__).parent
 
 def sklearn(program: Program, out: Path, real: str) -> Exported:
     """Write a package that imports scikit-learn and NumPy, and nothing of hysid."""
-    made = Artefact(program, name_in_c(out), real)
+    # A package named json would be imported in place of Python's own.
+    made = Artefact(program, name_in_c(out, used=USED | sys.stdlib_module_names), real)
     made.words["step"] = made.usual_step
     made.add_template("sklearn/__init__.py.txt", "__init__.py")
     made.add_template("sklearn/README.md", "README.md")
