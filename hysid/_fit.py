@@ -84,8 +84,7 @@ def fit(
     own = {key: options.pop(key) for key in _OF_RECORDS if key in options}
     if output is not None and input is not None:
         if isinstance(data, str | Path):
-            own["condition"] = [condition] if isinstance(condition, str) else condition
-            record = read_csv(data, input, output, time, group=group, **own)
+            record = read_csv(data, input, output, time, group=group, condition=condition, **own)
         else:
             record = Record.from_columns(data, input, output, time, group, condition, **own)
         record = turned(record, turn) if turn else record

@@ -42,8 +42,10 @@ def require_double() -> None:
         )
 
 
+Moved: TypeAlias = Oscillator | Feedback
+"""Masses, which go from a force to the displacement."""
 Model: TypeAlias = AbstractModel | Feedback
-"""What can be exported: what moves under a force goes from that to the displacement."""
+"""What can be exported."""
 
 
 # Models and what is around their inverses as trees of plain numbers: what the runtimes without JAX run.
@@ -119,7 +121,7 @@ LONGEST = 10.0
 class Motion(NamedTuple):
     """Masses where a compensator is expected: readings are forces, estimates displacements."""
 
-    model: Oscillator | Feedback
+    model: Moved
 
     def simulate(self, t: Any, force: Any) -> Estimate:
         """The displacements from rest; at rest, where no force is known."""

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hysteresis import AbstractModel, Feedback, InputError, Oscillator
+from hysteresis import AbstractModel, InputError
 from hysteresis._atomic_file import write_whole
 from hysteresis._quantities import conversion
 from hysteresis.laws import announced
@@ -36,6 +36,7 @@ from ._document import LONGEST as LONGEST_MOTION
 from ._document import (
     Model,
     Motion,
+    Moved,
     guard_tree,
     nodes_of,
     require_double,
@@ -199,15 +200,14 @@ class Program:
         band: Guaranteed | None = None,
     ):
         require_double()
-        moves = isinstance(model, Oscillator | Feedback)
         if (units := getattr(model, "units", None)) is not None:
             back, forth = units.output, units.input
-            if moves:
+            if isinstance(model, Moved):
                 back, forth = forth, back
             reading, estimate = _named(reading, back), _named(estimate, forth)
         original, model = model, with_grids(model) if isinstance(model, AbstractModel) else model
         compensator: AbstractCompensator | Motion
-        if isinstance(model, Oscillator | Feedback):
+        if isinstance(model, Moved):
             compensator = Motion(model)
         else:
             if past is None and start == "unknown" and times is not None:
@@ -302,7 +302,7 @@ class Program:
         require_one_input(self._whole(), self._deep_enough())
 
     def _longest(self, t: np.ndarray) -> float:
-        if not isinstance(self.model, Oscillator | Feedback):
+        if not isinstance(self.model, Moved):
             return min(longest_step(t), stable_step(self.model))
         return LONGEST_MOTION * float(np.median(np.diff(t)))
 

@@ -204,14 +204,11 @@ def find(
 ) -> float:  # fmt: skip
     """The output at the sample whose input this is. It begins at rest, and s with the first drive."""
     s.status = OK
-    if not s.begun:
+    if not s.begun:  # a step of no length
         s.begun = 1
-        s.u = u
-        for i in range(p.channels):
-            s.free[i] = p.direct[(i + 1) * (p.channels + 1)] * u
+        stepped(p, s, u)
         settled(look, p, s, whole, 0.0)
-        for k in range(p.channels):
-            s.w[k] = s.new[k]
+        landed(p, s)
         return shown(p, s)
     h = dt / p.substeps
     if fabs(h - s.pace) > SAME * h:

@@ -23,7 +23,7 @@ from hysteresis.dynamics._feedback import CLOSE
 from ._feedback_search import Spectra, gauss_newton, simulated
 from ._feedback_unknowns import Unknowns
 from ._measured_motion import LEAST_NOISE, LEAST_ROWS
-from ._periodic_tests import PeriodicTest, excited_lines, input_sizes, spectra_of
+from ._periodic_tests import excited_lines, input_sizes, periodic_test, spectra_of
 from ._vector_fitting import vector_fitted
 
 MOST_MODES = 30
@@ -66,14 +66,14 @@ def fit_modes(u: ArrayLike, y: ArrayLike, dt: float) -> Feedback:
         >>> complex(identify.fit_modes(u, truth.simulate(u, dt=0.5), dt=0.5).poles[0].round(3))
         (-0.1+1.5j)
     """
-    u, y = (np.asarray(x, float).reshape(len(np.asarray(x)), -1) for x in (u, y))
-    if len(u) < LEAST_ROWS:
+    rows = len(np.asarray(u))
+    if rows < LEAST_ROWS:
         raise InputError(
             "too-few-rows",
-            f"{len(u)} rows do not show modes.",
+            f"{rows} rows do not show modes.",
             fix=f"measure at least {LEAST_ROWS} rows.",
         )
-    in_units, data = in_own_units(spectra_of([PeriodicTest(u, y[None], dt)])[0])
+    in_units, data = in_own_units(spectra_of([periodic_test(u, y, dt, rows)])[0])
     at, blow = excited_lines(data.U), np.full((1, data.lines.count, 1), data.size.mean())
     data = data._replace(U=np.concatenate([data.U, blow], 2))
     # Half of the lines are held out: without inputs and outputs they are in no sum.

@@ -29,16 +29,21 @@ def vector_fitted(
     """Poles (poles,) of positive imaginary part, residues (inputs, poles, responses), direct terms."""
     for _ in range(steps):
         poles = _moved(s, inputs, responses, poles)
-    wide = np.column_stack([basis_of(s, poles), np.ones(len(s))])
-    driven = np.hstack([wide * u[:, None] for u in inputs.T])
-    found = np.linalg.lstsq(real(driven), real(responses), rcond=None)[0]
+    _, driven = _columns(s, inputs, poles)
+    found = np.linalg.lstsq(driven, real(responses), rcond=None)[0]
     found = found.reshape(inputs.shape[1], -1, responses.shape[1])
     return poles, found[:, 0:-1:2] + 1j * found[:, 1:-1:2], found[:, -1]
 
 
-def _moved(s: Any, inputs: Any, responses: Responses, poles: Any) -> Any:
+def _columns(s: Any, inputs: Any, poles: Any) -> tuple[Any, np.ndarray]:
+    """The basis with a direct term, and the real columns of all inputs through it."""
     wide = np.column_stack([basis_of(s, poles), np.ones(len(s))])
-    own, rows = np.linalg.qr(real(np.hstack([wide * u[:, None] for u in inputs.T])))[0], []
+    return wide, real(np.hstack([wide * u[:, None] for u in inputs.T]))
+
+
+def _moved(s: Any, inputs: Any, responses: Responses, poles: Any) -> Any:
+    wide, driven = _columns(s, inputs, poles)
+    own, rows = np.linalg.qr(driven)[0], []
     for response in responses.T:
         sigma = real(-wide * response[:, None])
         rows.append(np.linalg.qr(sigma - own @ (own.T @ sigma), mode="r"))
