@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from hysteresis._drawing import html_of, plot_of
 from hysteresis._model import same_samples
+from hysteresis._parameter import as_float
 from hysteresis._precision import in_own_precision, keep_precision
 from hysteresis._quantities import Units, as_units
 from hysteresis._show import one_line, table
@@ -67,7 +68,7 @@ class AbstractStreamed(eqx.Module, Generic[State, Found]):
     def simulate(self, t: ArrayLike | None, y: ArrayLike, state: State | None = None) -> Found:
         """`step` over all samples: arrays of the shape of `y`; `t` may be None without rates."""
         same_samples(t, y)
-        return self.stream(t, jnp.asarray(y, float), self.init() if state is None else state)[1]
+        return self.stream(t, as_float(y), self.init() if state is None else state)[1]
 
 
 class AbstractCompensator(AbstractStreamed[State, Found]):

@@ -4,11 +4,11 @@ from collections.abc import Iterator
 from typing import Any, Protocol, TypeVar, runtime_checkable
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike
 
 from hysteresis import InputError, Record
+from hysteresis._parameter import as_array
 from hysteresis._quantities import require_same
 from hysteresis.models._conditioned import with_condition
 
@@ -57,7 +57,7 @@ def estimate(compensator: Simulates[Found], record: Record) -> Found:
     found, readings = [], readings_of(compensator, record)
     for rows, first in _stretches(compensator, record):
         n = rows.stop - rows.start
-        # Guards, bands and draws are programs of JAX, compiled for each length, which takes longer than
+        # Ensembles and searches are programs of JAX, compiled for each length, which takes longer than
         # running them. So sequences are lengthened to a power of two by samples without a reading, which
         # change nothing before them.
         more = (0, (1 << (n - 1).bit_length()) - n)
@@ -66,7 +66,7 @@ def estimate(compensator: Simulates[Found], record: Record) -> Found:
         y = np.pad(readings[rows], around, constant_values=np.nan)
         whole = compensator.simulate(t, y, **first)
         found.append(jax.tree.map(lambda x, n=n: np.asarray(x)[..., :n], whole))
-    return jax.tree.map(lambda *parts: jnp.asarray(np.concatenate(parts, axis=-1)), *found)
+    return jax.tree.map(lambda *parts: as_array(np.concatenate(parts, axis=-1)), *found)
 
 
 def _check_units(compensator: Any, record: Record) -> None:

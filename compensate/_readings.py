@@ -6,28 +6,29 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
 
 from hysteresis import Conditioned, Record
+from hysteresis._parameter import array_module, is_concrete
 from hysteresis.models._conditioned import condition_of, with_condition
 
 
-def reading_of(y: Float[Array, "..."], dimensions: int) -> Float[Array, "..."]:
+def reading_of(y: Any, dimensions: int) -> Any:
     """The reading itself, of so many dimensions: the first of the pair (y, c), where c is there."""
     return y[..., 0] if y.ndim > dimensions else y
 
 
-def with_reading(
-    y: Float[Array, "..."], dimensions: int, reading: Float[Array, "..."]
-) -> Float[Array, "..."]:
+def with_reading(y: Any, dimensions: int, reading: Any) -> Any:
     """The same with another reading; the condition, where there is one, stays."""
     if y.ndim == dimensions:
         return reading
-    return jnp.concatenate([reading[..., None], y[..., 1:].astype(reading.dtype)], -1)
+    both = reading[..., None], y[..., 1:].astype(reading.dtype)
+    return array_module(reading).concatenate(both, -1)
 
 
-def latest_of(valid: Bool[Array, " samples"]) -> Int[Array, " samples"]:
+def latest_of(valid: Any) -> Any:
     """The latest valid sample up to each one; -1 before the first."""
+    if is_concrete(valid):
+        return np.maximum.accumulate(np.where(valid, np.arange(len(valid)), -1))
     return jax.lax.cummax(jnp.where(valid, jnp.arange(len(valid)), -1))
 
 

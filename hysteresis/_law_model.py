@@ -11,6 +11,7 @@ from jaxtyping import Array, Float
 from ._errors import InputError
 from ._model import AbstractFollowingModel, Series, needed_time
 from ._once import once
+from ._parameter import array_module, as_array, as_float
 from .running import Numbers, numbers_of, outputs
 
 OWN = 0
@@ -49,7 +50,7 @@ class AbstractLawModel(AbstractFollowingModel[LawState, LawInput]):
 
     def init(self, t0: Any = None, u0: Any = None) -> LawState:
         t = jnp.asarray(jnp.nan if t0 is None else t0, float)
-        return LawState(jnp.asarray(self._numbers.state, float), t)
+        return LawState(as_float(self._numbers.state), t)
 
     def prepare(
         self,
@@ -75,7 +76,7 @@ class AbstractLawModel(AbstractFollowingModel[LawState, LawInput]):
             dt[first] = begin
         else:
             dt = jnp.maximum(dt, 0.0).at[first].set(begin)
-        return LawInput(jnp.asarray(u), jnp.asarray(dt), state)
+        return LawInput(as_array(u), as_array(dt), state)
 
     def evaluate(self, prepared: LawInput) -> Float[Array, " samples"]:
         return self._run(prepared.u, prepared.dt, prepared.state.numbers)[0]
@@ -85,8 +86,9 @@ class AbstractLawModel(AbstractFollowingModel[LawState, LawInput]):
     ) -> tuple[LawState, Float[Array, " samples"]]:
         prepared = self.prepare(t, u, state)
         y, after = self._run(prepared.u, prepared.dt, prepared.state.numbers)
-        last = prepared.state.t if t is None or not len(y) else jnp.asarray(t, float)[-1]
-        return LawState(after, last), y
+        if t is None or not len(y):
+            return LawState(after, prepared.state.t), y
+        return LawState(after, jnp.asarray(array_module(t).asarray(t)[-1], float)), y
 
     @once
     def _numbers(self) -> Numbers:
@@ -97,7 +99,7 @@ class AbstractLawModel(AbstractFollowingModel[LawState, LawInput]):
     def _run(self, u: Array, dt: Array, state: Array) -> tuple[Array, Array]:
         numbers = self._numbers.with_state(state)
         y, after = outputs(numbers, u, dt)
-        return jnp.asarray(y), jnp.asarray(numbers._replace(m=after).state)
+        return as_array(y), as_array(numbers._replace(m=after).state)
 
     def _check_steps(self, dt: np.ndarray) -> None:
         if self.needs_time and not ((dt > 0) | (self.may_jump & (dt == 0))).all():

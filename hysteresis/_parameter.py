@@ -129,11 +129,16 @@ def as_float(value: Any) -> Any:
     """`value` as a floating array, integers in JAX's present default precision; None stays None."""
     if value is None:
         return value
-    if isinstance(value, np.ndarray) and value.dtype.kind in "fiub":
-        # jnp.asarray would compile a program for every shape, 20 ms each.
-        return jax.device_put(value if value.dtype.kind == "f" else value.astype(float))
-    array = jnp.asarray(value)
+    if isinstance(value, np.ndarray) and value.dtype.kind in "iub":
+        value = value.astype(float)
+    array = as_array(value)
     return array if jnp.issubdtype(array.dtype, jnp.floating) else jnp.asarray(value, float)
+
+
+def as_array(value: Any) -> Array:
+    """`jnp.asarray`, which compiles a program for every shape of NumPy's arrays, 20 ms each."""
+    own = isinstance(value, np.ndarray) and value.dtype.kind in "fiub"
+    return jax.device_put(value) if own else jnp.asarray(value)
 
 
 def is_concrete(value: Any) -> bool:
@@ -143,7 +148,7 @@ def is_concrete(value: Any) -> bool:
 
 def array_module(*values: Any) -> Any:
     """NumPy where all values can be looked at now, because it compiles nothing; else `jax.numpy`."""
-    return np if all(map(is_concrete, values)) else jnp
+    return np if all(value is None or is_concrete(value) for value in values) else jnp
 
 
 def parameters(model: eqx.Module) -> Iterator[tuple[str, ParameterInfo, Any]]:

@@ -119,9 +119,9 @@ def as_range(ends: Any) -> Any:
     Raises `InputError` `zero-range` where low is not below high.
     """
     ends = as_float(ends if ends is None or hasattr(ends, "shape") else np.asarray(ends, float))
-    if ends is not None and is_concrete(ends) and ends.shape == (2,) and not ends[0] <= ends[1]:
-        raise InputError(
-            "zero-range", f"the trained inputs reach from {ends[0]:g} to {ends[1]:g}.",
-            fix="give (low, high).",
-        )  # fmt: skip
+    if ends is not None and is_concrete(ends) and ends.shape == (2,):
+        low, high = np.asarray(ends)
+        if not low <= high:
+            said = f"the trained inputs reach from {low:g} to {high:g}."
+            raise InputError("zero-range", said, fix="give (low, high).")
     return ends

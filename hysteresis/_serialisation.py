@@ -25,10 +25,10 @@ from typing import (
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from ._errors import InputError
+from ._parameter import as_array
 from ._registry import class_key, class_of, registered
 
 Arrays = dict[str, Any]
@@ -100,7 +100,7 @@ def rebuilt(words: Any, arrays: Mapping[str, Any]) -> Any:
         return words
     if "array" in words:
         array = arrays[words["array"]]
-        return jnp.asarray(array) if words.get("jax", True) else array
+        return as_array(array) if words.get("jax", True) else array
     if "number" in words:
         return float(words["number"])
     if "tuple" in words:

@@ -3,7 +3,6 @@
 from typing import Any, NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -11,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from hysteresis import InputError, register
 from hysteresis._once import once
-from hysteresis._parameter import is_concrete
+from hysteresis._parameter import array_module, as_array, is_concrete
 from hysteresis.laws.guard import BEGUN
 from hysteresis.numerics._normal import NORMAL_95
 from hysteresis.running import Numbers, each, numbers_of
@@ -196,41 +195,45 @@ class GuardedCompensator(AbstractCompensator[GuardedState, Found]):
     def stream(
         self, t: ArrayLike | None, y: ArrayLike, state: GuardedState
     ) -> tuple[GuardedState, Found]:
-        y = jnp.asarray(y, float)
-        reading = reading_of(y, 1)
-        seen = self._clipped(reading)
-        given = jnp.zeros_like(reading) if t is None else jnp.asarray(t, float)
-        longest = jnp.inf if self.longest is None else self.longest
-        clock, late, last = _clock(longest, state.clock, state.last, given, y)
-        y = with_reading(y, 1, seen)
-        times = None if t is None else clock
+        # Outside of JAX's programs it is NumPy's, which compiles nothing for a length.
+        inner, others, *kept = state
+        xp = array_module(t, y, *kept, self.low, self.longest)
+        last, clock, limited, before = map(xp.asarray, kept)
+        given: Any = xp.asarray(y, float)
+        reading = reading_of(given, 1)
+        seen = self._clipped(xp, reading)
+        times = xp.zeros_like(reading) if t is None else xp.asarray(t, float)
+        longest = xp.inf if self.longest is None else xp.asarray(self.longest)
+        first = xp.isnan(last)
+        passed, late, last = _clock(xp, longest, clock, last, times, given)
+        given = with_reading(given, 1, seen)
+        times = None if t is None else passed
         found: Any
-        inner, found = self.inner.stream(times, y, state.inner)
-        of_other: Any
-        others, apart = [], jnp.zeros_like(reading)
-        for other in state.others:
-            after, of_other = self.inner.stream(times, y, other)
-            others.append(after)
-            apart = jnp.maximum(apart, jnp.abs(of_other.value - found.value))
+        inner, found = self.inner.stream(times, given, inner)
+        value, status = xp.asarray(found.value), xp.asarray(found.status)
+        ways: Any = [self.inner.stream(times, given, other) for other in others]
+        apart = xp.zeros_like(reading)
+        for _, way in ways:
+            apart = xp.maximum(apart, xp.abs(xp.asarray(way.value) - value))
         unknown = late | (seen != reading)
         if (conditioned := conditioned_in(self.inner)) is not None:
-            unknown |= beyond_knots(conditioned, y)
+            unknown |= beyond_knots(conditioned, given)
         told = each(
-            self._numbers, "limited", found.value, found.status, unknown, apart, reading,
-            where=jnp.where(found.status == Status.INVALID, jnp.nan, reading), state=state.limited,
-            held=jnp.where(jnp.isnan(state.last), self._limited(found.value), state.value),
-            keeps=("beyond",),
+            self._numbers, "limited", value, status, unknown, apart, reading,
+            where=xp.where(status == Status.INVALID, xp.nan, reading), state=limited,
+            held=xp.where(first, self._limited(xp, value), before), keeps=("beyond",),
         )  # fmt: skip
-        value, status, beyond = jnp.asarray(told.value), jnp.asarray(told.status), told.said[:, 0]
+        value = told.value
         if self.beyond == "nan":
-            value = jnp.where(beyond > 0, jnp.nan, value)
-        held = value[-1] if len(value) else state.value
-        now = clock[-1] if len(value) else state.clock
-        own = inner, tuple(others), last, now, jnp.asarray(told.state), held
-        found = found._replace(value=value, status=status)
-        if getattr(found, "draws", None) is not None:
-            found = found._replace(draws=self._limited(found.draws))
-        return GuardedState(*own), found
+            value = xp.where(told.said[:, 0] > 0, xp.nan, value)
+        if len(value):
+            clock, before = passed[-1], value[-1]
+        own = map(as_array, (last, clock, told.state, before))
+        after = GuardedState(inner, tuple(state for state, _ in ways), *own)
+        found = found._replace(value=as_array(value), status=as_array(told.status))
+        if (draws := getattr(found, "draws", None)) is not None:
+            found = found._replace(draws=as_array(self._limited(xp, xp.asarray(draws))))
+        return after, found
 
     @once
     def _numbers(self) -> Numbers:
@@ -246,29 +249,26 @@ class GuardedCompensator(AbstractCompensator[GuardedState, Found]):
         }  # fmt: skip
         return node("guard", parameters, BEGUN)
 
-    def _clipped(self, y: Array) -> Array:
+    def _clipped(self, xp: Any, y: Any) -> Any:
         if self.readings is None:
             return y
-        return jnp.where(jnp.isfinite(y), jnp.clip(y, *self.readings), y)
+        return xp.where(xp.isfinite(y), xp.clip(y, *self.readings), y)
 
-    def _limited(self, value: Array) -> Array:
+    def _limited(self, xp: Any, value: Any) -> Any:
+        low, high, slack = map(xp.asarray, (self.low, self.high, self.slack))
         if self.beyond == "free":
             return value
         if self.beyond == "limit":
-            return jnp.clip(value, self.low, self.high)
-        beyond = (value < self.low - self.slack) | (value > self.high + self.slack)
-        return jnp.where(beyond, jnp.nan, value)
+            return xp.clip(value, low, high)
+        return xp.where((value < low - slack) | (value > high + slack), xp.nan, value)
 
 
-@jax.jit
-def _clock(
-    longest: Array, begin: Array, last: Array, t: Array, y: Array
-) -> tuple[Array, Array, Array]:
+def _clock(xp: Any, longest: Any, begin: Any, last: Any, t: Any, y: Any) -> tuple[Any, Any, Any]:
     """The inner clock, which begins with the first reading and in which no step is longer than `longest`;
     which samples come after a longer one; the time of the last reading."""
-    valid = jnp.isfinite(y) if y.ndim == 1 else jnp.isfinite(y).all(axis=-1)
-    at = jnp.concatenate([jnp.full(1, -1), latest_of(valid)])
-    times = jnp.concatenate([t, last[None]])  # the last one is that at -1
+    valid = xp.isfinite(y) if y.ndim == 1 else xp.isfinite(y).all(axis=-1)
+    at = xp.concatenate([xp.full(1, -1), latest_of(valid)])
+    times = xp.concatenate([t, last[None]])  # the last one is that at -1
     wait = t - times[at[:-1]]
-    passed = jnp.where(valid & (wait > 0), wait, 0.0)
-    return begin + jnp.cumsum(jnp.minimum(passed, longest)), passed >= longest, times[at[-1]]
+    passed = xp.where(valid & (wait > 0), wait, 0.0)
+    return begin + xp.cumsum(xp.minimum(passed, longest)), passed >= longest, times[at[-1]]

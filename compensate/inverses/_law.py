@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from hysteresis import AbstractModel, InputError, register
 from hysteresis._law_model import OWN
-from hysteresis._parameter import is_concrete
+from hysteresis._parameter import array_module, as_array, as_float
 from hysteresis.models._conditioned import Conditioned, condition_of
 from hysteresis.models._viscoelastic import AbstractViscoelastic
 from hysteresis.records._branch_rows import STILL
@@ -94,7 +94,7 @@ class LawCompensator(AbstractCompensator[LawState, Found]):
         tree = model.tree(depth=OWN)
         numbers = numbers_of(tree if around is None else around(tree))
         self.model, self.known = model, numbers.known
-        self.numbers = jnp.asarray(numbers.m, float)
+        self.numbers = as_float(numbers.m)
         self.held = jnp.asarray(held_at_first(tree), float)
         self.deviates, self.by_time = around is not None, by_time
 
@@ -104,7 +104,7 @@ class LawCompensator(AbstractCompensator[LawState, Found]):
         return "sum" in self.known.structure.kinds()
 
     def init(self) -> LawState:
-        first = Numbers(self.known, self.numbers).state
+        first = as_array(Numbers(self.known, self.numbers).state)
         return LawState(first, jnp.asarray(jnp.nan, float), self.held)
 
     def stream(self, t: ArrayLike | None, y: ArrayLike, state: LawState) -> tuple[LawState, Found]:
@@ -121,19 +121,21 @@ class LawCompensator(AbstractCompensator[LawState, Found]):
     def _told(
         self, t: ArrayLike | None, y: ArrayLike, state: LawState
     ) -> tuple[LawState, UncertainEstimate]:
-        y = jnp.asarray(y, float)
-        readings = y if y.ndim == 1 else jnp.where(jnp.isfinite(y).all(1, keepdims=True), y, np.nan)
-        times = jnp.zeros(y.shape[:1]) if t is None else jnp.asarray(t, float)
+        xp = array_module(t, y)
+        given: Any = xp.asarray(y, float)
+        whole = xp.isfinite(given) if given.ndim == 1 else xp.isfinite(given).all(1, keepdims=True)
+        readings = xp.where(whole, given, np.nan)
+        times: Any = xp.zeros(given.shape[:1]) if t is None else xp.asarray(t, float)
         found = told(Numbers(self.known, self.numbers), *state, times, readings, width=1)
-        value, status, said, memory, last = map(jnp.asarray, found)
-        after = LawState(memory, last, value[-1] if len(value) else state.value)
-        status = told_of_condition(self.model, y, status)
-        return after, UncertainEstimate(value, status, said[:, 0])
+        held = found.value[-1] if len(times) else state.value
+        after = LawState(*map(as_array, (found.state, found.t, held)))
+        status = told_of_condition(self.model, given, found.status)
+        return after, UncertainEstimate(*map(as_array, (found.value, status, found.said[:, 0])))
 
     def _found(
         self, t: ArrayLike | None, y: ArrayLike, state: LawState
     ) -> tuple[LawState, Estimate]:
-        xp: Any = np if all(map(is_concrete, (t, y, *state, self.numbers))) else jnp
+        xp = array_module(t, y, *state, self.numbers)
         given: Any = xp.asarray(y, float)
         own, before, held = (xp.asarray(x) for x in state)
         times: Any = xp.zeros(given.shape[:1]) if t is None else xp.asarray(t, given.dtype)
@@ -146,9 +148,9 @@ class LawCompensator(AbstractCompensator[LawState, Found]):
         last = xp.where(latest < 0, before, times[latest] if len(times) else before)
         held = found.value[-1] if len(times) else held
         own = numbers._replace(m=found.m).state
-        after = LawState(*(jnp.asarray(x) for x in (own, last, held)))
+        after = LawState(*map(as_array, (own, last, held)))
         status = told_of_condition(self.model, given, found.status)
-        return after, Estimate(jnp.asarray(found.value), jnp.asarray(status))
+        return after, Estimate(as_array(found.value), as_array(status))
 
     def _check_steps(self, t: np.ndarray) -> None:
         limit, largest = stable_step(self.model), float(np.diff(t).max(initial=0.0))
@@ -172,19 +174,18 @@ def require_columns(model: AbstractModel, y: ArrayLike) -> None:
         )
 
 
-def told_of_condition(
-    model: AbstractModel, y: Array | np.ndarray, status: Array | np.ndarray
-) -> Array:
+def told_of_condition(model: AbstractModel, y: Any, status: Any) -> Any:
     """Statuses that say where the condition, the second column of y, is beyond the model's."""
     if (conditioned := condition_of(model)) is None:
-        return jnp.asarray(status)
+        return status
     sound = (status == Status.OK) | (status == Status.FLAT)
-    return jnp.where(beyond_knots(conditioned, y) & sound, Status.EXTRAPOLATED, status)
+    beyond = beyond_knots(conditioned, y) & sound
+    return array_module(beyond).where(beyond, Status.EXTRAPOLATED, status)
 
 
 def beyond_knots(conditioned: Conditioned, y: Array | np.ndarray) -> Any:
     """Where the condition, the second column of y, is beyond the trained ones."""
-    knots, c = conditioned.knots, y[:, 1]
+    knots, c = array_module(y, conditioned.knots).asarray(conditioned.knots), y[:, 1]
     margin = STILL * (knots[-1] - knots[0])
     return (c < knots[0] - margin) | (c > knots[-1] + margin)
 

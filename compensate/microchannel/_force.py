@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from hysteresis import AbstractModel, InputError, register
 from hysteresis._model import AbstractFollowingModel
-from hysteresis._parameter import is_concrete
+from hysteresis._parameter import array_module, as_array, is_concrete
 from hysteresis._quantities import Units, conversion
 from hysteresis._type_variables import PyTree
 
@@ -163,25 +163,27 @@ class ForceEstimator(AbstractCompensator[ForceState, UncertainEstimate]):
         self, t: ArrayLike | None, y: ArrayLike, state: ForceState
     ) -> tuple[ForceState, UncertainEstimate]:
         """Of readings (samples,), of several channels (samples, channels)."""
-        y = jnp.asarray(y, self.deviation.dtype)
-        t = jnp.zeros(y.shape[:1], y.dtype) if t is None else jnp.asarray(t, y.dtype)
-        channels = y.reshape(len(y), -1)
-        valid = jnp.isfinite(channels).all(1) & jnp.isfinite(t)
-        latest, model, found = latest_of(valid), state.model, jnp.zeros(len(y), y.dtype)
+        # Outside of JAX's programs it is NumPy's, which compiles nothing for a length.
+        xp = array_module(t, y, *jax.tree.leaves((state, self)))
+        given: Any = xp.asarray(y, self.deviation.dtype)
+        found: Any = xp.zeros(given.shape[:1], given.dtype)
+        times: Any = found if t is None else xp.asarray(t, given.dtype)
+        channels = given.reshape(len(given), -1)
+        valid = xp.isfinite(channels).all(1) & xp.isfinite(times)
+        latest, model = latest_of(valid), state.model
         # Rows that are none are left out, or in JAX's programs those before them again after no time.
-        rows = np.flatnonzero(valid) if is_concrete(valid) else jnp.maximum(latest, valid.argmax())
+        rows = np.flatnonzero(valid) if xp is np else jnp.maximum(latest, valid.argmax())
         if len(rows):
-            after, moved = self.model.stream(t[rows], y[rows], model)
+            after, moved = self.model.stream(times[rows], given[rows], model)
             model = jax.tree.map(lambda new, old: jnp.where(valid.any(), new, old), after, model)
-            found = found.at[rows].set(moved)
+            found = xp.asarray(moved)[xp.searchsorted(rows, latest)] if xp is np else moved
         found = self.newtons * found
-        value = jnp.where(latest < 0, state.value, jnp.clip(found, 0.0, self.high)[latest])
-        low, high = (jnp.atleast_1d(np.asarray(x)) for x in (self.low_reading, self.high_reading))
+        value = xp.where(latest < 0, state.value, xp.clip(found, 0.0, self.high)[latest])
+        low, high = (xp.atleast_1d(np.asarray(x)) for x in (self.low_reading, self.high_reading))
         beyond = ((channels < low[None]) | (channels > high[None])).any(1)
-        status = jnp.where(found > self.high, Status.SATURATED, Status.OK)
-        status = jnp.where(beyond, Status.EXTRAPOLATED, status)
-        status = jnp.where(valid, status, Status.INVALID)
-        after = ForceState(model, value[-1] if len(y) else state.value)
-        return after, UncertainEstimate(
-            value, status, jnp.broadcast_to(self.deviation, value.shape)
-        )
+        status = xp.where(found > self.high, Status.SATURATED, Status.OK)
+        status = xp.where(beyond, Status.EXTRAPOLATED, status)
+        status = xp.where(valid, status, Status.INVALID)
+        after = ForceState(model, as_array(value[-1]) if len(value) else state.value)
+        deviation = xp.broadcast_to(xp.asarray(self.deviation), value.shape)
+        return after, UncertainEstimate(*map(as_array, (value, status, deviation)))

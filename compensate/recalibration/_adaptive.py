@@ -1,6 +1,6 @@
 """A compensator that recalibrates itself from inputs that are known at times."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from hysteresis import AbstractModel, InputError, register
 from hysteresis._model import DOUBLE
+from hysteresis._parameter import array_module, as_array
 from hysteresis.running import Known, Numbers, numbers_of, place_of, told
 from hysteresis.trees import FLAT_WIDTH, ROUNDING, Tree, node, part_tree, plain, precisions
 
@@ -98,7 +99,7 @@ class AdaptiveCompensator(AbstractCompensator[LawState, Recalibrated]):
         self.numbers = jnp.asarray(m, float)
 
     def init(self) -> LawState:
-        first = Numbers(self.known, self.numbers).state
+        first = as_array(Numbers(self.known, self.numbers).state)
         return LawState(first, jnp.asarray(jnp.nan, float), jnp.asarray(self.low, float))
 
     def restarted(self, state: LawState) -> LawState:
@@ -158,11 +159,13 @@ class AdaptiveCompensator(AbstractCompensator[LawState, Recalibrated]):
         self, t: ArrayLike | None, y: ArrayLike, state: LawState
     ) -> tuple[LawState, Recalibrated]:
         """Readings (samples,), or with references (samples, 2): the state after them, and the estimates."""
-        y = jnp.asarray(y, float)
-        y = jnp.stack([y, jnp.full_like(y, jnp.nan)], 1) if y.ndim == 1 else y
-        times = jnp.zeros(y.shape[:1]) if t is None else jnp.asarray(t, float)
-        found = told(Numbers(self.known, self.numbers), *state, times, y, width=SAID)
-        value, status, said, numbers, last = map(jnp.asarray, found)
+        xp = array_module(t, y)
+        pairs: Any = xp.asarray(y, float)
+        if pairs.ndim == 1:
+            pairs = xp.stack([pairs, xp.full_like(pairs, xp.nan)], 1)
+        times = xp.zeros(pairs.shape[:1]) if t is None else xp.asarray(t, float)
+        found = told(Numbers(self.known, self.numbers), *state, times, pairs, width=SAID)
+        value, status, said, numbers, last = map(as_array, found)
         held = value[-1] if len(value) else state.value
         advice, lost, changes, zero, gain, loop = said.T
         advice, changes = advice.astype(int), changes.astype(int)

@@ -13,6 +13,7 @@ from scipy.special import stdtrit
 
 from hysteresis import InputError, Record, register
 from hysteresis._once import once
+from hysteresis._parameter import array_module, as_array
 from hysteresis.numerics._normal import NORMAL_95
 from hysteresis.records._cycles import counted_cycles
 from hysteresis.running import Numbers, each, numbers_of
@@ -125,18 +126,22 @@ class CalibratedCompensator(AbstractCompensator[CalibratedState, UncertainEstima
         self, t: ArrayLike | None, y: ArrayLike, state: CalibratedState
     ) -> tuple[CalibratedState, UncertainEstimate]:
         inner, found = self.inner.stream(t, y, state.inner)
-        error, _, _, motion, last = each(
-            self._numbers, "deviation", found.value, state=state.motion, t=state.t,
-            held=state.error, times=None if t is None else jnp.asarray(t, float),
-            where=jnp.where(found.status == Status.INVALID, jnp.nan, found.value),
+        xp = array_module(t, found.value, *state[1:])
+        value, status = xp.asarray(found.value), xp.asarray(found.status)
+        told = each(
+            self._numbers, "deviation", value, state=state.motion, t=state.t, held=state.error,
+            times=None if t is None else xp.asarray(t, float),
+            where=xp.where(status == Status.INVALID, xp.nan, value),
         )  # fmt: skip
-        motion, last, error = (jnp.asarray(x) for x in (motion, last, error))
-        after = CalibratedState(inner, motion, last, error[-1] if len(error) else state.error)
-        deviation = jnp.hypot(getattr(found, "deviation", jnp.zeros_like(error)), error)
-        if not self.has_draws:
-            return after, UncertainEstimate(found.value, found.status, deviation)
-        draws = jnp.multiply.outer(self.scores, deviation) + jnp.expand_dims(found.value, 0)
-        return after, UncertainEstimate(found.value, found.status, deviation, draws)
+        error = told.value
+        last = error[-1] if len(error) else state.error
+        after = CalibratedState(inner, *map(as_array, (told.state, told.t, last)))
+        own = getattr(found, "deviation", None)
+        deviation = xp.hypot(0.0 if own is None else xp.asarray(own), error)
+        draws = None
+        if self.has_draws:
+            draws = as_array(xp.multiply.outer(xp.asarray(self.scores), deviation) + value[None])
+        return after, UncertainEstimate(found.value, found.status, as_array(deviation), draws)
 
     @once
     def _numbers(self) -> Numbers:

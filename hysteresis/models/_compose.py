@@ -15,7 +15,7 @@ from jaxtyping import Array, Float
 from .._errors import InputError
 from .._model import AbstractFollowingModel, AbstractModel, Tree
 from .._model import Series as Inputs
-from .._parameter import Scalar, is_concrete, parameter
+from .._parameter import Scalar, array_module, as_array, is_concrete, parameter
 from .._registry import register
 from .._type_variables import Prepared, State
 from ..trees import (
@@ -113,7 +113,9 @@ class Sum(AbstractComposite[tuple[Any, ...], tuple[Any, ...]]):
     def _over(self, run: Over, u: Any, state: Any) -> tuple[Any, Any]:
         states = state or (None,) * len(self.parts)
         found = [run(part, u, own) for part, own in zip(self.parts, states, strict=True)]
-        return tuple(own for own, _ in found), reduce(add, (y for _, y in found))
+        outputs = [y for _, y in found]
+        xp = array_module(*outputs)
+        return tuple(own for own, _ in found), as_array(reduce(add, map(xp.asarray, outputs)))
 
     def prepare(
         self,

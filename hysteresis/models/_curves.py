@@ -9,8 +9,8 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from .._errors import InputError
-from .._model import AbstractFollowingModel, Series, Tree
-from .._parameter import NOT_NEGATIVE, Scalar, check_increasing, is_concrete, parameter
+from .._model import AbstractFollowingModel, Series, Tree, evaluated
+from .._parameter import NOT_NEGATIVE, Scalar, as_float, check_increasing, is_concrete, parameter
 from .._registry import register
 from ..trees import ROUNDING, curve, node
 
@@ -37,7 +37,7 @@ class AbstractCurve(AbstractFollowingModel[tuple[()], CurveInput]):
     def follow(
         self, t: Series | None, u: Series, state: tuple[()] | None = None
     ) -> tuple[tuple[()], Float[Array, " samples"]]:
-        return (), self.curve(jnp.asarray(u, float))
+        return (), evaluated(self, CurveInput(as_float(u)))
 
     def prepare(
         self,
@@ -47,7 +47,7 @@ class AbstractCurve(AbstractFollowingModel[tuple[()], CurveInput]):
         *,
         starts: tuple[int, ...] = (0,),
     ) -> CurveInput:
-        return CurveInput(jnp.asarray(u, float))
+        return CurveInput(as_float(u))
 
     def evaluate(self, prepared: CurveInput) -> Float[Array, " samples"]:
         return self.curve(prepared.u)

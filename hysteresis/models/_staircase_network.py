@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from .._errors import InputError
-from .._model import AbstractFollowingModel, Series, is_start, time_steps
+from .._model import AbstractFollowingModel, Series, evaluated, is_start, time_steps
 from .._registry import register
 from ..numerics._clamps import clamps
 
@@ -173,7 +173,7 @@ class StaircaseNetwork(AbstractFollowingModel[StaircaseState, Array]):
         last = jnp.zeros(()) if t is None else jnp.asarray(t, float)[-1]
         _, z, q = jnp.split(x[-1].reshape(self.channels, -1), [1, 1 + len(self.thresholds)], 1)
         after = StaircaseState(last, z.reshape(before.z.shape), q.reshape(before.q.shape))
-        return after, self.evaluate(x)
+        return after, evaluated(self, x)
 
     def prepare(
         self,

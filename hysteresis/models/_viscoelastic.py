@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._model import AbstractModel, Series, Tree, is_start, needed_time, time_steps
-from .._parameter import POSITIVE, Scalar, array_module, is_concrete
+from .._parameter import POSITIVE, Scalar, array_module, as_array, is_concrete
 from ..numerics._even_clock import even_step
 from ..numerics._recurrence import Rows, even_recurrence, linear_recurrence
 from ..running import numbers_of, outputs, place_of
@@ -125,7 +125,7 @@ class AbstractViscoelastic(AbstractModel[ViscoelasticState, ViscoelasticInput]):
         else:
             u_before = jnp.asarray(u_before).at[first].set(u_last)
         start = is_start(u.shape[0], starts)
-        dt, u, u_before, start = map(jnp.asarray, (dt, u, u_before, start))
+        dt, u, u_before, start = map(as_array, (dt, u, u_before, start))
         return ViscoelasticInput(dt, u, u_before, start, state)
 
     def evaluate(self, prepared: ViscoelasticInput) -> Float[Array, " samples"]:

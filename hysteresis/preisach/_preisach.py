@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from .._errors import InputError
 from .._model import AbstractModel, Series, Tree
-from .._parameter import NOT_NEGATIVE, Scalar, is_concrete, parameter
+from .._parameter import NOT_NEGATIVE, Scalar, as_array, is_concrete, parameter
 from .._registry import register
 from ..trees import looked_for
 from ._dead_band import play, play_step
@@ -399,8 +399,5 @@ def _settle(model: Preisach, state: PreisachState, path: Array) -> PreisachState
 
 
 def _to_device(part: Any) -> Array:
-    if isinstance(part, np.ndarray):
-        # jnp.asarray would compile a program for every length.
-        return jax.device_put(part.astype(float) if part.dtype.kind == "f" else part)
-    array = jnp.asarray(part)
-    return jnp.asarray(part, float) if jnp.issubdtype(array.dtype, jnp.floating) else array
+    array = as_array(part)
+    return jnp.asarray(array, float) if jnp.issubdtype(array.dtype, jnp.floating) else array

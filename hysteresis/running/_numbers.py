@@ -58,7 +58,8 @@ class Numbers(NamedTuple):
 
     @property
     def state(self) -> Any:
-        return self.m[len(self.m) - self.known.states :]
+        m = np.asarray(self.m) if is_concrete(self.m) else self.m  # JAX would compile the cut
+        return m[len(m) - self.known.states :]
 
     def with_state(self, state: Any) -> "Numbers":
         """The same parameters in another state."""

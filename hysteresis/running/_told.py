@@ -4,9 +4,9 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
+from .._parameter import array_module
 from . import _over_time as over_time
 from ._numbers import Known, Numbers
 from ._readings import INVALID, spread
@@ -55,9 +55,10 @@ def each(
     `keeps`: which numbers of the law's state are said.
     """
     where = columns[0] if where is None else where
-    times = jnp.zeros(where.shape) if times is None else times
+    xp = array_module(numbers.m, *columns)
+    times = xp.zeros(where.shape) if times is None else times
     state = numbers.state if state is None else state
-    rows = jnp.stack([jnp.asarray(x, float) for x in columns], 1)
+    rows = xp.stack([xp.asarray(x, float) for x in columns], 1)
     given = numbers.m, state, t, held, times, where, rows
     host = partial(_told, numbers.known, EACH + "_".join([function, *keeps]), len(keeps))
     return Told(*_on_host(host, len(keeps), given))
