@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from hysteresis import InputError, Record
 from hysteresis._parameter import as_array
-from hysteresis._quantities import require_same
+from hysteresis._quantities import Units, require_same
 from hysteresis.models._conditioned import with_condition
 
 from ._readings import conditioned_in, readings_of
@@ -53,7 +53,10 @@ def estimate(compensator: Simulates[Found], record: Record) -> Found:
     """
     if not len(record):
         raise InputError("no-rows", "The record has no rows to estimate.", place=record.source)
-    _check_units(compensator, record)
+    check_units(getattr(compensator, "units", None), record, record.known is not None)
+    if (conditioned := conditioned_in(compensator)) is not None:
+        name, unit = conditioned.condition, conditioned.unit
+        require_same([(name, record.conditions.get(name, "1"), unit)])
     found, readings = [], readings_of(compensator, record)
     for rows, first in _stretches(compensator, record):
         n = rows.stop - rows.start
@@ -69,19 +72,15 @@ def estimate(compensator: Simulates[Found], record: Record) -> Found:
     return jax.tree.map(lambda *parts: as_array(np.concatenate(parts, axis=-1)), *found)
 
 
-def _check_units(compensator: Any, record: Record) -> None:
-    """Raise `InputError` `wrong-unit` where a column that is read has another unit than the compensator."""
-    columns = []
-    if (units := getattr(compensator, "units", None)) is not None:
-        columns = [
-            (record.output_name, record.output_unit, units.input),
-            (record.time_name, record.time_unit, units.time),
-        ]
-        if record.known is not None:
-            columns.append((record.input_name, record.input_unit, units.output))
-    if (found := conditioned_in(compensator)) is not None:
-        columns.append((found.condition, record.conditions.get(found.condition, "1"), found.unit))
-    require_same(columns)
+def check_units(units: Units | None, record: Record, driven: bool = True) -> None:
+    """Raise `InputError` `wrong-unit` where columns have others than the `units` from readings to
+    estimates; of the input where what has `driven` the readings is looked at."""
+    if units is None:
+        return
+    reading = record.output_name, record.output_unit, units.input
+    clock = record.time_name, record.time_unit, units.time
+    drive = record.input_name, record.input_unit, units.output
+    require_same([reading, clock, *([drive] if driven else [])])
 
 
 def _stretches(compensator: Any, record: Record) -> Iterator[tuple[slice, dict[str, Any]]]:

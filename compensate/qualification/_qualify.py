@@ -16,7 +16,7 @@ from hysteresis.numerics._normal import NORMAL_95
 from hysteresis.records._loads import over
 
 from .._contract import AbstractCompensator, Status
-from .._estimate import Simulates, estimate
+from .._estimate import Simulates, check_units, estimate
 from ..guards._guarded import limited
 from ..uncertainty._ensemble import UncertainEstimate
 from ..uncertainty._flat_intervals import flat_intervals
@@ -194,7 +194,8 @@ def qualify(
         the target that has to keep up; without it the target is the compiled step, called from Python here.
     - `progress(done, total, text)` is called after each of a few parts.
 
-    Raises `InputError` `bad-option`, `no-rows`, or `not-invertible` where the record has several inputs.
+    Raises `InputError` `bad-option`, `no-rows`, `wrong-unit`, or `not-invertible` where the record has
+    several inputs.
 
     **Example:**
 
@@ -203,6 +204,7 @@ def qualify(
         101
     """
     _check(record, max_error, rate)
+    check_units(compensator.units, record)
     u, y, used = record.input, record.output, record.mask
     parts = 4 if ensemble is None else 5
     told = estimate(compensator, record)

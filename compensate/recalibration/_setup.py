@@ -8,11 +8,12 @@ import numpy as np
 from scipy.special import chdtri
 
 from hysteresis import AbstractModel, InputError, Record, Scaled, Series
+from hysteresis._quantities import with_units
 from hysteresis.records._cycles import counted_cycles
 from hysteresis.trees import input_range
 
 from .._contract import Status
-from .._estimate import estimate
+from .._estimate import check_units, estimate
 from ..inverses import inverse_of
 from ._adaptive import AdaptiveCompensator
 from ._parts import split
@@ -88,6 +89,8 @@ def adaptive(
         raise InputError(
             "bad-option", f"drift={drift:g} is below 0 or not finite.", fix="0 or more."
         )
+    units = model.units and model.units.reversed
+    check_units(units, record)
     used = record.mask & np.isfinite(record.input) & np.isfinite(record.output)
     if used.sum() < 2:
         raise InputError("no-rows", "The record has fewer than two rows.", place=record.source)
@@ -131,7 +134,8 @@ def adaptive(
     }  # fmt: skip
     models = tuple(p.model for p in found.parts)
     ends = _ends(model, record, used)
-    return AdaptiveCompensator(model, models, ends, settings, jnp.asarray(start))
+    own = AdaptiveCompensator(model, models, ends, settings, jnp.asarray(start))
+    return own if units is None else with_units(own, units)
 
 
 def _centred(

@@ -34,5 +34,6 @@ def of_words(words: Mapping[str, Any], inner: AbstractCompensator) -> Calibrated
     known = words["motions"]
     motions = known and Motions(*(jnp.asarray(known[name], float) for name in Motions._fields))
     return CalibratedCompensator(
-        inner, levels, error, scores, width, motions, coverage, before, share=share, lasts=lasts
-    )
+        inner, levels, error, scores, width, motions, coverage, before, share=share, lasts=lasts,
+        units=inner.units,
+    )  # fmt: skip

@@ -20,7 +20,7 @@ from hysteresis.running import Numbers, each, numbers_of
 from hysteresis.trees import Tree
 
 from .._contract import AbstractCompensator, Status
-from .._estimate import estimate
+from .._estimate import check_units, estimate
 from ..inverses._law import UncertainEstimate
 from ._motion import FASTER, GROWTH, PATH, Motions, along, error_law, path_law, seen
 
@@ -200,6 +200,7 @@ def calibrated(
         >>> compensate.estimate(band, record).deviation.shape
         (101,)
     """
+    check_units(compensator.units, record)
     runs = [_parts(estimate(one, record)) for one in (compensator, *(o for _, o in left_out))]
     value, status, spread = runs[0]
     group = np.full(len(record), -1)
@@ -285,8 +286,9 @@ def calibrated(
         np.sign(r) * scores, np.flatnonzero(counted), last_of[counted], record.time
     )
     return CalibratedCompensator(
-        compensator, levels_of, errors_of, scores_of, width, motions, share=share, lasts=lasts
-    )
+        compensator, levels_of, errors_of, scores_of, width, motions, share=share, lasts=lasts,
+        units=compensator.units,
+    )  # fmt: skip
 
 
 def checked(band: CalibratedCompensator, record: Record) -> CalibratedCompensator:

@@ -1,5 +1,6 @@
 """A compensator over a record is that of each of its sequences; known stretches end its run-in."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import jax
@@ -9,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from compensate import Status, estimate, invert
+from compensate import Status, adaptive, calibrated, estimate, invert, qualify
 from compensate.internal import BracketedCompensator
 from hysteresis import Burgers, PrandtlIshlinskii, Preisach, Record
 from hysteresis.internal import Units, with_units
@@ -128,3 +129,20 @@ def test_a_record_in_another_unit_is_refused(other: dict):
     given = replace(record(0, [8]), input_unit="mm", output_unit="N", time_unit="s")
     estimate(compensator, given)
     refuses("wrong-unit", lambda: estimate(compensator, replace(given, **other)))
+
+
+@pytest.mark.parametrize("other", [{"output_unit": "mN"}, {"input_unit": "m"}, {"time_unit": "ms"}])
+@pytest.mark.parametrize(
+    "used", [calibrated, qualify, lambda one, given: adaptive(one.model, given)]
+)
+def test_a_record_in_other_units_judges_and_teaches_nothing(used: Callable, other: dict):
+    compensator = invert(with_units(BURGERS, Units("mm", "N")))
+    given = replace(record(0, [24]), input_unit="mm", output_unit="N", time_unit="s")
+    refuses("wrong-unit", lambda: used(compensator, replace(given, **other)))
+
+
+@pytest.mark.parametrize("made", [calibrated, lambda one, given: adaptive(one.model, given)])
+def test_units_are_those_of_what_is_inside(made: Callable):
+    compensator = invert(with_units(BURGERS, Units("mm", "N")))
+    given = replace(record(0, [24]), input_unit="mm", output_unit="N", time_unit="s")
+    assert made(compensator, given).units == compensator.units
