@@ -309,7 +309,7 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
                 "not-exportable",
                 f"a Preisach model with a {type(self.density).__name__} has no tree of laws.",
                 cause="the law knows densities on a grid alone.",
-                fix="fit a GridDensity.",
+                fix="fit a GridDensity (hysid fit --model Preisach).",
             )
         if self.up is None and not self.dead_band:
             return grid_tree(self, eps, depth)

@@ -4,7 +4,6 @@ import abc
 from collections.abc import Iterable
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -109,14 +108,6 @@ def size_of(model: AbstractModel, t: Any, *inputs: Any) -> Float[Array, ""]:
 
     It says what rounding is, so it has no derivative.
     """
-    frozen = jax.lax.stop_gradient(model)
-    return _size(
-        frozen, t, jax.lax.stop_gradient(jnp.stack([jnp.asarray(u, float) for u in inputs]))
-    )
-
-
-# Not compiled, steps that iterate are traced again at every call.
-@eqx.filter_jit
-def _size(model: AbstractModel, t: Any, inputs: Array) -> Array:
-    own = model.init()
-    return jnp.abs(jnp.stack([model.step(own, t, u)[1] for u in inputs])).max()
+    frozen, u = jax.lax.stop_gradient((model, jnp.stack([jnp.asarray(u, float) for u in inputs])))
+    each = tuple(range(len(inputs)))  # a sequence of its own
+    return jnp.abs(frozen.simulate(jnp.full(len(inputs), t, float), u, starts=each)).max()
