@@ -170,7 +170,7 @@ def _parameters(
     linear: LinearFit, totals: np.ndarray, errors: np.ndarray, unit: str
 ) -> tuple[Parameter, ...]:
     """The sums with their errors, where the data know them, and the shares that the data leave open."""
-    known = np.ones(len(totals), bool) if linear.determined is None else linear.determined
+    known = np.ones(len(totals), bool) if linear.known is None else linear.known.determined
     sums = [
         Parameter(name, float(value), unit, float(error), "free") if there
         else Parameter(name, float(value), unit, None, "unidentified")

@@ -12,19 +12,11 @@ from hysteresis.preisach import Initial
 
 from .._levels import MUCH
 from ..records._conditions import inner_folds, trained_values
-from ..records._folds import (
-    BLOCKS_OF_FOLD,
-    Fold,
-    Parts,
-    as_good,
-    best_of,
-    held_out_errors,
-    simplest,
-)
-from ._composition_fit import STRENGTHS_OF_PRIOR, Problem, Tried, _path, unknowns_for
+from ..records._folds import BLOCKS_OF_FOLD, Parts, as_good, best_of, simplest
+from ._composition_fit import STRENGTHS_OF_PRIOR, Problem, Solved, Tried, _path, unknowns_for
 from ._composition_parts import CURVE, DRIFTS, PARTS
 from ._conditioned_unknowns import ConditionedUnknowns, on_axis, shares_of
-from ._cross_validation import Choice, jittered
+from ._cross_validation import jittered
 from ._linear_fit import LinearFit
 
 COUNTS = (2, 3, 5)
@@ -171,22 +163,13 @@ class ConditionedProblem(Problem):
             at[columns] = part != 0
         return x
 
-    def tried(self, some: tuple[str, ...], strength: float, folds: tuple[Fold, ...] = ()) -> Tried:
-        columns = self.whole.where(some)
-
-        def solve(train: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
-            return self.knots(train), self.solution(train, some, strength)
-
-        def error(solved: tuple[np.ndarray, np.ndarray], test: tuple[int, ...]) -> np.ndarray:
-            knots, x = solved
-            rows = np.isin(self.label, test)
-            each = self.A[np.ix_(rows, columns)] @ x.reshape(len(knots), -1).T
-            error = (each * shares_of(knots, self.axis, self.c[rows])).sum(1) - self.y[rows]
-            return error * self.weights[self.rows][rows]
-
-        return Choice(
-            self, strength, held_out_errors(folds or self.parts.folds, solve, error), some
-        )
+    def predicted(
+        self, solved: Solved, some: tuple[str, ...], rows: Bool[np.ndarray, " rows"]
+    ) -> Float[np.ndarray, " some"]:
+        train, x = solved
+        knots = self.knots(train)
+        each = self.A[np.ix_(rows, self.whole.where(some))] @ x.reshape(len(knots), -1).T
+        return (each * shares_of(knots, self.axis, self.c[rows])).sum(1)
 
     def fitted(self, choice: Tried) -> LinearFit:
         """A choice, fitted to all the training parts; a plain composition where it has one knot."""

@@ -41,6 +41,19 @@ class OpenShare(NamedTuple):
     high: float | None
 
 
+class KnownSums(NamedTuple):
+    """What a fit of a grid knows of the rows of `GridUnknowns.sums`, over scale.
+
+    - `covariance`: of the sums, by correlated noise and the prior's bias.
+    - `determined`: which of `totals` the data know rather than the prior.
+    - `shift`: how far a prior of a tenth of the strength moves them; None in a fit that was loaded.
+    """
+
+    covariance: Float[np.ndarray, "all_sums all_sums"]
+    determined: Bool[np.ndarray, " sums"]
+    shift: Float[np.ndarray, " all_sums"] | None = None
+
+
 @dataclass(frozen=True, eq=False)
 class LinearFit(Generic[Unknowns]):
     """A linear model fitted, and what its posterior needs.
@@ -50,9 +63,7 @@ class LinearFit(Generic[Unknowns]):
     - `strength`: of the prior; `dropped`: whether the fit leaves out the conditioning cycle.
     - `blocks`: held-out mean squared errors, over scale^2, at that choice.
     - `last`: the record on which outputs were computed last, and they.
-    - `sums`: of a grid, the covariance of `GridUnknowns.sums` over scale^2, by correlated noise and the
-      prior's bias; None: draws give errors. `determined`: which sums the data know rather than the prior;
-      None: all. `shift`: how far a weaker prior moves them, over scale.
+    - `known`: of a grid, what it knows of its sums; None: all of them, and draws give errors.
     """
 
     unknowns: Float[np.ndarray, " unknowns"]
@@ -63,9 +74,7 @@ class LinearFit(Generic[Unknowns]):
     strength: float
     blocks: Float[np.ndarray, " blocks"]
     dropped: bool = False
-    sums: Float[np.ndarray, "all_sums all_sums"] | None = None
-    determined: Bool[np.ndarray, " sums"] | None = None
-    shift: Float[np.ndarray, " all_sums"] | None = None
+    known: KnownSums | None = None
     last: tuple[Record, Float[np.ndarray, " samples"]] | None = field(default=None, repr=False)
 
     @property
@@ -139,29 +148,30 @@ class LinearFit(Generic[Unknowns]):
     ) -> tuple[Float[np.ndarray, " sums"], Float[np.ndarray, "sums sums"]]:
         """The sums that tell what each part of the model does, in the output's unit, and their covariance.
 
-        Without `sums` the covariance is that of projected draws about the fit, not about their mean: where
+        Without `known` the covariance is that of projected draws about the fit, not about their mean: where
         the data leave much open the signs push the draws to one side, and the error has to reach there.
         """
         sums, scale = self.meaning.totals, self.meaning.scale
         values = sums @ in_units(self.meaning, self.unknowns)
-        if self.sums is not None:
-            known = len(values)
-            if self.shift is not None:
+        if self.known is not None:
+            (covariance, _, shift), count_of_sums = self.known, len(values)
+            if shift is not None:
                 # Signs push sums to one side, as smoothing does: by as much as noise about the fit shows.
                 up = self.draws(noise, count // PAIRS, random, antithetic=True) - self.unknowns
-                values = values + scale * (self.shift[:known] - sums @ up.mean(0))
-            return values, scale**2 * self.sums[:known, :known]
+                values = values + scale * (shift[:count_of_sums] - sums @ up.mean(0))
+            return values, scale**2 * covariance[:count_of_sums, :count_of_sums]
         deviations = scale * (self.draws(noise, count, random) - self.unknowns) @ sums.T
         return values, deviations.T @ deviations / count
 
     def open_shares(self) -> tuple[OpenShare, ...]:
         """What the data do not separate, with the 90 % interval of each end of its range."""
         meaning, scale = self.meaning, self.meaning.scale
-        if not isinstance(meaning, GridUnknowns) or self.sums is None:
+        if not isinstance(meaning, GridUnknowns) or self.known is None:
             return ()
         unknowns = in_units(meaning, self.unknowns)
         values = meaning.shares @ unknowns
-        errors = self._errors[len(meaning.total_names) :].reshape(2, -1)
+        variances = np.diagonal(self.known.covariance)[len(meaning.total_names) :]
+        errors = np.sqrt(variances).reshape(2, -1)
         low, high = (
             rows @ unknowns + scale * side * NORMAL_95 * error
             for side, rows, error in zip((-1, 1), meaning.share_ranges, errors, strict=True)
@@ -170,11 +180,6 @@ class LinearFit(Generic[Unknowns]):
         turned = (low, high) if scale > 0 else (high, low)
         ends = ([None if np.isnan(e) else float(e) for e in end] for end in turned)
         return tuple(map(OpenShare, NOT_SEPARABLE, values.tolist(), *ends))
-
-    @property
-    def _errors(self) -> Float[np.ndarray, " all_sums"]:
-        assert self.sums is not None
-        return np.sqrt(np.diagonal(self.sums))
 
 
 def outputs_together(fits: Sequence[LinearFit], record: Record) -> None:

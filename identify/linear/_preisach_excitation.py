@@ -59,11 +59,7 @@ class Design(NamedTuple):
     def input(self, steps: int = 50) -> Float[np.ndarray, " samples"]:
         """The path with at least `steps` samples for each way across the range."""
         width = (self.after.high - self.after.low) / steps
-        legs = [
-            np.linspace(a, b, max(int(np.ceil(abs(b - a) / width)), 1), endpoint=False)
-            for a, b in pairwise(self.turns)
-        ]
-        return np.concatenate([*legs, self.turns[-1:]])
+        return _path(self.turns, np.ceil(np.abs(np.diff(self.turns)) / width))
 
 
 def identifiability(
@@ -120,7 +116,12 @@ def design(
     candidates = [np.array([low, high, turn, high]) for turn in nodes[:-1]]
     candidates += [np.array([low, high, low, turn, low]) for turn in nodes[1:]]
     virgin = _grid(cells, low, high, "negative")
-    designs = [_rows(virgin, virgin.located(_path(turns, cells))) for turns in candidates]
+    # Two samples a cell.
+    paths = [
+        _path(turns, np.rint(2 * cells * np.abs(np.diff(turns)) / np.ptp(turns)))
+        for turns in candidates
+    ]
+    designs = [_rows(virgin, virgin.located(path)) for path in paths]
     turns = [np.array([low])]
     told = _identifiability(S, swing, grid)
     used = np.tril_indices(cells)
@@ -223,12 +224,14 @@ def _grid(cells: int, low: float, high: float, initial: Any, nodes: Any = None) 
     return Preisach(density, np.zeros(cells), initial=initial)
 
 
-def _path(turns: np.ndarray, cells: int) -> np.ndarray:
-    """Two samples a cell between the turns."""
-    step = np.ptp(turns) / (2 * cells)
+def _path(
+    turns: Float[np.ndarray, " turns"], samples: Float[np.ndarray, " legs"]
+) -> Float[np.ndarray, " samples"]:
+    """So many samples from each of the turns to the next, at least one."""
+    counts = np.maximum(samples, 1).astype(int).tolist()
     legs = [
-        np.linspace(a, b, max(round(abs(b - a) / step), 1), endpoint=False)
-        for a, b in pairwise(turns)
+        np.linspace(a, b, count, endpoint=False)
+        for (a, b), count in zip(pairwise(turns), counts, strict=True)
     ]
     return np.concatenate([*legs, turns[-1:]])
 

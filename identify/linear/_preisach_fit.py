@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
-from typing import NamedTuple, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 import scipy.linalg
@@ -15,24 +15,12 @@ from ..noise._adequacy import noise_behind, spread_over_rows
 from ..records._folds import Parts, best_of, earned, simplest
 from ..records._orientation import output_falls
 from ._cross_validation import STRENGTHS, Choice
-from ._linear_fit import LinearFit
+from ._linear_fit import KnownSums, LinearFit
 from ._preisach_normal_equations import gathered
 from ._preisach_problem import COARSE, PreisachProblem
 from ._preisach_unknowns import GridUnknowns, refined
 
 # What a Preisach fit says of the sums of its weights: their covariance, and which the data determine.
-
-
-class KnownSums(NamedTuple):
-    """Of the rows of `GridUnknowns.sums`, over scale.
-
-    - `covariance`: of the sums. `determined`: which of them the data know rather than the prior.
-    - `shift`: how far a prior of a tenth of the strength moves them.
-    """
-
-    covariance: Float[np.ndarray, "sums sums"]
-    determined: Bool[np.ndarray, " sums"]
-    shift: Float[np.ndarray, " sums"]
 
 
 def known_sums(
@@ -88,7 +76,7 @@ def known_sums(
     weaker = over_all(scipy.linalg.solve(H_weaker, b[inside], assume_a="pos")[:, None])[:, 0]
     bias = K.T @ (H @ (weaker - x))[inside]
     of_prior = np.einsum("is,ij,js->s", K, strength * problem.prior[at], K)
-    determined = of_prior <= 0.5 * np.einsum("si,is->s", C, K)
+    determined = (of_prior <= 0.5 * np.einsum("si,is->s", C, K))[: len(meaning.totals)]
     return KnownSums(spread + np.outer(bias, bias), determined, bias)
 
 
@@ -193,18 +181,7 @@ def fit_preisach(
         for n in finer:
             before, meaning = best, best.problem.meaning
             block = refined(meaning.block, meaning.masses(_fitted(best).unknowns))
-            meaning = GridUnknowns(
-                n,
-                low,
-                high,
-                shape.leading,
-                shape.initial,
-                scale,
-                dead_band,
-                block,
-                centre,
-                nodes_of(n),
-            )
+            meaning = shape._replace(cells=n, blocks=block, nodes=nodes_of(n))
             if n > 2 * coarse and 2 * meaning.count > len(u):
                 break
             problem = PreisachProblem(record, parts, meaning)
@@ -219,10 +196,8 @@ def fit_preisach(
     nodes = steep_nodes(u, y, coarse)
     # Where no cell is half as wide as an even one, the next even grid does the same.
     if finer and 2 * coarse * np.diff(nodes).min() < high - low:
-        meaning = GridUnknowns(
-            coarse, low, high, shape.leading, shape.initial, scale, dead_band, None, centre, nodes
-        )
-        steep = tried(PreisachProblem(record, parts, meaning), STRENGTHS)
+        problem = PreisachProblem(record, parts, shape._replace(nodes=nodes))
+        steep = tried(problem, STRENGTHS)
         if _best(steep).blocks.mean() < BETTER * best.blocks.mean():
             choices = path(steep, lambda n: steep_nodes(u, y, n))
             best = _best(choices)
@@ -251,8 +226,4 @@ def _fitted(choice: Tried, final: bool = False) -> LinearFit[GridUnknowns]:
     )  # fmt: skip
     if not final:
         return fit
-    known = known_sums(problem, which, choice.strength, unknowns)
-    totals = len(meaning.totals)
-    return replace(
-        fit, sums=known.covariance, determined=known.determined[:totals], shift=known.shift
-    )
+    return replace(fit, known=known_sums(problem, which, choice.strength, unknowns))

@@ -1,9 +1,8 @@
 """What a vector of unknowns of a Preisach fit stands for: blocks of cells, slacks, a first state."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import Any, NotRequired, TypedDict
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -13,7 +12,6 @@ from jaxtyping import Bool, Float, Int
 
 from hysteresis import Record, Scaled
 from hysteresis.preisach import GridDensity, Initial, Preisach
-from hysteresis.preisach._density import as_nodes
 
 from ..records._run_model import located
 from ._nnls import constrained_least_squares, nonnegative_least_squares
@@ -37,8 +35,8 @@ NEAR = 2
 """Cells beside the diagonal, in which relays count as nearly equal thresholds."""
 
 
-class GridWords(TypedDict):
-    """`GridUnknowns` as plain data, without the blocks."""
+class _Fields(NamedTuple):
+    """Those of `GridUnknowns`, which keeps what it computes."""
 
     cells: int
     low: float
@@ -46,19 +44,20 @@ class GridWords(TypedDict):
     leading: bool
     initial: Initial
     scale: float
-    dead_band: NotRequired[float]
-    centre: NotRequired[float]
-    nodes: NotRequired[list[float] | None]
+    dead_band: float = 0.0
+    centre: float = 0.0
+    nodes: tuple[float, ...] | None = None
+    blocks: Any = None
 
 
-class GridUnknowns:
+class GridUnknowns(_Fields):
     """A vector x of unknowns in units of `scale`: (offset, increments or slacks, masses of blocks).
 
     The offset is counted from `centre`, a mean of the output.
 
-    The grid has `cells` x `cells` cells; `block` (weights,) says which block each of its weights, row
-    by row, belongs to. A block's mass is spread evenly over its cells, so a fine grid needs no more
-    unknowns than the data can tell apart.
+    The grid has `cells` x `cells` cells; `blocks` (weights,) says which block each of its weights, row
+    by row, belongs to; None: each is one. A block's mass is spread evenly over its cells, so a fine grid
+    needs no more unknowns than the data can tell apart.
 
     A leading model must not fall on any branch. Its increments are c_k = s_k + 2 (row k of the
     weights, its half cell twice), with slacks s_k >= 0 as unknowns; the same for the columns, s_k +
@@ -69,29 +68,20 @@ class GridUnknowns:
     of one width, are otherwise those of the model.
     """
 
-    def __init__(
-        self,
-        cells: int,
-        low: float,
-        high: float,
-        leading: bool,
-        initial: Any,
-        scale: float,
-        dead_band: float = 0.0,
-        block: Int[np.ndarray, " weights"] | None = None,
-        centre: float = 0.0,
-        nodes: Sequence[float] | None = None,
-    ):
-        self.nodes = as_nodes(nodes)
-        self.cells, self.low, self.high = cells, low, high
-        self.leading, self.initial, self.scale = leading, initial, scale
-        self.dead_band, self.centre, self.offsets = dead_band, centre, slice(1)
-        self.block = np.arange(cells * (cells + 1) // 2) if block is None else block
-
     def words(self) -> dict[str, Any]:
         """All but the blocks, as plain data."""
-        names = ("cells", "low", "high", "leading", "initial", "scale", "dead_band", "centre")
-        return {name: getattr(self, name) for name in (*names, "nodes")}
+        return {name: x for name, x in self._asdict().items() if name != "blocks"}
+
+    @property
+    def offsets(self) -> slice:
+        """Which unknown is the offset."""
+        return slice(1)
+
+    @property
+    def block(self) -> Int[np.ndarray, " weights"]:
+        """The block of each weight."""
+        count = self.cells * (self.cells + 1) // 2
+        return np.arange(count) if self.blocks is None else self.blocks
 
     @property
     def edges(self) -> Float[np.ndarray, " nodes"]:

@@ -18,8 +18,8 @@ from hysteresis.running import numbers_of, run
 
 from ..linear._composition import CompositionUnknowns
 from ..linear._conditioned_unknowns import ConditionedUnknowns
-from ..linear._linear_fit import LinearFit
-from ..linear._preisach_unknowns import GridUnknowns, GridWords
+from ..linear._linear_fit import KnownSums, LinearFit
+from ..linear._preisach_unknowns import GridUnknowns
 from ..spectra._extrapolation import Allowed
 from ..spectra._of_record import PARTS, angular, answers_on, is_moduli, is_survey
 from ..spectra._prony_series import Input, Way
@@ -74,8 +74,8 @@ class GridWeights:
     @classmethod
     def rebuilt(cls, words: Any, arrays: Arrays, model: Any) -> "GridWeights":
         """The inverse of `words` and `arrays`."""
-        own = decoded(words, GridWords, cls.key)
-        return cls(_linear_fit(GridUnknowns(**own, block=np.asarray(arrays["block"])), arrays))
+        meaning = decoded(words, GridUnknowns, cls.key)._replace(blocks=np.asarray(arrays["block"]))
+        return cls(_linear_fit(meaning, arrays))
 
 
 @dataclass(frozen=True, eq=False)
@@ -261,16 +261,15 @@ def _linear_arrays(linear: LinearFit) -> dict[str, Any]:
     # One half of a symmetric matrix: most of the file.
     lower = np.tril(linear.H)
     found = {"at": linear.unknowns, "H": lower, "b": linear.b, "blocks": linear.blocks}
-    if linear.sums is None:
+    if linear.known is None:
         return found
-    return found | {"sums": linear.sums, "determined": linear.determined}
+    return found | {"sums": linear.known.covariance, "determined": linear.known.determined}
 
 
 def _linear_fit(meaning: Any, arrays: Arrays) -> LinearFit:
     # What only the fit itself needs, the prior's strength, is not kept.
     rows = int(arrays["rows"]) if "rows" in arrays else int(arrays["used"].sum())
-    own = (arrays[name] for name in ("at", "H", "b", "blocks"))
-    unknowns, lower, b, blocks = own
+    unknowns, lower, b, blocks = (arrays[name] for name in ("at", "H", "b", "blocks"))
     H = np.tril(lower) + np.tril(lower, -1).T
-    sums, determined = arrays.get("sums"), arrays.get("determined")
-    return LinearFit(unknowns, meaning, H, b, rows, 0.0, blocks, sums=sums, determined=determined)
+    known = KnownSums(arrays["sums"], arrays["determined"]) if "sums" in arrays else None
+    return LinearFit(unknowns, meaning, H, b, rows, 0.0, blocks, known=known)
