@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float
 
 from hysteresis import Record
 
-from ..records._folds import Parts, held_out_errors, thinned
+from ..records._folds import thinned
 from ._input_memory import branches_of
 from ._linear import cubic_per_branch, straight_line
 
@@ -31,40 +31,6 @@ class AbstractBaseline(Protocol):
     def prepared(self, record: Record) -> Any: ...
     def fitted(self, seen: Any, output: Any, rows: np.ndarray, weights: np.ndarray) -> Any: ...
     def predicted(self, seen: Any, unknowns: Any) -> np.ndarray: ...
-
-
-class Scored(NamedTuple):
-    """A baseline on the folds of a record, and fitted to all of it.
-
-    - `blocks`: mean squared errors of the held-out parts, in blocks of rows, as those of a fit.
-    - `used` (samples,): rows it was fitted to. `unknowns`, `output`: what came of that, in every row.
-    """
-
-    baseline: AbstractBaseline
-    blocks: Float[np.ndarray, " blocks"]
-    used: Bool[np.ndarray, " samples"]
-    unknowns: Any
-    output: Float[np.ndarray, " samples"]
-
-
-def scored(baseline: AbstractBaseline, record: Record, parts: Parts) -> Scored:
-    """Cross-validate a baseline on the folds on which models are ranked, then fit it to all counted rows.
-
-    A model may leave some out, a baseline never does.
-    """
-    seen, y = baseline.prepared(record), record.output
-
-    def fitted(which: tuple[int, ...]) -> Any:
-        rows = np.flatnonzero(np.isin(parts.label, which))
-        return baseline.fitted(seen, y, thinned(rows, MOST), record.weights)
-
-    def error(unknowns: Any, test: tuple[int, ...]) -> np.ndarray:
-        rows = np.isin(parts.label, test)
-        return (baseline.predicted(seen, unknowns)[rows] - y[rows]) * record.weights[rows]
-
-    blocks, unknowns = held_out_errors(parts.folds, fitted, error), fitted(parts.all)
-    used = parts.label >= 0
-    return Scored(baseline, blocks, used, unknowns, baseline.predicted(seen, unknowns))
 
 
 # Baselines of an inverse: the input behind an output, from the output alone and which way it goes.

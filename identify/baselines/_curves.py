@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
+from scipy.optimize import isotonic_regression
 
 from hysteresis import Record
 
@@ -44,8 +45,8 @@ class MonotoneBaseline:
     ) -> Curve:
         u, y = seen[rows], output[rows]
         x, mean, count = binned(u, y, weights[rows])
-        sign = -1.0 if np.cov(u, y)[0, 1] < 0 else 1.0
-        values = sign * isotonic(sign * mean, count)
+        falls = bool(np.cov(u, y)[0, 1] < 0)
+        values = isotonic_regression(mean, weights=count, increasing=not falls).x
         if len(x) > 1:
             slope = np.diff(values[[0, 1, -2, -1]])[[0, 2]] / np.diff(x[[0, 1, -2, -1]])[[0, 2]]
             ends = np.array([u.min(), u.max()])
@@ -138,19 +139,6 @@ def binned(
     have = count > 0
     x, mean = (np.bincount(at, square * v)[have] / count[have] for v in (u, y))
     return x, mean, count[have]
-
-
-def isotonic(
-    y: Float[np.ndarray, " parts"], weight: Float[np.ndarray, " parts"]
-) -> Float[np.ndarray, " parts"]:
-    """The rising values nearest to y by weighted least squares: neighbours out of order are pooled."""
-    pools: list[tuple[float, float, int]] = []
-    for value, mass in zip(y.tolist(), weight.tolist(), strict=True):
-        pools.append((value, mass, 1))
-        while len(pools) > 1 and pools[-2][0] >= pools[-1][0]:
-            (a, m, j), (b, n, k) = pools[-2:]
-            pools[-2:] = [((a * m + b * n) / (m + n), m + n, j + k)]
-    return np.repeat([value for value, _, _ in pools], [length for _, _, length in pools])
 
 
 def _mean_curve(u: np.ndarray, y: np.ndarray, weights: np.ndarray) -> Curve:

@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from hysteresis import Record
 
+from ..records._latest import slow_times
 from ._input_memory import OncePerInput, lags, slow_states, stops
 
 Design = Callable[[Record], Float[np.ndarray, "samples columns"]]
@@ -18,9 +19,6 @@ RADII = np.geomspace(0.01, 0.5, 10)
 
 LAGS = tuple(2**k for k in range(6))
 """Rows back."""
-
-STATES = 4
-"""Exponential averages, over times from five steps to a third of the longest sequence."""
 
 FEW = 2
 """So many further columns also multiply all others."""
@@ -117,25 +115,20 @@ def ridges(train: Record, columns: tuple[str, ...]) -> tuple[LinearBaseline, ...
     """Ridge regression on the input, its lags, stop operators and, with a clock, slow states, at several
     penalties."""
     radii = RADII * (float(np.ptp(train.input[train.mask])) or 1.0)
-    times = None
-    if train.time is not None:
-        steps = [np.diff(train.time[rows]) for _, rows in train.sequences()]
-        span = max(float(np.ptp(train.time[rows])) for _, rows in train.sequences())
-        step = float(np.median(np.concatenate(steps)))
-        times = np.geomspace(5 * step, span / 3, STATES) if 0 < 15 * step < span else None
+    times = slow_times(train)
 
     def made(record: Record) -> np.ndarray:
         # A condition, such as a pressure, changes the size of an effect.
         factors = [record.columns[name] for name in columns] if len(columns) <= FEW else []
-        slow = 0 if times is None or record.time is None else len(times)
+        slow = 0 if record.time is None else len(times)
         widths = len(radii), 1, len(LAGS), slow, len(columns)
         width = sum(widths)
         # The largest array of a fit. By columns, it takes no memory before each part is put there: first
         # what takes most memory beside it.
         found = np.empty((len(record), width * (1 + len(factors))), order="F")
         parts = np.split(found[:, :width], np.cumsum(widths)[:-1], axis=1)
-        if slow and times is not None:
-            slow_states(record, times, parts[3])
+        if slow:
+            slow_states(record, np.array(times), parts[3])
         stops(record, radii, parts[0])
         parts[1][:, 0] = record.input
         lags(record, LAGS, parts[2])
@@ -147,6 +140,6 @@ def ridges(train: Record, columns: tuple[str, ...]) -> tuple[LinearBaseline, ...
             )
         return found
 
-    memory = "lags and stops" if times is None else "lags, stops and slow states"
+    memory = "lags, stops and slow states" if times else "lags and stops"
     design = OncePerInput(made, columns)
     return tuple(LinearBaseline(f"ridge on {memory}", design, penalty) for penalty in PENALTIES)

@@ -1,18 +1,17 @@
 """The baselines of a fit, on the folds and rows on which its candidates are judged."""
 
-from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 
 from hysteresis import Record
 
-from ..baselines._contract import AbstractBaseline, Scored, scored
+from ..baselines._contract import MOST, AbstractBaseline
 from ..baselines._curves import MonotoneBaseline, replay
 from ..baselines._holds import of_holds
 from ..baselines._input_memory import branches_of
 from ..baselines._linear import constant, cubic_per_branch, ridges, straight_line
-from ..records._folds import Parts, block_errors
+from ..records._folds import Parts, block_errors, held_out_errors, thinned
 from ..results._goodness_of_fit import Baseline, metrics
 
 
@@ -37,34 +36,45 @@ def baselines_of(
         constant(), straight_line(columns, combined), MonotoneBaseline(),
         cubic_per_branch(record, branches), replay(record, branches),
     )  # fmt: skip
-    found = [_figures(scored(one, record, parts), record, test) for one in single]
-    best = _best(scored(one, record, parts) for one in ridges(record, columns))
-    return (*found, _figures(best, record, test))
+    found = [_judged(one, record, parts, test) for one in single]
+    of_ridges = (_judged(one, record, parts, test) for one in ridges(record, columns))
+    best = min(of_ridges, key=lambda one: one.blocks.mean() if len(one.blocks) else 0.0)
+    return (*found, best)
 
 
 def baselines_of_hold(record: Record, parts: Parts, test: Record | None) -> tuple[Baseline, ...]:
     """Those of creep or relaxation under a constant input, the simplest first."""
-    return tuple(
-        _figures(scored(one, record, parts), record, test)
-        for one in of_holds(not record.sigma_name)
-    )
+    single = of_holds(not record.sigma_name)
+    return tuple(_judged(one, record, parts, test) for one in single)
 
 
-def _best(tried: Iterable[Scored]) -> Scored:
-    return min(tried, key=lambda one: one.blocks.mean() if len(one.blocks) else 0.0)
+def _judged(
+    baseline: AbstractBaseline, record: Record, parts: Parts, test: Record | None
+) -> Baseline:
+    """Cross-validated on the folds on which models are ranked, then fitted to all counted rows.
 
+    A model may leave some out, a baseline never does.
+    """
+    seen, y = baseline.prepared(record), record.output
 
-def _figures(one: Scored, record: Record, test: Record | None) -> Baseline:
-    figures: dict[str, Any] = {"test": None}
-    figures["train"] = metrics(record.output, one.output, one.used, record.weights)
+    def fitted(which: tuple[int, ...]) -> Any:
+        rows = thinned(np.flatnonzero(np.isin(parts.label, which)), MOST)
+        return baseline.fitted(seen, y, rows, record.weights)
+
+    def error(unknowns: Any, test: tuple[int, ...]) -> np.ndarray:
+        rows = np.isin(parts.label, test)
+        return (baseline.predicted(seen, unknowns)[rows] - y[rows]) * record.weights[rows]
+
+    blocks, unknowns = held_out_errors(parts.folds, fitted, error), fitted(parts.all)
+    used, output = parts.label >= 0, baseline.predicted(seen, unknowns)
+    figures: dict[str, Any] = {"test": None, "train": metrics(y, output, used, record.weights)}
     test_blocks = None
     if test is not None:
-        baseline: AbstractBaseline = one.baseline
-        predicted = baseline.predicted(baseline.prepared(test), one.unknowns)
+        predicted = baseline.predicted(baseline.prepared(test), unknowns)
         figures["test"] = metrics(test.output, predicted, test.mask, test.weights)
-        error = test.weights * (predicted - test.output)
-        test_blocks = np.array(block_errors(error[test.mask]))
-    held_out = float(one.blocks.mean()) if len(one.blocks) else np.nan
-    score = 100 * float(np.sqrt(held_out)) / float(np.ptp(record.output[record.mask]))
-    residuals = np.where(one.used, one.output - record.output, np.nan)
-    return Baseline(one.baseline.name, score, figures, one.blocks, test_blocks, residuals)
+        error_there = test.weights * (predicted - test.output)
+        test_blocks = np.array(block_errors(error_there[test.mask]))
+    held_out = float(blocks.mean()) if len(blocks) else np.nan
+    score = 100 * float(np.sqrt(held_out)) / float(np.ptp(y[record.mask]))
+    residuals = np.where(used, output - y, np.nan)
+    return Baseline(baseline.name, score, figures, blocks, test_blocks, residuals)

@@ -22,7 +22,7 @@ from hysteresis import ChannelMap, InputError, Note, Record
 from hysteresis.models._channel_map import memory_columns
 
 from ..records._folds import Fold, earned, held_out_errors, thinned
-from ..records._latest import longest_sequence, repeats, usual_speed
+from ..records._latest import repeats, slow_times
 from ..records._new_record import combine
 from ._cross_validation import ROWS, normal_equations_of
 from ._group_strengths import APART, Group, GroupedColumns, Strengths
@@ -32,9 +32,6 @@ CELLS = 16
 
 RADII = (0.02, 0.055, 0.15, 0.4)
 """Of the stops of a channel, in parts of its range."""
-
-TIMES = 4
-"""Of the averages of a channel."""
 
 SETTLING = 3
 """First cycles left out, at most."""
@@ -152,7 +149,7 @@ class _Problem:
         high = np.where(high > low, high, low + 1.0)  # one that moved in the cycles left out alone
         self.nodes = np.linspace(low, high, CELLS + 1, axis=1)
         self.radii = RADII if remembers else ()
-        self.times = _times(record) if remembers else ()
+        self.times = slow_times(record) if remembers else ()
         rows = thinned(np.flatnonzero(record.mask), ROWS)
         y = (record.output[rows] - self.centre) / self.scale
         X, groups = self._columns(record, (x - low) / (high - low), rows)
@@ -260,14 +257,6 @@ def _parts(record: Record, most: int) -> _Cut:
     each = tuple(Fold(tuple(p for p in every if p != k), (k,)) for k in every)
     later = tuple(Fold(tuple(range(k)), (k,)) for k in every if 2 * k >= len(every))
     return _Cut(part, tested, each, each if several else (*each, *later))
-
-
-def _times(record: Record) -> tuple[float, ...]:
-    """From five steps to a third of the longest sequence; none where that is no longer, or without time."""
-    longest, step = longest_sequence(record), usual_speed(record)[1]
-    if not 0 < 15 * step < longest:
-        return ()
-    return tuple(np.geomspace(5 * step, longest / 3, TIMES).tolist())
 
 
 def _most_settling(record: Record) -> int:

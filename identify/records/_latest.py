@@ -156,3 +156,12 @@ def longest_sequence(record: Record) -> float:
     if record.time is None:
         return 0.0
     return max(float(np.ptp(record.time[rows])) for _, rows in record.sequences())
+
+
+def slow_times(record: Record) -> tuple[float, ...]:
+    """Four from five steps to a third of the longest sequence; none where that is no longer, or without
+    time."""
+    longest, step = longest_sequence(record), usual_speed(record)[1]
+    if not 0 < 15 * step < longest:
+        return ()
+    return tuple(np.geomspace(5 * step, longest / 3, 4).tolist())
