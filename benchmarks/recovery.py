@@ -36,7 +36,7 @@ from hysteresis import (
 from hysteresis.preisach import GaussianDensity
 from identify import FitResult, fit
 from identify.parameters._transform import Transform, transform
-from identify.parametric._multistart import refine
+from identify.parametric._multistart import Problem
 from identify.records._run_model import prepare
 
 from ._measure import Row, judged, noted, options, report
@@ -172,7 +172,8 @@ def one_run(case: Case, number: int) -> Run:
         return float(np.mean((np.asarray(evaluate(model, prepared)) - y)[used] ** 2))
 
     def nearest(model: AbstractModel) -> float:
-        z = refine(bounds, truth, prepared, y, 1.0 * used, bounds.to_free(model)).free
+        problem = Problem(bounds, truth, prepared, y)
+        z = problem.refined(1.0 * used, bounds.to_free(model)).free
         return objective(bounds.insert(truth, bounds.to_values(jnp.asarray(z))))
 
     least = SAME * nearest(truth)

@@ -39,7 +39,7 @@ from identify.noise._residual_statistics import estimate_noise
 from identify.parameters._settings import Settings, numbers_of, with_settings
 from identify.parameters._transform import Transform, transform, transform_for
 from identify.parametric._maximum_likelihood import likeliest, linearised_at, skewness_at
-from identify.parametric._multistart import refine
+from identify.parametric._multistart import Problem
 from identify.parametric._standard_errors import Skewness, covariance_of, rescaled
 from identify.posterior._log_posterior import Target
 
@@ -194,10 +194,11 @@ def _fit(
     bounds: Transform, model: AbstractModel, prepared: Any, y: np.ndarray, rows: Rows, z: np.ndarray
 ) -> _Fit:
     """What a fit does, from the middle of the prior."""
-    first = refine(bounds, model, prepared, y, np.ones(len(y)), z)
+    problem = Problem(bounds, model, prepared, y)
+    first = problem.refined(np.ones(len(y)), z)
     r = first.predicted - y
     plain = covariance_of(first.jacobian, float(r @ r) / (len(y) - len(z)))
-    found = likeliest(bounds, model, prepared, y, rows, first.free, kinds("auto"))
+    found = likeliest(problem, rows, first.free, kinds("auto"))
     if found is None or found.believed < BELIEVED:
         # No noise model is believed: least squares, its errors widened.
         noise = estimate_noise([r], len(z))
@@ -207,9 +208,8 @@ def _fit(
             first.free, covariance, nothing, noise.sigma, first.jacobian, False, first.free, plain
         )
     covariance = covariance_of(found.root, 1.0)
-    about = (model, prepared, y, rows)
-    bent = skewness_at(bounds, about, found.noise, found.free, covariance, 1.0)
-    at = linearised_at(bounds, *about, found.free)
+    bent = skewness_at(problem, rows, found.noise, found.free, covariance, 1.0)
+    at = linearised_at(problem, rows, found.free)
     covariance = rescaled(covariance, found.wider)
     sigma = float(found.noise.sigma)
     return _Fit(

@@ -1,14 +1,14 @@
 """What a search from many starts costs beside following every start to its end.
 
 Both run the same compiled Levenberg-Marquardt. The search takes a few steps from every start and follows
-the best ones, see `multi_start`.
+the best ones, see `Problem.searched`.
 """
 
 import numpy as np
 
 from hysteresis import Burgers, Record
 from identify.parameters._transform import transform_for
-from identify.parametric._multistart import multi_start, refine
+from identify.parametric._multistart import Problem
 from identify.records._run_model import prepare
 
 from .._measure import Row, interleaved, judged, noted
@@ -26,13 +26,13 @@ def start_rows(quick: bool) -> list[Row]:
     bounds, prepared = transform_for(truth, record).for_fit, prepare(truth, record)
     about = bounds.to_free(truth)
     points = about + SPREAD * random.normal(size=(STARTS, len(about)))
-    arguments = bounds, truth, prepared, record.output, record.mask.astype(float)
+    problem, weights = Problem(bounds, truth, prepared, record.output), record.mask.astype(float)
 
     def search() -> float:
-        return float(multi_start(*arguments, points)[0].objective[0])
+        return float(problem.searched(weights, points)[0].objective[0])
 
     def all_to_their_end() -> float:
-        return min(refine(*arguments, point).objective for point in points)
+        return min(problem.refined(weights, point).objective for point in points)
 
     calls = {"search": search, "all": all_to_their_end}
     seconds = {k: taken.min() for k, taken in interleaved(calls, 5 if quick else 15).items()}

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -31,10 +31,9 @@ from ..parametric._multistart import (
     SPREADS,
     STEPS,
     Optimum,
+    Problem,
     longer,
-    multi_start,
     prepared_longer,
-    refine,
     thinned_rows,
 )
 from ..parametric._standard_errors import covariance_of, reported, rescaled
@@ -108,19 +107,15 @@ class ParametricCandidate(Candidate):
 class LeastSquares:
     """A model of few parameters fitted by least squares, before its residuals are explained.
 
-    - `template`, `bounds`, `settings`: where it starts, which parameters move, what the user said of them.
-    - `prepared`, `measured`: input and output of the training record, lengthened by `longer`.
+    - `problem`: of the training record, lengthened by `longer`. `settings`: what the user said of it.
     - `starts`: every start of the search; `optimum`: the best one, followed to its end.
     - `blocks`: held-out mean squared errors; `dropped`: the fit leaves out the conditioning cycle.
     """
 
     name: str
     data: TrainingData
-    template: AbstractModel
-    bounds: Transform
+    problem: Problem
     settings: Settings
-    prepared: Any
-    measured: Float[np.ndarray, " rows"]
     starts: Starts
     optimum: Optimum
     blocks: Float[np.ndarray, " blocks"]
@@ -129,11 +124,11 @@ class LeastSquares:
 
     def model(self, free: Float[np.ndarray, " parameters"]) -> AbstractModel:
         """The model of a free vector."""
-        return self.bounds.model(self.template, free)
+        return self.problem.bounds.model(self.problem.template, free)
 
     def evidence(self, predicted: Float[np.ndarray, " samples"]) -> Evidence:
         """What a prediction of the training record leaves over."""
-        held_out, free = float(self.blocks.mean()), len(self.bounds.names)
+        held_out, free = float(self.blocks.mean()), len(self.problem.bounds.names)
         return evidence(self.data.record, self.data.parts, predicted, self.dropped, held_out, free)
 
 
@@ -159,17 +154,17 @@ def least_squares(
     y = np.where(record.mask, record.output, 0.0)
     tried, optima = _search(template, data, y, bounds, first, starts, options)
     prepared = prepared_longer(template, record.time, record.input, starts_of(record))
-    measured = longer(y)
+    problem = Problem(bounds, template, prepared, longer(y))
 
     def fitted(which: tuple[int, ...], free: np.ndarray, steps: int = STEPS) -> Optimum:
         weights = longer(np.where(np.isin(parts.label, which), record.weights, 0.0))
-        return refine(bounds, template, prepared, measured, weights, free, steps)
+        return problem.refined(weights, free, steps)
 
     # Where all rows were searched the best optimum is that of the record. Else few steps on every row tell
     # which of the different optima it is, and that one alone is followed to its end.
     whole = optima[0]
     if (
-        len(whole.predicted) != len(measured)
+        len(whole.predicted) != len(problem.measured)
         or (np.isin(parts.label, parts.all) != record.mask).any()
     ):
         ends = (fitted(parts.all, end.free, FEW) for end in optima)  # each holds every row
@@ -192,9 +187,8 @@ def least_squares(
     dropped = len(choices) > 1 and earned(blocks[False], blocks[True])
     optimum = fitted(parts.without_conditioning(parts.all, True), whole.free) if dropped else whole
     return LeastSquares(
-        name, data, template, bounds, settings, prepared, measured, tried, optimum,
-        blocks[dropped], dropped, options.seed,
-    )  # fmt: skip
+        name, data, problem, settings, tried, optimum, blocks[dropped], dropped, options.seed
+    )
 
 
 def explained(
@@ -208,7 +202,7 @@ def explained(
     coloured otherwise or follow the input, or with `noise` None, least squares stays, and its errors are
     widened by the residuals' correlation time, unless the free vector's `covariance` is known.
     """
-    bounds, data = fit.bounds, fit.data
+    bounds, data = fit.problem.bounds, fit.data
     optimum, rows = fit.optimum, len(data.record)
     judged = fit.evidence(optimum.predicted[:rows])
     noise_rows = Rows(
@@ -220,13 +214,12 @@ def explained(
         errors = _stayed(fit, judged.noise, covariance)
     if errors.taken.misfit is None:  # nobody asks for the largest array any more
         noise_rows = noise_rows._replace(shapes=np.zeros((len(noise_rows.place), 0)))
-    arguments = (fit.template, fit.prepared, fit.measured, noise_rows)
     found, free = errors.found, errors.free
     if found is not None and found.free is not optimum.free:
-        at_found = linearised_at(bounds, *arguments, free)
+        at_found = linearised_at(fit.problem, noise_rows, free)
         judged = fit.evidence(np.asarray(at_found.rows.output)[:rows])
     model, covariance = fit.model(free), errors.covariance
-    bent = skewness_at(bounds, arguments, errors.taken, free, covariance, 1 / errors.widened)
+    bent = skewness_at(fit.problem, noise_rows, errors.taken, free, covariance, 1 / errors.widened)
     covariance = rescaled(covariance, errors.wider)
     at_maximum = found is not None and found.converged and bounds.asked
     return FitResult(
@@ -261,12 +254,13 @@ def _search(
     rows, thin_starts = thinned_rows(record, THINNED)
     time = None if record.time is None else record.time[rows]
     thin = prepared_longer(template, time, record.input[rows], thin_starts)
-    thin_y, thin_weights = longer(y[rows]), longer(np.where(record.mask, record.weights, 0.0)[rows])
+    problem = Problem(bounds, template, thin, longer(y[rows]))
+    weights = longer(np.where(record.mask, record.weights, 0.0)[rows])
     random = np.random.default_rng(options.seed).normal(0, 1, (starts, first.shape[1]))
     random[0] = 0.0
     for spread in SPREADS:
         points = np.vstack([first[0] + spread * random, first[1:]])
-        tried = multi_start(bounds, template, thin, thin_y, thin_weights, points, options.until)
+        tried = problem.searched(weights, points, options.until)
         if np.isfinite(tried[0].objective[0]):
             return tried
     raise InputError(
@@ -298,14 +292,13 @@ class _Errors(NamedTuple):
 
 def _errors(fit: LeastSquares, residual: Noise, rows: Rows, noise: str | None) -> _Errors:
     """The noise that explains the residuals of a least-squares fit."""
-    bounds, free = fit.bounds, fit.optimum.free
-    at = linearised(bounds, fit.optimum, fit.measured, rows)
-    about = (bounds, fit.template, fit.prepared, fit.measured, rows, free)
+    bounds, free = fit.problem.bounds, fit.optimum.free
+    at = linearised(fit.problem, fit.optimum, rows)
     found = None
     if noise is not None and not bounds.asked:
         found = _plainest(free, at, noise)
     if noise is not None and found is None:
-        found = likeliest(*about, kinds(noise))
+        found = likeliest(fit.problem, rows, free, kinds(noise))
     # Without a maximum plain noise was tried, and is too far from the residuals to go on from.
     tried = {} if noise is None else {NoiseModel(0.0).words: 0.0}
     evidence = tried if found is None else found.over_the_best
@@ -317,7 +310,9 @@ def _errors(fit: LeastSquares, residual: Noise, rows: Rows, noise: str | None) -
     # No kind of noise explains the residuals. Neighbouring rows repeat each other, so `widened` of them
     # count for one, also against the priors that the user gave.
     widened = residual.correlation_time
-    found = likeliest(*about, kinds("gaussian"), widened) if bounds.asked else None
+    found = None
+    if bounds.asked:
+        found = likeliest(fit.problem, rows, free, kinds("gaussian"), widened)
     if found is not None:
         covariance = covariance_of(found.root, widened)
         return _Errors(

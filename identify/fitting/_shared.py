@@ -15,14 +15,7 @@ from hysteresis import InputError, Record
 from ..parameters._transform import Transform
 from ..parametric._levenberg_marquardt import Found
 from ..parametric._levenberg_marquardt import least_squares as levenberg_marquardt_from
-from ..parametric._multistart import (
-    FEW,
-    STEPS,
-    arguments_of,
-    longer,
-    refine,
-    scaled_residuals,
-)
+from ..parametric._multistart import FEW, STEPS, longer, scaled_residuals
 from ..parametric._standard_errors import covariance_of
 from ..records._folds import held_out_errors
 from ..results._fit_result import FitResult
@@ -97,7 +90,7 @@ def fit_shared(
         left = search.evidence(search.optimum.predicted[: len(search.data.record)])
         error = (search.data.record.weights * left.residuals)[left.used]
         own = float(np.mean(error**2)) * left.noise.correlation_time
-        variances.append(np.full(len(search.measured), own * (weight / joint.size) ** 2))
+        variances.append(np.full(len(search.problem.measured), own * (weight / joint.size) ** 2))
         rows += len(error)
     spent = rows / max(rows - len(free), 1)
     covariance = covariance_of(np.asarray(found.jacobian), spent * np.concatenate(variances))
@@ -139,11 +132,12 @@ class _Joint:
     def __init__(
         self, alone: Sequence[LeastSquares], share: Sequence[str], weights: Sequence[float]
     ) -> None:
-        self.bounds, self.weights = alone[0].bounds, weights
+        bounds = [one.problem.bounds for one in alone]
+        self.bounds, self.weights = bounds[0], weights
         names = self.bounds.names
         odd = [name for name in share if name not in names] or [""] * (not share)
         for wrong, said, fix in (
-            (len({one.bounds.names for one in alone}) > 1, "The models differ.", "Give one to start from."),
+            (len({own.names for own in bounds}) > 1, "The models differ.", "Give one to start from."),
             (odd, f"{', '.join(odd)!r} is not free.", f"Share some of {', '.join(names)}."),
             (self.bounds.asked, "A parameter has a prior.", "Leave it out."),
         ):  # fmt: skip
@@ -151,8 +145,13 @@ class _Joint:
                 raise _refused(said, fix)
         common = np.isin(names, share)
         # Unbounded parameters are in units of the record: here of the first one.
-        each = [self.bounds.from_values(one.bounds.to_values(one.optimum.free)) for one in alone]
-        self.alone = [replace(one, bounds=self.bounds) for one in alone]
+        each = [
+            self.bounds.from_values(own.to_values(one.optimum.free))
+            for own, one in zip(bounds, alone, strict=True)
+        ]
+        self.alone = [
+            replace(one, problem=one.problem._replace(bounds=self.bounds)) for one in alone
+        ]
         count, own = int(common.sum()), int((~common).sum())
         shared = np.cumsum(common) - 1
         self.places = [
@@ -168,7 +167,7 @@ class _Joint:
         one = self.alone[k]
         record = one.data.record
         used = np.isin(one.data.parts.label, which) * self.weights[k] * record.weights
-        return arguments_of(one.template, one.prepared, one.measured, longer(used))
+        return one.problem.arguments(longer(used))
 
     def found(self, z: np.ndarray, steps: int, but: Mapping[int, Any] | None = None) -> Found:
         """The joint optimum from z; `but`: other arguments of some specimens."""
@@ -190,8 +189,7 @@ class _Joint:
             return (weights * (predicted - y))[rows]
 
         blocks = held_out_errors(one.data.parts.folds, solve, error)
-        template, prepared, measured, used, _ = self.arguments[k]
-        optimum = refine(self.bounds, template, prepared, measured, used, at, steps=1)
+        optimum = one.problem.refined(self.arguments[k][3], at, steps=1)
         return replace(one, blocks=blocks, optimum=optimum._replace(free=at, converged=converged))
 
 

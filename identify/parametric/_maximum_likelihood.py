@@ -8,8 +8,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from hysteresis import AbstractModel
-
 from ..noise._adequacy import BELIEVED, Left, believed, nothing_speaks_against
 from ..noise._arithmetic import Arithmetic, Rows
 from ..noise._model import NoiseModel
@@ -17,7 +15,7 @@ from ..noise._reml import Linearised, noise_fit, of_free
 from ..noise._reml import score as own_score
 from ..noise._residual_statistics import Noise, widening
 from ..parameters._transform import Transform
-from ._multistart import Optimum, refine
+from ._multistart import Optimum, Problem
 from ._standard_errors import Skewness, points_about, skewness
 
 ROUNDS = 40
@@ -83,10 +81,7 @@ class Likeliest(NamedTuple):
 
 
 def likeliest(
-    bounds: Transform,
-    model: AbstractModel,
-    prepared: Any,
-    y: Float[np.ndarray, " rows"],
+    problem: Problem,
     rows: Rows,
     free: Float[np.ndarray, " parameters"],
     kinds: tuple[tuple[str, ...], ...],
@@ -103,14 +98,14 @@ def likeliest(
     `temper`: number of rows that count as one, relative to user-specified priors. Returns None where the
     rounds do not reach a maximum.
     """
-    z, least, choice = np.asarray(free), np.inf, len(kinds) > 1
+    z, least, choice, bounds = np.asarray(free), np.inf, len(kinds) > 1, problem.bounds
     near: dict[tuple[str, ...], np.ndarray] = {}
     evidence: dict[tuple[str, ...], float] = {}
     for k in range(1, ROUNDS + 1):
-        at = linearised_at(bounds, model, prepared, y, rows, z)
+        at = linearised_at(problem, rows, z)
         at = at._replace(pull=temper * at.pull, precision=temper * at.precision)
         if choice and k == 1:
-            few = _first(at) if len(y) > LONG else at
+            few = _first(at) if len(at.residuals) > LONG else at
             kinds = _worth_trying(few, kinds, near)
             if not kinds:
                 return None
@@ -235,11 +230,10 @@ def plainest(
     return Likeliest(free, W, wider, NoiseModel(sigma), kind, evidence, 1.0, counted), left
 
 
-def linearised(
-    bounds: Transform, at: Optimum, measured: Float[np.ndarray, " rows"], rows: Rows
-) -> Linearised:
+def linearised(problem: Problem, at: Optimum, rows: Rows) -> Linearised:
     """The model linearised where its output and the Jacobian are known."""
-    residuals = np.where(np.asarray(rows.counted), at.predicted - measured, 0.0)
+    bounds = problem.bounds
+    residuals = np.where(np.asarray(rows.counted), at.predicted - problem.measured, 0.0)
     pull, precision = np.zeros(len(at.free)), np.zeros((len(at.free),) * 2)
     if bounds.asked:
         pull, precision = map(np.asarray, _slopes_of_penalty(bounds, jnp.asarray(at.free)))
@@ -247,18 +241,10 @@ def linearised(
     return Linearised(residuals, at.jacobian, rows, pull, precision)
 
 
-def linearised_at(
-    bounds: Transform,
-    model: AbstractModel,
-    prepared: Any,
-    measured: Float[np.ndarray, " rows"],
-    rows: Rows,
-    z: Float[np.ndarray, " parameters"],
-) -> Linearised:
+def linearised_at(problem: Problem, rows: Rows, z: Float[np.ndarray, " parameters"]) -> Linearised:
     """The model linearised about z, by the program that fits it."""
     weights = np.where(rows.counted, rows.weight, 0.0)
-    at = refine(bounds, model, prepared, measured, weights, z, steps=1)
-    return linearised(bounds, at, measured, rows)
+    return linearised(problem, problem.refined(weights, z, steps=1), rows)
 
 
 @eqx.filter_jit
@@ -268,23 +254,20 @@ def _slopes_of_penalty(bounds: Transform, z: Array) -> tuple[Array, Array]:
 
 
 def skewness_at(
-    bounds: Transform,
-    arguments: tuple[AbstractModel, Any, np.ndarray, Rows],
+    problem: Problem,
+    rows: Rows,
     noise: NoiseModel,
     free: Float[np.ndarray, " parameters"],
     covariance: Float[np.ndarray, "parameters parameters"],
     weight: float,
 ) -> Skewness:
-    """Skewness of weighted log-likelihood plus log-prior, noise fixed.
-
-    `arguments`: as those of `linearised_at` after the bounds.
-    """
+    """Skewness of weighted log-likelihood plus log-prior, noise fixed."""
     known, scores = noise.arithmetic(), []
     for z in points_about(free, covariance):
         # One after the other: of a million rows each takes 60 MB.
-        at = linearised_at(bounds, *arguments, z)
+        at = linearised_at(problem, rows, z)
         with np.errstate(divide="ignore", invalid="ignore"):  # an exact fit has no noise
-            scores.append(weight * score(at, arguments[2], known) - at.pull)
+            scores.append(weight * score(at, problem.measured, known) - at.pull)
         del at
     return skewness(np.array(scores), covariance)
 

@@ -46,60 +46,75 @@ class Optimum(NamedTuple):
     jacobian: Float[np.ndarray, "samples parameters"]
 
 
-def refine(
-    transform: Transform,
-    model: AbstractModel,
-    prepared: Any,
-    y: Float[np.ndarray, " samples"],
-    weights: Float[np.ndarray, " samples"],
-    free: Float[np.ndarray, " parameters"],
-    steps: int = STEPS,
-) -> Optimum:
-    """Levenberg-Marquardt from one start to full accuracy; one step only evaluates. A row whose weight is 0
-    does not count."""
-    arguments = arguments_of(model, prepared, y, weights)
-    found = _run(transform, arguments, jnp.asarray(free), np.asarray(steps))
-    size = float(arguments[-1]) * float(np.sqrt(np.count_nonzero(weights)))
-    each = size / np.where(weights > 0, weights, 1.0)
-    residuals = np.asarray(found.residuals)
-    objective = np.nan_to_num(float(arguments[-1]) ** 2 * float(residuals @ residuals), nan=np.inf)
-    return Optimum(
-        np.asarray(found.free), float(objective), bool(found.converged), int(found.steps),
-        np.asarray(found.beside), each[:, None] * np.asarray(found.jacobian),
-    )  # fmt: skip
+class Problem(NamedTuple):
+    """A model, of which the parameters of `bounds` move, what it is run over, and what was measured there.
 
-
-def multi_start(
-    transform: Transform,
-    model: AbstractModel,
-    prepared: Any,
-    y: Float[np.ndarray, " samples"],
-    weights: Float[np.ndarray, " samples"],
-    starts: Float[np.ndarray, "starts parameters"],
-    until: float = np.inf,
-) -> tuple[Starts, tuple[Optimum, ...]]:
-    """A few steps of Levenberg-Marquardt from every start, and the best to their end; sorted, best first.
-
-    Also the optima that are different, the best ones of them. After `until` no further one is begun.
+    A row whose weight is 0 does not count.
     """
-    ends = list[Optimum]()
-    for z in starts:
-        if ends and time.perf_counter() > until:
-            break
-        ends.append(refine(transform, model, prepared, y, weights, z, FEW))
-    ends.sort(key=lambda end: end.objective)
-    for k in range(min(BEST, len(ends))):
-        if k and time.perf_counter() > until:
-            break
-        if np.isfinite(ends[k].objective) and not ends[k].converged:
-            ends[k] = refine(transform, model, prepared, y, weights, ends[k].free)
-    ends.sort(key=lambda end: end.objective)
-    objective, z = np.array([end.objective for end in ends]), np.stack([end.free for end in ends])
-    optima: list[Optimum] = []
-    for end in ends[:BEST]:
-        if all(end.objective > (1 + NOTHING) * other.objective for other in optima):
-            optima.append(end)
-    return Starts(objective, np.linalg.norm(z - z[0], axis=1), z), tuple(optima[:REFINED])
+
+    bounds: Transform
+    template: AbstractModel
+    prepared: Any
+    measured: Float[np.ndarray, " samples"]
+
+    def arguments(self, weights: Float[np.ndarray, " samples"]) -> tuple[Any, ...]:
+        """What `scaled_residuals` needs beside the free vector."""
+        mask, y = weights > 0, self.measured
+        scale = np.ptp(y[mask]) or 1.0  # an array, so that another record does not compile again
+        y, scale = np.where(mask, y, 0.0), np.asarray(float(scale))
+        return self.template, self.prepared, y, np.asarray(weights), scale
+
+    def refined(
+        self,
+        weights: Float[np.ndarray, " samples"],
+        free: Float[np.ndarray, " parameters"],
+        steps: int = STEPS,
+    ) -> Optimum:
+        """Levenberg-Marquardt from one start to full accuracy; one step only evaluates."""
+        arguments = self.arguments(weights)
+        found = _run(self.bounds, arguments, jnp.asarray(free), np.asarray(steps))
+        size = float(arguments[-1]) * float(np.sqrt(np.count_nonzero(weights)))
+        each = size / np.where(weights > 0, weights, 1.0)
+        residuals = np.asarray(found.residuals)
+        objective = np.nan_to_num(
+            float(arguments[-1]) ** 2 * float(residuals @ residuals), nan=np.inf
+        )
+        return Optimum(
+            np.asarray(found.free), float(objective), bool(found.converged), int(found.steps),
+            np.asarray(found.beside), each[:, None] * np.asarray(found.jacobian),
+        )  # fmt: skip
+
+    def searched(
+        self,
+        weights: Float[np.ndarray, " samples"],
+        starts: Float[np.ndarray, "starts parameters"],
+        until: float = np.inf,
+    ) -> tuple[Starts, tuple[Optimum, ...]]:
+        """A few steps of Levenberg-Marquardt from every start, and the best to their end; best first.
+
+        Also the optima that are different, the best ones of them. After `until` no further one is begun.
+        """
+        ends = list[Optimum]()
+        for z in starts:
+            if ends and time.perf_counter() > until:
+                break
+            ends.append(self.refined(weights, z, FEW))
+        ends.sort(key=lambda end: end.objective)
+        for k in range(min(BEST, len(ends))):
+            if k and time.perf_counter() > until:
+                break
+            if np.isfinite(ends[k].objective) and not ends[k].converged:
+                ends[k] = self.refined(weights, ends[k].free)
+        ends.sort(key=lambda end: end.objective)
+        objective, z = (
+            np.array([end.objective for end in ends]),
+            np.stack([end.free for end in ends]),
+        )
+        optima: list[Optimum] = []
+        for end in ends[:BEST]:
+            if all(end.objective > (1 + NOTHING) * other.objective for other in optima):
+                optima.append(end)
+        return Starts(objective, np.linalg.norm(z - z[0], axis=1), z), tuple(optima[:REFINED])
 
 
 def thinned_rows(record: Record, most: int) -> tuple[Int[np.ndarray, " rows"], tuple[int, ...]]:
@@ -161,16 +176,9 @@ def _missing(rows: int) -> int:
     return -rows % step
 
 
-def arguments_of(model: AbstractModel, prepared: Any, y: np.ndarray, weights: np.ndarray) -> tuple:
-    """What `scaled_residuals` needs beside the free vector."""
-    mask = weights > 0
-    scale = np.ptp(y[mask]) or 1.0  # an array, so that another record does not compile again
-    return model, prepared, np.where(mask, y, 0.0), np.asarray(weights), np.asarray(float(scale))
-
-
 def scaled_residuals(transform: Transform, z: Array, arguments: Any) -> tuple[Array, Array]:
     """Residuals over the output's range and the root of the number of rows, and the output itself; see
-    `arguments_of`."""
+    `Problem.arguments`."""
     model, prepared, y, weights, scale = arguments
     predicted, mask = transform.model(model, z).evaluate(prepared), weights > 0
     off = weights * jnp.where(mask, predicted - y, 0.0)
