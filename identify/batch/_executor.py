@@ -23,9 +23,9 @@ MakesExecutor = Callable[[], Executor]
 
 
 class Unit(NamedTuple):
-    """A plain function with arguments that can be pickled, and the names of the records it works on."""
+    """A plain function with arguments that can be pickled, and the name of the record it works on."""
 
-    names: tuple[str, ...]
+    name: str
     function: Callable[..., Any]
     arguments: tuple[Any, ...]
 

@@ -174,11 +174,8 @@ def fit_many(
     run.total = length_hint(records)
     if isinstance(records, Named):
         return run.over(records.items(), executor)
-    return run.over(zip(_names(names), records, strict=False), executor)
-
-
-def _names(names: Iterable[str] | None) -> Iterator[str]:
-    return map(str, count()) if names is None else iter(names)
+    named = map(str, count()) if names is None else names
+    return run.over(zip(named, records, strict=False), executor)
 
 
 class _Run:
@@ -217,7 +214,10 @@ class _Run:
         """Fit every record, and return the batch."""
         try:
             for unit, outcome in done_by(self._units(items), executor):
-                self._take(unit, outcome)
+                if isinstance(outcome, Exception):
+                    self._fail(unit.name, _explained(outcome))
+                else:
+                    self._keep(unit.name, outcome)
         except BaseException:
             self._write(finished=False)
             raise
@@ -257,7 +257,7 @@ class _Run:
                 self._keep(name, line)
             else:
                 arguments = (HOME, self.function, packed(self.options), train, test, is_double())
-                yield Unit((name,), fit_alone, arguments)
+                yield Unit(name, fit_alone, arguments)
 
     def _held(self, name: str, train: Record, test: Record | None) -> Kept | None:
         data = [train.digest(), test and test.digest()]
@@ -280,12 +280,6 @@ class _Run:
         if self._threshold is None or (row := line_row(record, self._threshold)) is None:
             return None
         return Kept(lambda: dict(row), in_this_precision(partial(fit, record, **self.options)))
-
-    def _take(self, unit: Unit, outcome: Any) -> None:
-        if isinstance(outcome, Exception):
-            self._fail(unit.names[0], _explained(outcome))
-        else:
-            self._keep(unit.names[0], outcome)
 
     def _keep(self, name: str, found: Kept | FitResult | dict[str, bytes]) -> None:
         if self.folder is not None:

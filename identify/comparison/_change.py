@@ -65,7 +65,9 @@ class Change:
     @property
     def words(self) -> tuple[str, ...]:
         """The results in sentences."""
-        said = [_together(self.p, self.chi_square, self.degrees)]
+        verdict = "The specimen has changed" if self.p < CHANCE else "No significant change"
+        about = f"chi-square {self.chi_square:.4g} with {self.degrees} parameters"
+        said = [f"{verdict}: {about}, {chance(self.p)}."]
         said += [_sentence(p, self.margin) for p in self.parameters]
         return (*said, *untested(self.left_out))
 
@@ -186,17 +188,14 @@ def between(
             before[k], after[k], after[k] - before[k], spread[k], *ratios, below[k] + above[k],
             law.cdf(d[k] / error[k]), p[k], corrected[k],
         )  # fmt: skip
-        listed.append(ParameterChange(name, one.units[k], *map(_number, numbers)))
+        told: Any = [None if x is None else float(x) for x in numbers]
+        listed.append(ParameterChange(name, one.units[k], *told))
     chi_square = float(d @ np.linalg.solve(V, d))
     together = float(scipy.stats.chi2.sf(chi_square, len(d)))
     if degrees is not None:  # Hotelling
         rest = degrees - len(d) + 1
         together = float(scipy.stats.f.sf(chi_square * rest / (degrees * len(d)), len(d), rest))
     return Change(tuple(listed), left_out, margin, chi_square, len(d), together)
-
-
-def _number(x: Any) -> Any:
-    return None if x is None else float(x)
 
 
 def holm(p: Float[np.ndarray, " tests"]) -> Float[np.ndarray, " tests"]:
@@ -226,11 +225,6 @@ def untested(left_out: dict[str, str], what: str = "tested") -> list[str]:
     if not left_out:
         return []
     return [f"Not {what}: {', '.join(f'{name} ({why})' for name, why in left_out.items())}."]
-
-
-def _together(p: float, chi_square: float, degrees: int) -> str:
-    verdict = "The specimen has changed" if p < CHANCE else "No significant change"
-    return f"{verdict}: chi-square {chi_square:.4g} with {degrees} parameters, {chance(p)}."
 
 
 def _sentence(p: ParameterChange, margin: float) -> str:

@@ -302,13 +302,9 @@ def _test_blocks(fit: FitResult) -> np.ndarray:
 
 
 def _counted(record: Record, rows: np.ndarray) -> tuple[str, bytes]:
-    """Which measurements these rows of a record are."""
-    return _measured(record), record.line[rows].tobytes()
-
-
-def _measured(record: Record) -> str:
-    """Checksum of a record's file, of arrays that of the output."""
-    return record.sha256 or hashlib.sha256(record.output.tobytes()).hexdigest()
+    """Which measurements these rows of a record are, by a checksum of its file, or of the output."""
+    checksum = record.sha256 or hashlib.sha256(record.output.tobytes()).hexdigest()
+    return checksum, record.line[rows].tobytes()
 
 
 def _alike(items: Sequence[Any]) -> bool:

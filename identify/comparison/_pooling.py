@@ -169,7 +169,8 @@ def population_draws(
     deviation = np.sqrt(np.diagonal(V, axis1=1, axis2=2))
     least = 1e-2 * np.minimum(deviation.min(0), prior)
     most = 50 * np.maximum(np.ptp(z, axis=1).max(0), np.maximum(prior, deviation.max(0)))
-    grids = [np.geomspace(a, b, _cells(a, b)) for a, b in zip(least, most, strict=True)]
+    cells = np.ceil(np.log(most / least) / np.log(RATIO)).astype(int) + 1
+    grids = [np.geomspace(*ends) for ends in zip(least, most, cells, strict=True)]
     tau, found = np.broadcast_to(prior, (chains, size)).copy(), []
     eye = np.eye(size)
     for sweep in range(BURN_IN + count):
@@ -212,10 +213,6 @@ def _draw_tau(
     cell = (chances < random.random(chains) * chances[-1]).sum(0)
     step = np.log(grid[1] / grid[0])
     return grid[cell] * np.exp(step * random.uniform(-0.5, 0.5, chains))
-
-
-def _cells(low: float, high: float) -> int:
-    return int(np.ceil(np.log(high / low) / np.log(RATIO))) + 1
 
 
 def _interval(draws: Float[np.ndarray, " draws"]) -> Interval:

@@ -191,12 +191,14 @@ def _load(document: dict[str, Any], files: dict[str, Path]) -> FitResult:
 def _figures(saved: dict[str, Any]) -> dict[str, Any]:
     """The inverse of `summary`: the fields that `FitResult` and `Candidate` share."""
     blocks = {k: saved.get(k) for k in ("blocks", "test_blocks")}
-    same = ("parameters", "metrics", "success", "noise", "notes", "seconds")
+    same, noise = ("parameters", "metrics", "success", "noise", "notes", "seconds"), None
+    if (words := saved.get("noise_model")) is not None:
+        noise = NoiseModel(**{name: words[name] for name in PARTS if name in words})
     return {name: saved[name] for name in same} | {
         "name": saved["model"],
         "score": saved["score_percent"],
         **{k: None if x is None else np.array(x) for k, x in blocks.items()},
-        "noise_model": _noise_model(saved.get("noise_model")),
+        "noise_model": noise,
         "noise_evidence": saved.get("noise_evidence", {}),
         "verdict": Verdict.of(saved["verdict"]),
     }
@@ -314,12 +316,6 @@ def _noise_words(noise: NoiseModel | None) -> dict[str, Any] | None:
     return {"kind": noise.words} | {n: float(v) for n, v in parts.items() if v is not None}
 
 
-def _noise_model(words: dict[str, Any] | None) -> NoiseModel | None:
-    if words is None:
-        return None
-    return NoiseModel(**{name: words[name] for name in PARTS if name in words})
-
-
 def _record_words(record: Record) -> dict[str, Any]:
     names = [f"{role}_{what}" for role in ("input", "output", "time") for what in ("name", "unit")]
     words = {n: getattr(record, n) for n in (*names, "labels", "source", "sha256")}
@@ -345,9 +341,6 @@ def _record(part: str, words: dict[str, Any], data: dict[str, np.ndarray]) -> Re
     columns = {name: data[f"{part}_condition_{k}"] for k, name in conditions}
     if name := words.get("sigma_name"):
         columns[name] = data[f"{part}_sigma"]
-    return Record(**arrays, **words | {"history": _notes(words["history"])}, columns=columns)
-
-
-def _notes(said: list[Any]) -> tuple[Note, ...]:
-    """A record's history; files of earlier versions hold sentences without codes."""
-    return tuple(Note.of(x) if isinstance(x, str) else Note(*x) for x in said)
+    # Files of earlier versions hold sentences without codes.
+    history = tuple(Note.of(x) if isinstance(x, str) else Note(*x) for x in words["history"])
+    return Record(**arrays, **words | {"history": history}, columns=columns)

@@ -52,7 +52,10 @@ class LikeCandidate(ParametricCandidate):
             "One earlier fit does not tell how specimens differ: its weight has a wide prior.",
         )
         if others:
-            spread = _spread([one.weights(one.record.mask)[:-1] for one in others])
+            # About the weight that all would have if specimens did not differ.
+            weights_of = np.array([one.weights(one.record.mask)[:-1] for one in others])
+            off = weights_of - 1 / weights_of.shape[1]
+            spread = max(float(np.sqrt(np.mean(off**2))), NOTHING)
             prior = f"normal({1 / len(self.earlier):.6g}, {spread:.6g})"
             said = {f"weights.{k}": {"prior": prior} for k in range(len(used))}
             note = f"Prior of the weights: {prior}, from how the earlier fits make up each other's records"
@@ -107,12 +110,6 @@ class _Others:
         x, y = w[:, None] * self.columns[rows], w * self.record.output[rows]
         # Bounded-variable least squares is exact: a weight at its bound is 0.
         return scipy.optimize.lsq_linear(x, y, (low, np.inf), method="bvls").x
-
-
-def _spread(weights: Sequence[np.ndarray]) -> float:
-    """Root mean square of weights about the one that all would have if specimens did not differ."""
-    off = np.concatenate(weights) - 1 / len(weights[0])
-    return max(float(np.sqrt(np.mean(off**2))), NOTHING)
 
 
 def _check_alike(others: Sequence[_Others]) -> None:

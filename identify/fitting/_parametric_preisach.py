@@ -116,15 +116,16 @@ def of_grid(grid: Preisach, shape: Shape) -> tuple[Preisach, ...]:
         splits = [(moments(half), moments(far & ~half)) for half in halves]
         splits.append((_spread(whole, 0.5), _spread(whole, 1.5)))
     reversible = _reversible(grid, np.where(far, 0.0, masses), edges)
+    densities = ([shape.made(low, high, part) for part in split] for split in splits)
     return tuple(
         Preisach(
-            _together([shape.made(low, high, part) for part in split]),
+            parts[0] if len(parts) == 1 else SumDensity(parts),
             reversible,
             float(grid.offset),
             leading=grid.leading,
             initial=grid.initial,
         )
-        for split in splits
+        for parts in densities
     )
 
 
@@ -132,10 +133,6 @@ def _spread(found: Moments, factor: float) -> Moments:
     """Half of the relays, spread so many times as far about the same centre."""
     mass, h, h_width, m, m_width = found
     return Moments(mass / 2, h, factor * h_width, m, factor * m_width)
-
-
-def _together(parts: list[AbstractDensity]) -> AbstractDensity:
-    return parts[0] if len(parts) == 1 else SumDensity(parts)
 
 
 def _reversible(

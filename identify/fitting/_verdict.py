@@ -206,8 +206,9 @@ def _held_out(fit: FitResult, found: Reasons) -> None:
     if (beyond := fit.extrapolation) is None:
         return
     inside = beyond.inside
+    also = ["channels"] * (fit.channels is not None) + ["conditions"] * (fit.condition is not None)
     for name, part, words in (
-        ("input", beyond.input, _trained_inputs(fit)),
+        ("input", beyond.input, " or ".join(["the trained inputs", *also])),
         ("rate", beyond.rate, "the trained rates of the input"),
         ("time", beyond.time, "the longest time for which a trained input stayed near one value"),
     ):
@@ -223,11 +224,6 @@ def _held_out(fit: FitResult, found: Reasons) -> None:
         note = Note(code, _beyond(fit, part, inside, words), values)
         worse = inside.rmse is None or (part.rmse or 0.0) > TIMES * inside.rmse
         (found.cautions if name == "input" or worse else found.facts).append(note)
-
-
-def _trained_inputs(fit: FitResult) -> str:
-    also = ["channels"] * (fit.channels is not None) + ["conditions"] * (fit.condition is not None)
-    return " or ".join(["the trained inputs", *also])
 
 
 def _beyond(fit: FitResult, part: RowsBeyond, inside: RowsBeyond, words: str) -> str:

@@ -103,7 +103,8 @@ def memory_blocks(
     grid = _grid(layout)
     prepared = None
     if layout.relays:
-        v = np.concatenate([_mapped(layout, u) for u in _cut(record.input)])
+        u = record.input
+        v = np.concatenate([_mapped(layout, u[k : k + ROWS]) for k in range(0, len(u), ROWS)])
         prepared = grid.located(np.clip(v, 0.0, 1.0), starts=starts_of(record))
     state = _State.nothing(layout)
     last = int(rows[-1]) + 1 if len(rows) else 0
@@ -217,10 +218,6 @@ def _mapped(layout: MemoryLayout, u: Samples) -> Samples:
     if not layout.first:
         return v
     return rises(v, len(layout.first)) @ np.array(layout.first) / (layout.high - layout.low)
-
-
-def _cut(u: np.ndarray) -> list[np.ndarray]:
-    return [u[k : k + ROWS] for k in range(0, len(u), ROWS)]
 
 
 def _grid(layout: MemoryLayout) -> Preisach:

@@ -121,7 +121,8 @@ def design(
         _path(turns, np.rint(2 * cells * np.abs(np.diff(turns)) / np.ptp(turns)))
         for turns in candidates
     ]
-    designs = [_rows(virgin, virgin.located(path)) for path in paths]
+    rows = (design_rows(virgin, virgin.located(path)).toarray() for path in paths)
+    designs = [NodeSpace(cells).to_unknowns(B.T).T for B in rows]
     turns = [np.array([low])]
     told = _identifiability(S, swing, grid)
     used = np.tril_indices(cells)
@@ -234,12 +235,6 @@ def _path(
         for (a, b), count in zip(pairwise(turns), counts, strict=True)
     ]
     return np.concatenate([*legs, turns[-1:]])
-
-
-def _rows(grid: Preisach, prepared: PreisachInput) -> Float[np.ndarray, "rows unknowns"]:
-    assert isinstance(grid.density, GridDensity)
-    B = design_rows(grid, prepared)
-    return NodeSpace(grid.density.cells).to_unknowns(B.toarray().T).T
 
 
 def _covariance(

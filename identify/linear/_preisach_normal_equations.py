@@ -88,9 +88,9 @@ def normal_matrix(space: NodeSpace, gram: Any, P: Any) -> Float[np.ndarray, "unk
 def gathered(space: NodeSpace, columns: Any, P: Any) -> Float[np.ndarray, "unknowns batch"]:
     """P'S' of columns in node space."""
     turned = P.T.tocsr()
-    chunks = (columns[:, k : k + CHUNK] for k in range(0, columns.shape[1], CHUNK))
-    return np.hstack([turned @ space.to_unknowns(_dense(chunk)) for chunk in chunks])
-
-
-def _dense(chunk: Any) -> np.ndarray:
-    return chunk.toarray() if sparse.issparse(chunk) else np.ascontiguousarray(chunk)
+    found = []
+    for k in range(0, columns.shape[1], CHUNK):
+        some = columns[:, k : k + CHUNK]
+        dense = some.toarray() if sparse.issparse(some) else np.ascontiguousarray(some)
+        found.append(turned @ space.to_unknowns(dense))
+    return np.hstack(found)

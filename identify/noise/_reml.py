@@ -116,7 +116,10 @@ def noise_fit(
     size = float(np.sqrt(np.sum((weight * at.residuals) ** 2) / counted.sum())) or 1.0
     J, residuals, pull = map(np.asarray, (at.jacobian, at.residuals, at.pull))
     basis, seen = _basis(J * weight[:, None], size)
-    sizes = np.append(size / _largest(at.rows), np.ones(3))
+    # Of the positive parts: residuals, the largest output, the largest slope, residuals.
+    largest = [np.max(np.abs(counted * x)) for x in (at.rows.output, at.rows.slope)]
+    positive = np.array([1.0, *(x if x > 0 else 1.0 for x in largest), 1.0])
+    sizes = np.append(size / positive, np.ones(3))
     seek = _Sought(
         residuals * counted, J @ basis, at.rows, pull @ basis,
         basis.T @ at.precision @ basis, np.diag(np.where(seen, 0.0, counted.sum())),
@@ -267,12 +270,6 @@ def _basis(J: np.ndarray, size: float) -> tuple[np.ndarray, np.ndarray]:
     seen = values > 1e-12
     width = size * np.sqrt(len(J) / np.where(seen, values, 1.0))
     return vectors / norm[:, None] * np.where(seen, width, 0.0)[None], seen
-
-
-def _largest(rows: Rows) -> np.ndarray:
-    """1, the largest output, the largest slope, and 1: the scales of the positive parts."""
-    found = [np.max(np.abs(np.where(rows.counted, x, 0.0))) for x in (rows.output, rows.slope)]
-    return np.array([1.0, *(x if x > 0 else 1.0 for x in found), 1.0])
 
 
 def log_prior(free: Float[np.ndarray, " parts"]) -> Float[np.ndarray, " parts"]:

@@ -105,7 +105,12 @@ def likeliest(
         at = linearised_at(problem, rows, z)
         at = at._replace(pull=temper * at.pull, precision=temper * at.precision)
         if choice and k == 1:
-            few = _first(at) if len(at.residuals) > LONG else at
+            few = at
+            if len(at.residuals) > LONG:
+                first_rows = Rows(*(x[:LONG] for x in at.rows))
+                few = at._replace(
+                    residuals=at.residuals[:LONG], jacobian=at.jacobian[:LONG], rows=first_rows
+                )
             kinds = _worth_trying(few, kinds, near)
             if not kinds:
                 return None
@@ -300,9 +305,3 @@ def score(
             for s, c in zip(h, J.T, strict=True)
         ]
     )
-
-
-def _first(at: Linearised) -> Linearised:
-    """The first LONG rows."""
-    rows = Rows(*(x[:LONG] for x in at.rows))
-    return at._replace(residuals=at.residuals[:LONG], jacobian=at.jacobian[:LONG], rows=rows)

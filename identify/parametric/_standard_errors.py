@@ -154,7 +154,13 @@ def reported(
     """The parameters of a fitted model with their errors: none at a bound, none where unidentified."""
     error, slope = np.sqrt(np.diagonal(covariance)), bounds.slope(free)
     status = statuses(bounds, free, error)
-    least = _least(model, record)
+    # Below a default prior's lower end, a sixth of it, a value that the data do not see is at its bound 0.
+    default = transform_for(model, record)
+    least = {
+        name: one.first / one.second
+        for name, one in zip(default.names, default.priors, strict=True)
+        if one.kind == "log-normal"
+    }
     lean = skewness.displaced(NORMAL_95)
     found = []
     words = model.unit_words(record.input_unit, record.output_unit, record.time_unit)
@@ -178,13 +184,3 @@ def reported(
         stderr = float(error[k]) * abs(float(slope[k]))
         found.append(Parameter(name, value, unit, stderr, known, low, high))
     return with_ties(tuple(found), {name: (source, factor) for name, source, factor in bounds.ties})
-
-
-def _least(model: AbstractModel, record: Record) -> dict[str, float]:
-    """Of every positive number the size below which a value that the data do not see is at its bound 0.
-
-    Its default prior puts a sixth below it.
-    """
-    found = transform_for(model, record)
-    priors = zip(found.names, found.priors, strict=True)
-    return {name: one.first / one.second for name, one in priors if one.kind == "log-normal"}

@@ -59,7 +59,8 @@ def rhat(chains: Float[np.ndarray, "chains draws"]) -> float:
 
     Source: Vehtari and others, Rank-normalization, folding, and localization, Bayesian Analysis 2021.
     """
-    split = _split(chains)
+    half = chains.shape[1] // 2
+    split = np.concatenate([chains[:, :half], chains[:, -half:]])
     folded = np.abs(split - np.median(split))
     return max(_rhat_of(_normal_scores(split)), _rhat_of(_normal_scores(folded)))
 
@@ -91,11 +92,6 @@ def has_two_modes(draws: Float[np.ndarray, " draws"], effective: float) -> bool:
     aside = max(ASIDE, FEW / effective)
     valleys = (density < VALLEY * lower) & (below > aside) & (below < 1 - aside)
     return bool(valleys.any())
-
-
-def _split(chains: np.ndarray) -> np.ndarray:
-    half = chains.shape[1] // 2
-    return np.concatenate([chains[:, :half], chains[:, -half:]])
 
 
 def _normal_scores(chains: np.ndarray) -> np.ndarray:

@@ -29,7 +29,7 @@ from ..linear._unknown_vectors import in_units, relative
 from ..records._folds import Parts
 from ..results._fit_result import FitResult
 from ..storage._checkpoint import Checkpoint
-from ._convergence import Chains, Progress
+from ._convergence import Progress
 from ._emcee import first_walkers, sample_ensembles
 from ._posterior import Posterior, posterior_of, summary_of
 from ._weights_evidence import (
@@ -116,7 +116,8 @@ def _of_composition(
     for _, A in _columns(meaning, record, rows):
         H += A.T @ A
     K = base.prior(1.0)
-    names, totals = _sums_of(base)
+    names = (*SUMS, *base.total_names)
+    totals = np.vstack([slow_loop(base), base.totals])
     if isinstance(meaning, ConditionedUnknowns):
         knots, at = len(meaning.knots), meaning.total_names
         each = [name[len(base.total_names[0]) :] for name in at[:: len(base.total_names)]]
@@ -163,13 +164,6 @@ def _stretches(used: Bool[np.ndarray, " samples"]) -> Bool[np.ndarray, " samples
     few = np.zeros_like(used)
     few[rows[taken]] = True
     return few
-
-
-def _sums_of(
-    base: CompositionUnknowns,
-) -> tuple[tuple[str, ...], Float[np.ndarray, "sums unknowns"]]:
-    """The sums of a composition: what it does in a slow loop, and what each part does."""
-    return (*SUMS, *base.total_names), np.vstack([slow_loop(base), base.totals])
 
 
 def slow_loop(base: CompositionUnknowns) -> Float[np.ndarray, "3 unknowns"]:
@@ -232,7 +226,8 @@ def sample_weights(
     place, root = evidence.place, evidence.root
     first = first_walkers(evidence, place, root, ensembles, walkers, seed)
     chains = sample_ensembles(evidence, first, place, root, seed, steps, most, kept, tell)
-    points = _chosen(chains, min(steps or MOST, MOST))
+    thinned, count = chains.thinned, min(steps or MOST, MOST)
+    points = thinned[:, np.linspace(0, thinned.shape[1] - 1, count).astype(int)]
     scale = linear.meaning.scale
     given = _Given(linear, design, evidence.place)
     flat = points.reshape(-1, points.shape[-1])
@@ -265,12 +260,6 @@ def sample_weights(
     )
 
 
-def _chosen(chains: Chains, count: int) -> Float[np.ndarray, "ensembles draws parameters"]:
-    """At most so many points of every ensemble, as far apart as they can be."""
-    thinned = chains.thinned
-    return thinned[:, np.linspace(0, thinned.shape[1] - 1, count).astype(int)]
-
-
 def _left_open(design: WeightsDesign, determined: Bool[np.ndarray, " sums"]) -> tuple[str, ...]:
     left = [name for name, known in zip(design.names, determined, strict=True) if not known]
     if not left:
@@ -279,11 +268,6 @@ def _left_open(design: WeightsDesign, determined: Bool[np.ndarray, " sums"]) -> 
         f"the data do not determine {', '.join(left)}: the prior says more of each than they do, so they"
         " are not among the parameters.",
     )
-
-
-def _bare(names: tuple[str, ...]) -> list[str]:
-    """Without the value of a condition behind them."""
-    return [name.partition(" at ")[0] for name in names]
 
 
 class _Given:
@@ -309,7 +293,8 @@ class _Given:
         back = scipy.linalg.solve_triangular(factor.T, solved)
         of_prior = strength * (back**2).sum(0) + (along[:, self.known :] ** 2).sum(1) / strength
         before = (along**2).sum(1) / strength
-        narrow = np.isin(_bare(design.names), SUMS) & (variance < KNOWN * before)
+        bare = [name.partition(" at ")[0] for name in design.names]  # without that of a condition
+        narrow = np.isin(bare, SUMS) & (variance < KNOWN * before)
         self.determined: Bool[np.ndarray, " sums"] = (of_prior <= 0.5 * variance) | narrow
         meaning = linear.meaning
         self.is_average = isinstance(meaning, CompositionUnknowns) and bool(

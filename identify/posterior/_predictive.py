@@ -108,7 +108,9 @@ def predictive(
     names, which = cycles_or_sequences(record)
     which = which[rows]
     cycles = {names[k]: inside[:, which == k].mean(1) for k in np.unique(which[which > 0])}
-    coverage, effective = inside.mean(1), _effective(record, rows, middle - measured)
+    sequences = np.flatnonzero(np.diff(np.searchsorted(record.starts, rows, side="right"))) + 1
+    residuals = [part for part in np.split(middle - measured, sequences) if len(part)]
+    coverage, effective = inside.mean(1), estimate_noise(residuals).effective
     said = _in_words(coverage, effective, len(rows), "held-out" if held_out else "training")
     return Bands(
         rows, measured, middle, low, high, clean_low, clean_high, coverage, cycles, effective, said
@@ -181,13 +183,6 @@ def _quantile(
         over = below.mean(0) > q
         low, high = np.where(over, low, at), np.where(over, at, high)
     return (low + high) / 2
-
-
-def _effective(record: Record, rows: np.ndarray, residual: np.ndarray) -> float:
-    """How many independent facts the rows hold."""
-    inside = np.searchsorted(record.starts, rows, side="right")
-    cut = np.flatnonzero(np.diff(inside)) + 1
-    return estimate_noise([r for r in np.split(residual, cut) if len(r)]).effective
 
 
 def _binomial(q: float, n: int, p: float) -> float:

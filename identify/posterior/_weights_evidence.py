@@ -58,10 +58,6 @@ class NeighbourSums(NamedTuple):
         same, following, ends = (by @ one[:-1, :-1] @ by.T for one in self[:3])
         return NeighbourSums(same, following, ends, self.rows, self.sequences)
 
-    def log_determinant(self, phi: float) -> float:
-        """log det V."""
-        return float((self.rows - self.sequences) * np.log1p(-(phi**2)))
-
 
 def neighbour_sums(
     blocks: Iterable[Float[np.ndarray, "rows columns"]], sequences: Sequence[slice]
@@ -192,9 +188,10 @@ class WeightsEvidence:
         """Eigenvalues, squared projections, y'V^-1 y and log det V at atanh phi = v."""
         phi = float(np.tanh(v))
         whole = self.sums.under(phi)
+        log_det = (self.sums.rows - self.sums.sequences) * np.log1p(-(phi**2))
         values, vectors = scipy.linalg.eigh(whole[:-1, :-1], check_finite=False)
         along = vectors.T @ whole[:-1, -1]
-        return np.maximum(values, 0.0), along**2, whole[-1, -1], self.sums.log_determinant(phi)
+        return np.maximum(values, 0.0), along**2, whole[-1, -1], float(log_det)
 
     def _parts(
         self, known: tuple[np.ndarray, ...], log_strength: np.ndarray

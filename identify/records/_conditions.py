@@ -40,7 +40,8 @@ def trained_values(record: Record, name: str) -> Float[np.ndarray, " values"] | 
 
     Values closer than `STILL` of their range are one.
     """
-    c, span = record.columns[name], _span(record, name)
+    c = record.columns[name]
+    span = float(np.ptp(c[record.mask]))
     found = []
     for _, rows in record.sequences():
         used = c[rows][record.mask[rows]]
@@ -142,7 +143,3 @@ def _nearest(
     c: Float[np.ndarray, " samples"], values: Float[np.ndarray, " values"]
 ) -> Int[np.ndarray, " samples"]:
     return np.abs(c[:, None] - values).argmin(1)
-
-
-def _span(record: Record, name: str) -> float:
-    return float(np.ptp(record.columns[name][record.mask]))

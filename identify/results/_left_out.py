@@ -154,7 +154,10 @@ def _of_parameters(
         for part in HALVES:
             model = fit.model
             for p, by in zip(free, part * step, strict=True):
-                model = _moved(model, p.name, float(by), lows[p.name])
+                # On the scale on which it has no lower bound.
+                old, low = float(parameter_at(model, p.name)), lows[p.name]
+                new = old + by if low == -np.inf else low + (old - low) * np.exp(by / (old - low))
+                model = replaced(model, p.name, float(new))
             missed = w * (replace(fit, model=model).predict(fit.train) - fit.train.output)
             if float(np.sum(missed[rest] ** 2)) <= least:
                 break
@@ -174,10 +177,3 @@ def _step(
     gain = np.where(part >= KNOWN, 1 / np.maximum(part, KNOWN), 0.0)
     turned = root @ direction
     return turned @ (gain * (turned.T @ slope))
-
-
-def _moved(model: AbstractModel, name: str, by: float, low: float) -> AbstractModel:
-    """The model with one parameter moved, on the scale on which it has no lower bound."""
-    old = float(parameter_at(model, name))
-    new = old + by if low == -np.inf else low + (old - low) * np.exp(by / (old - low))
-    return replaced(model, name, new)

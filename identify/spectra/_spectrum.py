@@ -45,6 +45,16 @@ class Order(NamedTuple):
     evidence: float
     dense: bool = False
 
+    @classmethod
+    def of(cls, fitted: Fitted, noise: Noise) -> "Order":
+        """That of an answer, whose best one leaves this noise."""
+        count, square = len(fitted.log_tau), fitted.mean_square
+        # Without noise the residuals are those of the normal equations' rounding.
+        evidence = noise.effective * np.log(max(square, 1e-16))
+        evidence += fitted.parameters * np.log(noise.effective)
+        rms, dense = float(np.sqrt(square)), fitted.prior is not None
+        return cls(count, fitted.parameters, rms, evidence, dense)
+
     @property
     def words(self) -> str:
         """What it is called beside its model."""
@@ -197,16 +207,7 @@ def spectrum(
     finest = min(fits, key=lambda fitted: fitted.mean_square)
     edges = np.cumsum([len(one.memoryless) for one in problem.inputs])[:-1]
     noise = noise_of(np.split(finest.residuals, edges), finest)
-    table = tuple(
-        Order(
-            len(f.log_tau),
-            f.parameters,
-            float(np.sqrt(f.mean_square)),
-            _evidence(f, noise),
-            f.prior is not None,
-        )
-        for f in fits
-    )
+    table = tuple(Order.of(one, noise) for one in fits)
     best = _best(table, dense and terms is None)
     if terms is not None and table[best].order < terms:
         notes.append(
@@ -304,12 +305,6 @@ def noise_of(parts: list[np.ndarray], fitted: Fitted) -> Noise:
     """Of residuals of several records; a row without a weight has none."""
     parts = [part[part != 0] for part in parts if part.any()] or parts
     return estimate_noise(parts, min(fitted.parameters, sum(map(len, parts)) // 2))
-
-
-def _evidence(fitted: Fitted, noise: Noise) -> float:
-    # Without noise the residuals are those of the normal equations' rounding.
-    square = max(fitted.mean_square, 1e-16)
-    return noise.effective * np.log(square) + fitted.parameters * np.log(noise.effective)
 
 
 def _model(fitted: Fitted, problem: Problem) -> GeneralizedKelvinVoigt | GeneralizedMaxwell:

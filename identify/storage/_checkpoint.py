@@ -125,7 +125,7 @@ class Checkpoint:
         if other := [name for name, own in self.identity.items() if kept.get(name) != own]:
             told = [
                 f"{name} ({kept.get(name)}, now {own})"
-                if _is_plain(own := self.identity[name])
+                if len(own := self.identity[name]) != 16 or " " in own
                 else name
                 for name in other
             ]
@@ -148,7 +148,3 @@ def digest(*parts: Any) -> str:
         else:
             made.update(repr(part).encode())
     return made.hexdigest()[:16]
-
-
-def _is_plain(words: str) -> bool:
-    return len(words) != 16 or " " in words
