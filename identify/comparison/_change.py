@@ -170,7 +170,7 @@ def between(
     law = scipy.stats.norm if degrees is None else scipy.stats.t(degrees)
     p = 2 * law.sf(np.abs(d) / error)
     corrected = holm(p)
-    before, after = one.values(one.free), other.values(other.free)
+    before, after = (each.bounds.to_values(each.free) for each in (one, other))
     slopes = one.bounds.slope(one.free), other.bounds.slope(other.free)
     spread = np.sqrt(
         sum(np.diagonal(e.covariance) * s**2 for e, s in zip((one, other), slopes, strict=True))

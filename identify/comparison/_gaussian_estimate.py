@@ -41,10 +41,6 @@ class Estimate(NamedTuple):
         limits = zip(self.bounds.low, self.bounds.high, strict=True)
         return tuple(low == 0 and not np.isfinite(high) for low, high in limits)
 
-    def values(self, z: Float[np.ndarray, "*draws parameters"]) -> np.ndarray:
-        """Values of free vectors, in the parameters' units."""
-        return self.bounds.to_values(z)
-
     def of(self, names: Sequence[str]) -> "Estimate":
         """The marginal estimate of these parameters."""
         at = [self.bounds.names.index(name) for name in names]

@@ -119,7 +119,7 @@ def pool(
     opened_fits, found = opened(fits, posteriors)
     each = [estimate(*pair) for pair in zip(opened_fits, found, strict=True)]
     shared, left_out = in_common(each, parameters)
-    bounds, units, values = shared[0].bounds, shared[0].units, shared[0].values
+    bounds, units, values = shared[0].bounds, shared[0].units, shared[0].bounds.to_values
     z, V = np.stack([e.free for e in shared]), np.stack([e.covariance for e in shared])
     bounded = np.isfinite(bounds.low) | np.isfinite(bounds.high)
     prior = PRIOR * np.where(bounded, 1.0, np.sqrt(np.mean(z**2, 0)))

@@ -13,8 +13,8 @@ import numpy as np
 from jaxtyping import Float
 
 from hysteresis import InputError, Record, Series
+from hysteresis._format import quantity
 from hysteresis.curves import PolynomialCurve
-from hysteresis.preisach import Initial
 from hysteresis.records._cycles import default_dead_band, turning_points
 
 from ..linear._composition_fit import Tried, fitted, path_of
@@ -73,58 +73,53 @@ class ButterflyCandidate(Candidate):
         return data.condition is None and unfolded(data.record) is not None
 
     def fitted(self, data: TrainingData, options: Options) -> list[Trial]:
-        return [Trial(fit_butterfly(self.name, data, state_of(options.initial)))]
-
-
-def fit_butterfly(name: str, data: TrainingData, initial: Initial) -> FitResult:
-    """A composition behind which the output has a valley, or a peak; see `unfolded`.
-
-    Raises `InputError` `nothing-fits` where the output has none on most ways of the input.
-    """
-    record, parts = data.record, data.parts
-    state = unfolded(record)
-    if state is None or data.condition is not None:
-        raise InputError(
-            "nothing-fits",
-            "the output has no valley or peak on most ways of the input from one reversal to the next."
-            if state is None
-            else "a butterfly that depends on a condition is not fitted.",
-            fix="fit --model auto.",
+        """Raises `InputError` `nothing-fits` where the output has no valley or peak on most ways of the
+        input, see `unfolded`."""
+        record, parts = data.record, data.parts
+        state = unfolded(record)
+        if state is None or data.condition is not None:
+            raise InputError(
+                "nothing-fits",
+                "the output has no valley or peak on most ways of the input from one reversal to the next."
+                if state is None
+                else "a butterfly that depends on a condition is not fitted.",
+                fix="fit --model auto.",
+            )
+        open_loops = replace(record, output=state.state, output_unit="1", output_name="state")
+        # An error of the output is so many times that of the state: the output says little at the fold.
+        weights = np.maximum(np.abs(state.state), FOLD) * record.weights
+        weights /= np.sqrt(np.mean(weights[record.mask] ** 2))
+        initial = state_of(options.initial)
+        choice = path_of(open_loops, parts, orientations(open_loops), initial, weights)[-1]
+        linear = fitted([choice])[0]
+        blocks = held_out(choice, record)
+        inner = linear.outputs(record)
+        inner = predict(linear.model, record) if inner is None else inner
+        used = np.isin(parts.label, parts.all)
+        curve = folding(inner[used], record.output[used], record.weights[used])
+        judged = evidence(record, parts, folded(curve, inner), False, float(blocks.mean()))
+        kind = "peak" if state.peak else "valley"
+        note = (
+            f"Each branch has a {kind} near {quantity(state.level, record.output_unit, 3)}: the output is"
+            f" a curve of a state that changes its sign there, of {linear.meaning.name}. An output belongs"
+            " to two states, so there is no inverse unless the side is known."
         )
-    open_loops = replace(record, output=state.state, output_unit="1", output_name="state")
-    # An error of the output is so many times that of the state: next to the fold the output says little.
-    weights = np.maximum(np.abs(state.state), FOLD) * record.weights
-    weights /= np.sqrt(np.mean(weights[record.mask] ** 2))
-    choice = path_of(open_loops, parts, orientations(open_loops), initial, weights)[-1]
-    linear = fitted([choice])[0]
-    blocks = held_out(choice, record)
-    inner = linear.outputs(record)
-    inner = predict(linear.model, record) if inner is None else inner
-    used = np.isin(parts.label, parts.all)
-    curve = folding(inner[used], record.output[used], record.weights[used])
-    judged = evidence(record, parts, folded(curve, inner), False, float(blocks.mean()))
-    kind = "peak" if state.peak else "valley"
-    note = (
-        f"Each branch has a {kind} near {state.level:.3g}"
-        f"{'' if record.output_unit == '1' else ' ' + record.output_unit}: the output is a curve of a state"
-        f" that changes its sign there, of {linear.meaning.name}. An output belongs to two states, so there"
-        " is no inverse unless the side is known."
-    )
-    return FitResult(
-        name=name,
-        model=Series([linear.model, curve]),
-        parameters=tuple(
-            Parameter(f"output.c{k}", float(value), record.output_unit, None, "inseparable")
-            for k, value in enumerate(np.asarray(curve.coefficients))
-        ),
-        covariance=np.zeros((0, 0)),
-        **judged._asdict(),
-        success=True,
-        blocks=blocks,
-        notes=(note,),
-        detail=FoldedState(linear, curve),
-        **data.shown,
-    )
+        fit = FitResult(
+            name=self.name,
+            model=Series([linear.model, curve]),
+            parameters=tuple(
+                Parameter(f"output.c{k}", float(value), record.output_unit, None, "inseparable")
+                for k, value in enumerate(np.asarray(curve.coefficients))
+            ),
+            covariance=np.zeros((0, 0)),
+            **judged._asdict(),
+            success=True,
+            blocks=blocks,
+            notes=(note,),
+            detail=FoldedState(linear, curve),
+            **data.shown,
+        )
+        return [Trial(fit)]
 
 
 def unfolded(record: Record) -> Unfolded | None:

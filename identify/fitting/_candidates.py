@@ -46,7 +46,48 @@ class SurfaceCandidate(Candidate):
         return not bars and consists_of_curves(data.record)
 
     def fitted(self, data: TrainingData, options: Options) -> list[Trial]:
-        return [Trial(fit_surface(self.name, data))]
+        """Held-out curves judge it. Raises `InputError` `too-few-curves`, and `not-increasing` where the
+        output falls."""
+        record, parts = data.record, data.parts
+        if data.falls:
+            raise InputError(
+                "not-increasing",
+                "the output falls as the input rises; a surface is made of rising curves.",
+            )
+
+        def model_of(which: tuple[int, ...]) -> Preisach:
+            return everett_surface(_curves(replace(record, mask=np.isin(parts.label, which)))).model
+
+        def error(model: Preisach, which: tuple[int, ...]) -> np.ndarray:
+            rows = np.isin(parts.label, which)
+            return record.weights[rows] * (predict(model, record)[rows] - record.output[rows])
+
+        blocks = held_out_errors(parts.folds, model_of, error)
+        model = model_of(parts.all)
+        judged = evidence(record, parts, predict(model, record), False, float(blocks.mean()))
+        assert model.reversible is not None
+        assert isinstance(model.density, GridDensity)
+        sums = {
+            "offset": float(model.offset), "reversible.rise": float(np.sum(model.reversible)),
+            "density.mass": float(np.sum(model.density.weights)),
+        }  # fmt: skip
+        unit, count = record.output_unit, len(_curves(record))
+        note = f"Interpolated between {count} first-order reversal curves; nothing was smoothed."
+        fit = FitResult(
+            name=self.name,
+            model=model,
+            parameters=tuple(
+                Parameter(name, value, unit, None, "inseparable") for name, value in sums.items()
+            ),
+            covariance=np.zeros((0, 0)),
+            **judged._asdict(),
+            success=True,
+            blocks=blocks,
+            notes=(note,),
+            detail=ReversalCurves(count),
+            **data.shown,
+        )
+        return [Trial(fit)]
 
 
 def consists_of_curves(record: Record) -> bool:
@@ -57,52 +98,6 @@ def consists_of_curves(record: Record) -> bool:
         return False
     rows = sum(len(curve.input) for curve in curves)
     return len(curves) >= FEWEST and rows > SHARE * int(record.mask.sum())
-
-
-def fit_surface(name: str, data: TrainingData) -> FitResult:
-    """The Everett function of the curves as a model, see `everett_surface`; held-out curves judge it.
-
-    Raises `InputError` `too-few-curves`, and `not-increasing` where the output falls.
-    """
-    record, parts = data.record, data.parts
-    if data.falls:
-        raise InputError(
-            "not-increasing",
-            "the output falls as the input rises; a surface is made of rising curves.",
-        )
-
-    def model_of(which: tuple[int, ...]) -> Preisach:
-        return everett_surface(_curves(replace(record, mask=np.isin(parts.label, which)))).model
-
-    def error(model: Preisach, which: tuple[int, ...]) -> np.ndarray:
-        rows = np.isin(parts.label, which)
-        return record.weights[rows] * (predict(model, record)[rows] - record.output[rows])
-
-    blocks = held_out_errors(parts.folds, model_of, error)
-    model = model_of(parts.all)
-    judged = evidence(record, parts, predict(model, record), False, float(blocks.mean()))
-    assert model.reversible is not None
-    assert isinstance(model.density, GridDensity)
-    sums = {
-        "offset": float(model.offset), "reversible.rise": float(np.sum(model.reversible)),
-        "density.mass": float(np.sum(model.density.weights)),
-    }  # fmt: skip
-    unit, count = record.output_unit, len(_curves(record))
-    note = f"Interpolated between {count} first-order reversal curves; nothing was smoothed."
-    return FitResult(
-        name=name,
-        model=model,
-        parameters=tuple(
-            Parameter(name, value, unit, None, "inseparable") for name, value in sums.items()
-        ),
-        covariance=np.zeros((0, 0)),
-        **judged._asdict(),
-        success=True,
-        blocks=blocks,
-        notes=(note,),
-        detail=ReversalCurves(count),
-        **data.shown,
-    )
 
 
 def _curves(record: Record) -> tuple[Forc, ...]:

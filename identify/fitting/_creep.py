@@ -10,7 +10,7 @@ from jaxtyping import Float
 from hysteresis import InputError, Note, Record, parameters
 from hysteresis.numerics._normal import NORMAL_95
 
-from .._levels import MUCH
+from .._levels import MUCH, UNCERTAIN
 from ..diagnostics._rows_beyond import extrapolation
 from ..noise._residual_statistics import estimate_noise
 from ..records._folds import block_errors, parts
@@ -33,8 +33,6 @@ FIRST_ROW = "step-at-first-row"
 """Code of the note that says so."""
 NODES = 400
 """Rows of the way to a hold that its spectrum sees, the last ones densest: the rest is nearly forgotten."""
-UNKNOWN = 2.0
-"""A parameter whose logarithm is uncertain by more than this is not identified."""
 
 
 def stepped(record: Record, at_first_row: bool | None = None) -> Record:
@@ -329,7 +327,7 @@ def _parameters(
         number = int(name[len(field) :] or 0)
         unit, value = about[field]
         value = float(value[number - 1] if number else value)
-        known = row.dense or 0 < error[k] < UNKNOWN
+        known = row.dense or 0 < error[k] < UNCERTAIN
         if number and not row.dense and not found.step < tau[number - 1] < found.span:
             slow = tau[number - 1] >= found.span
             known &= (field == "eta") == slow if found.kind == "creep" else field == "E" and slow

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from hysteresis import AbstractModel, InputError, Preisach
+from hysteresis import InputError, Preisach
 from hysteresis._format import quantity
 from hysteresis.preisach import GridDensity
 
@@ -32,74 +32,70 @@ DRAWS, FEW_DRAWS = 64, 16
 
 
 class GridCandidate(Candidate):
-    """A Preisach model whose density is a weight for each cell of a grid."""
+    """A Preisach model whose density is a weight for each cell of a grid; a template fixes its shape."""
 
     def fitted(self, data: TrainingData, options: Options) -> list[Trial]:
         if not options.alone and any(note.code == "one-way-input" for note in data.warnings):
             raise InputError("one-way-input", "An input that goes one way shows no hysteresis.")
-        return [fit_grid(self.name, self.template, data, options.initial, options.seed)]
+        template, initial = self.template, options.initial
+        leadings, cells, dead_band = data.leadings, GRIDS, 0.0
+        initials: tuple[Any, ...] = data.initials if initial == "auto" else (initial,)
+        if isinstance(template, Preisach):
+            leadings, dead_band = (template.leading,), template.dead_band
+            initials = (template.initial if initial == "auto" else initial,)
+            if isinstance(template.density, GridDensity):
+                cells = (template.density.cells,)
+        linear = fit_preisach(data.record, data.parts, leadings, initials, cells, dead_band)
+        note = (
+            f"Prior strength {linear.strength:g}, {linear.meaning.cells} cells along each threshold in"
+            f" {linear.meaning.block.max() + 1} blocks, chosen on {data.parts.how}."
+        )
+        return [_trial(self.name, linear, GridWeights(linear), data, (note,), options.seed)]
 
 
 class CompositionCandidate(Candidate):
-    """Curves, relays and relaxations, as many as the record shows: every step from a curve alone."""
+    """Curves, relays and relaxations, as many as the record shows: every step from a curve alone.
+
+    For `auto` an average stands in place of those that are better on held-out rows, see `path_of`.
+    """
 
     def fitted(self, data: TrainingData, options: Options) -> list[Trial]:
-        return fit_composition(data, options)
-
-
-def fit_grid(
-    name: str, template: AbstractModel | None, data: TrainingData, initial: str, seed: int
-) -> Trial:
-    """A Preisach model on a grid, called `name`; `template` fixes its shape where one is given."""
-    leadings, cells, dead_band = data.leadings, GRIDS, 0.0
-    initials: tuple[Any, ...] = data.initials if initial == "auto" else (initial,)
-    if isinstance(template, Preisach):
-        leadings, dead_band = (template.leading,), template.dead_band
-        initials = (template.initial if initial == "auto" else initial,)
-        if isinstance(template.density, GridDensity):
-            cells = (template.density.cells,)
-    linear = fit_preisach(data.record, data.parts, leadings, initials, cells, dead_band=dead_band)
-    note = (
-        f"Prior strength {linear.strength:g}, {linear.meaning.cells} cells along each threshold in"
-        f" {linear.meaning.block.max() + 1} blocks, chosen on {data.parts.how}."
-    )
-    return _trial(name, linear, GridWeights(linear), data, (note,), seed)
-
-
-def fit_composition(data: TrainingData, options: Options) -> list[Trial]:
-    """Compositions from a curve alone to the best one, see `path_of`; for `auto` an average in place of
-    those that are better on held-out rows."""
-    seed, keeps_drift = options.seed, options.keeps_drift
-    state = state_of(options.initial)
-    path: tuple[LinearFit, ...]
-    if data.condition is None:
-        choices = path_of(data.record, data.parts, data.leadings, state, keeps_drift=keeps_drift)
-        if data.seeks_lag:
-            chosen = choices[-1].problem.whole.of(*choices[-1].parts)
-            options.say(f"{chosen.name}; is there a lag between the clocks?")
-            if (lagging := fit_lagging(choices, data.record, data.parts, state)) is not None:
-                clocks = data.clocks._replace(lag=lagging.lag, lag_error=lagging.error)
-                choices, data = lagging.path, replace(data, record=lagging.record, clocks=clocks)
-        choices, data = _of_latest(choices, data, state, keeps_drift)
-        path = fitted(choices)
-        for mean in averaged(choices[-1], options.either_sign) if options.is_auto else ():
-            if not mean.meaning.shares:  # one of either sign stands beside
-                path = tuple(one for one in path if one.held_out > mean.held_out)
-            path = (*path, mean)
-    else:
-        path = fit_conditioned(data.record, data.parts, data.condition, data.leadings, state)
-    outputs_together(path, data.record)
-    results = []
-    for linear in path:
-        notes = [f"Prior strength {linear.strength:g}, chosen with the parts on {data.parts.how}."]
-        if getattr(linear.meaning, "members", ()):
-            notes = [_average_in_words(linear.meaning)]
-        if data.clocks.lag:
-            notes.append(_lag_in_words(data))
-        notes += _condition_in_words(linear, data)
-        detail, name = Composition(linear), linear.meaning.name
-        results.append(_trial(name, linear, detail, data, tuple(notes), seed))
-    return results
+        seed, keeps_drift = options.seed, options.keeps_drift
+        state = state_of(options.initial)
+        path: tuple[LinearFit, ...]
+        if data.condition is None:
+            choices = path_of(
+                data.record, data.parts, data.leadings, state, keeps_drift=keeps_drift
+            )
+            if data.seeks_lag:
+                chosen = choices[-1].problem.whole.of(*choices[-1].parts)
+                options.say(f"{chosen.name}; is there a lag between the clocks?")
+                if (lagging := fit_lagging(choices, data.record, data.parts, state)) is not None:
+                    choices, moved, lag = lagging
+                    clocks = data.clocks._replace(lag=lag.lag, lag_error=lag.error)
+                    data = replace(data, record=moved, clocks=clocks)
+            choices, data = _of_latest(choices, data, state, keeps_drift)
+            path = fitted(choices)
+            for mean in averaged(choices[-1], options.either_sign) if options.is_auto else ():
+                if not mean.meaning.shares:  # one of either sign stands beside
+                    path = tuple(one for one in path if one.held_out > mean.held_out)
+                path = (*path, mean)
+        else:
+            path = fit_conditioned(data.record, data.parts, data.condition, data.leadings, state)
+        outputs_together(path, data.record)
+        results = []
+        for linear in path:
+            notes = [
+                f"Prior strength {linear.strength:g}, chosen with the parts on {data.parts.how}."
+            ]
+            if getattr(linear.meaning, "members", ()):
+                notes = [_average_in_words(linear.meaning)]
+            if data.clocks.lag:
+                notes.append(_lag_in_words(data))
+            notes += _condition_in_words(linear, data)
+            detail, name = Composition(linear), linear.meaning.name
+            results.append(_trial(name, linear, detail, data, tuple(notes), seed))
+        return results
 
 
 def _of_latest(

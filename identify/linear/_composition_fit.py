@@ -98,12 +98,14 @@ def path_of(
         each = (whole._replace(leading=leading, floor=floor) for floor in floors)
         free, *floored = (_path(Problem(record, parts, one, memory, weights)) for one in each)
         # Friction, too, keeps an output on a level for long.
-        paths += [free, *(path for path in floored if _better(free[-1], path[-1]))]
+        paths += [free, *(path for path in floored if earned(free[-1].blocks, path[-1].blocks))]
     path = min(paths, key=lambda path: path[-1].blocks.mean())
     if len(path) > 1:  # a curve behind a curve is a curve
         mapped = best_prior(path[0].problem.mapped(path[0], path[-1].parts), path[-1].parts)
-        if _better(path[-1], mapped) and _better(path[-1], honest := _unseen(path[0], mapped)):
-            path.append(honest)
+        plain = path[-1].blocks
+        if earned(plain, mapped.blocks):
+            honest = _unseen(path[0], mapped)
+            path += [honest] if earned(plain, honest.blocks) else []
     return path
 
 
@@ -392,7 +394,7 @@ def _path(problem: Problem) -> list[Tried]:
     if not earned(path[-1].blocks, drifting.blocks, LEAST_GAIN if shown else DRIFT_GAIN):
         return path
     again = _grown([path[0], best_prior(problem, (CURVE, drifting.parts[-1]))])
-    return again if _better(drifting, again[-1]) else [*path, drifting]
+    return again if earned(drifting.blocks, again[-1].blocks) else [*path, drifting]
 
 
 def _grown(path: list[Tried]) -> list[Tried]:
@@ -413,7 +415,7 @@ def _grown(path: list[Tried]) -> list[Tried]:
                 break
             one = best_prior(problem, (*before.parts, part))
             gains[part] = _gain(before, one)
-            if _better(before, one):
+            if earned(before.blocks, one.blocks):
                 found.append(one)
         if not found:
             break
@@ -428,11 +430,6 @@ def _grown(path: list[Tried]) -> list[Tried]:
 def _gain(before: Tried, after: Tried) -> float:
     """By which part of the mean squared held-out error a choice is better than the one before."""
     return float(1 - after.blocks.mean() / before.blocks.mean())
-
-
-def _better(before: Tried, after: Tried) -> bool:
-    """Whether it gains enough, and more than the standard error of the difference."""
-    return earned(before.blocks, after.blocks)
 
 
 def best_prior(problem: Problem, some: tuple[str, ...]) -> Tried:

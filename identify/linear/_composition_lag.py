@@ -35,22 +35,11 @@ WORTH = 0.2
 STRETCH = Note("rows", "Rows with which a lag is looked for.")
 
 
-class Lagging(NamedTuple):
-    """Compositions fitted to an input that a lag between the clocks has moved.
-
-    - `record`: with the moved input. `lag`, `error`: the lag and its standard error.
-    """
-
-    path: list[Tried]
-    record: Record
-    lag: float
-    error: float
-
-
 def fit_lagging(
     path: list[Tried], record: Record, parts: Parts, initial: Initial
-) -> Lagging | None:
-    """Compositions with the lag between the clocks taken out; None where `path`, without it, is as good.
+) -> "tuple[list[Tried], Record, Lag] | None":
+    """Compositions fitted to the record with the lag between the clocks taken out, and both; None where
+    `path`, without it, is as good.
 
     The lag has to take away a fifth of the squared error, of held-out rows too, and the logarithms of the
     blocks' errors have to fall by more than twice the standard error of that. Parts are chosen anew only
@@ -73,7 +62,7 @@ def fit_lagging(
     fall = np.log(without / within)
     worth = within.mean() < (1 - WORTH) * without.mean()
     sure = fall.mean() > 2 * np.std(fall) / np.sqrt(len(fall))
-    return Lagging(again, moved, found.lag, found.error) if worth and sure else None
+    return (again, moved, found) if worth and sure else None
 
 
 class Lag(NamedTuple):

@@ -165,13 +165,11 @@ def constrained_least_squares(
     C: Float[np.ndarray, "constraints n"],
     free: Bool[np.ndarray, " n"] | None = None,
     start: Bool[np.ndarray, " n"] | None = None,
-    rounds: int = 30,
-    tolerance: float = 1e-9,
 ) -> Float[np.ndarray, "*draws n"]:
     """As `nonnegative_least_squares`, with C x >= 0 besides.
 
     Method of multipliers: C x = s, s >= 0 joins the unknowns under the quadratic penalty
-    kappa |C x - s - m|^2 / 2, and m collects what is left over, until |C x - s| < tolerance * |x|.
+    kappa |C x - s - m|^2 / 2, and m collects what is left over, until |C x - s| < 1e-9 |x|.
     """
     n, k = len(H), len(C)
     free = np.zeros(n, bool) if free is None else free
@@ -184,13 +182,13 @@ def constrained_least_squares(
 
     def of(b: Vector) -> Vector:
         z, there, multiplier = np.zeros(n + k), inside, np.zeros(k)
-        for _ in range(rounds):
+        for _ in range(30):
             right = kappa * E.T @ multiplier
             right[:n] += b
             z = signed.of(right, there)
             there = z != 0
             left_over = E @ z
-            if np.abs(left_over).max(initial=0.0) <= tolerance * np.abs(z[:n]).max(initial=1e-300):
+            if np.abs(left_over).max(initial=0.0) <= 1e-9 * np.abs(z[:n]).max(initial=1e-300):
                 break
             multiplier -= left_over
         return z[:n]

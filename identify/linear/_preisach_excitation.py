@@ -132,7 +132,7 @@ def design(
         steps = [_step(S, A, noise) for A in designs]
         best = int(np.argmax([(G[:, open_] ** 2).sum() for G in steps]))
         S = S - steps[best].T @ steps[best]
-        swing = swing.joined(_Swing.of(designs[best]))
+        swing = _extremes(np.vstack([swing, designs[best]]))
         turns.append(candidates[best][1:] if turns[-1][-1] == low else candidates[best][2:])
         told = _identifiability(S, swing, grid)
     path = np.concatenate(turns)
@@ -149,24 +149,17 @@ def excited_cells(
     return _swung(_swing(grid, located(grid, record), record, used), cells)
 
 
-class _Swing(NamedTuple):
-    """The least and the greatest entry of each column of a design."""
+Swing = Float[np.ndarray, "2 unknowns"]
+"""The least and the greatest entry of each column of a design."""
 
-    least: Float[np.ndarray, " unknowns"]
-    most: Float[np.ndarray, " unknowns"]
 
-    @classmethod
-    def of(cls, A: Float[np.ndarray, "rows unknowns"]) -> "_Swing":
-        return cls(A.min(0), A.max(0))
-
-    def joined(self, other: "_Swing") -> "_Swing":
-        """Of the rows of both."""
-        return _Swing(np.minimum(self.least, other.least), np.maximum(self.most, other.most))
+def _extremes(A: Float[np.ndarray, "rows unknowns"]) -> Swing:
+    return np.stack([A.min(0), A.max(0)])
 
 
 def _swing(
     grid: Preisach, prepared: PreisachInput, record: Record, used: Bool[np.ndarray, " samples"]
-) -> _Swing:
+) -> Swing:
     """Of the used rows of a record.
 
     On a branch, along which the input goes one way, each relay switches one way and at most once, so the
@@ -183,16 +176,14 @@ def _swing(
     ends = np.unique(np.concatenate([rows[first], rows[np.append(first[1:], len(rows)) - 1]]))
     assert isinstance(grid.density, GridDensity)
     space = NodeSpace(grid.density.cells)
-    found = None
+    found = []
     for k in range(0, len(ends), CHUNK):
         B = design_block(grid, prepared, ends[k : k + CHUNK]).matrix
-        one = _Swing.of(space.to_unknowns(B.T.toarray()).T)
-        found = one if found is None else found.joined(one)
-    assert found is not None
-    return found
+        found.append(_extremes(space.to_unknowns(B.T.toarray()).T))
+    return _extremes(np.vstack(found))
 
 
-def _told_by(grid: Preisach, record: Record) -> tuple[Float[np.ndarray, "n n"], _Swing]:
+def _told_by(grid: Preisach, record: Record) -> tuple[Float[np.ndarray, "n n"], Swing]:
     """A'A of the rows that count, and how far its columns swing there."""
     assert isinstance(grid.density, GridDensity)
     space, prepared = NodeSpace(grid.density.cells), located(grid, record)
@@ -203,10 +194,10 @@ def _told_by(grid: Preisach, record: Record) -> tuple[Float[np.ndarray, "n n"], 
     return sums[0].H, _swing(grid, prepared, record, record.mask)
 
 
-def _swung(swing: _Swing, cells: int) -> Bool[np.ndarray, "cells cells"]:
+def _swung(swing: Swing, cells: int) -> Bool[np.ndarray, "cells cells"]:
     """The cells whose relays swing at all: one that never switches adds a constant."""
     excited = np.zeros((cells, cells), bool)
-    excited[np.tril_indices(cells)] = (swing.most - swing.least)[1 + cells :] > 1e-9
+    excited[np.tril_indices(cells)] = (swing[1] - swing[0])[1 + cells :] > 1e-9
     return excited
 
 
@@ -254,7 +245,7 @@ def _step(S: np.ndarray, A: np.ndarray, noise: float) -> Float[np.ndarray, "rows
     return scipy.linalg.solve_triangular(inner, AS, lower=True)
 
 
-def _identifiability(S: np.ndarray, swing: _Swing, grid: Preisach) -> Identifiability:
+def _identifiability(S: np.ndarray, swing: Swing, grid: Preisach) -> Identifiability:
     assert isinstance(grid.density, GridDensity)
     cells = grid.density.cells
     used = np.tril_indices(cells)

@@ -99,7 +99,6 @@ def noise_fit(
     at: Linearised,
     kind: tuple[str, ...],
     near: Float[np.ndarray, " parts"] | None = None,
-    steps: int = 100,
 ) -> NoiseFit:
     """Estimate the noise of one kind and the change d of the model by restricted maximum likelihood.
 
@@ -135,7 +134,7 @@ def noise_fit(
     student = "tail" in kind
     found = minimize(
         seek.by_student if student else seek.by_gaussian,
-        start, jac=True, method="BFGS", callback=_Stands(), options={"gtol": 1e-7, "maxiter": steps},
+        start, jac=True, method="BFGS", callback=_Stands(), options={"gtol": 1e-7, "maxiter": 100},
     )  # fmt: skip
     free = seek.free_of(found.x[: len(seek.moves)])
     cost, d = seek.student(free, found.x[len(seek.moves) :]) if student else seek.gaussian(free)

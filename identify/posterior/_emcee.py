@@ -326,34 +326,23 @@ class _Run:
             ensembles * walkers, parameters, log_probability,
             vectorize=True, moves=SideBySide(log_probability, ensembles, history.place, history.root),
         )  # fmt: skip
-        self._blocks = [history]
-
-    @property
-    def history(self) -> History:
-        """All steps so far."""
-        last = self._blocks[-1]
-        points, found = (
-            np.concatenate(parts, axis=1)
-            for parts in zip(*(b[:2] for b in self._blocks), strict=True)
-        )
-        self._blocks = [last._replace(points=points, log_probability=found)]
-        return self._blocks[0]
+        self.history = history
 
     @property
     def done(self) -> int:
         """Steps so far."""
-        return sum(block.points.shape[1] for block in self._blocks) - 1
+        return self.history.points.shape[1] - 1
 
     @property
     def acceptance(self) -> float:
         """Part of the proposals that were taken."""
-        return float(self._blocks[-1].accepted.mean()) / max(self.done, 1)
+        return float(self.history.accepted.mean()) / max(self.done, 1)
 
     def advance(self, steps: int) -> None:
         """So many steps of every ensemble."""
         import emcee
 
-        now, (ensembles, _, walkers, parameters) = self._blocks[-1], self._shape
+        now, (ensembles, _, walkers, parameters) = self.history, self._shape
         state = emcee.State(
             now.points[:, -1].reshape(-1, parameters),
             log_prob=now.log_probability[:, -1].ravel(),
@@ -363,15 +352,16 @@ class _Run:
         self._sampler.run_mcmc(state, steps, skip_initial_state_check=True)
         backend: Any = self._sampler.backend
         shape = (steps, ensembles, walkers)
-        block = History(
-            backend.get_chain().reshape(*shape, parameters).swapaxes(0, 1),
-            backend.get_log_prob().reshape(shape).swapaxes(0, 1),
+        points = backend.get_chain().reshape(*shape, parameters).swapaxes(0, 1)
+        found = backend.get_log_prob().reshape(shape).swapaxes(0, 1)
+        self.history = History(
+            np.concatenate([now.points, points], axis=1),
+            np.concatenate([now.log_probability, found], axis=1),
             now.accepted + backend.accepted.reshape(ensembles, walkers).astype(int),
             backend.random_state,
             now.place,
             now.root,
         )
-        self._blocks = [*self._blocks, block]
 
 
 def _begun(

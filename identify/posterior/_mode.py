@@ -32,7 +32,6 @@ def maximise(
     function: Function,
     point: Float[Array, " numbers"],
     moves: Bool[Array, " numbers"],
-    steps: int = STEPS,
 ) -> Maximum:
     """The maximum near `point` over those numbers that move; pure JAX.
 
@@ -72,7 +71,7 @@ def maximise(
 
     def goes_on(carry: Any) -> Array:
         *_, shrink, gain, count = carry
-        return (gain > GAIN) & (shrink > 1e-7) & (count <= steps)
+        return (gain > GAIN) & (shrink > 1e-7) & (count <= STEPS)
 
     # The first step goes nowhere: it looks at the beginning.
     begin = (jnp.full((), -jnp.inf), jnp.zeros_like(point), jnp.eye(len(point)))

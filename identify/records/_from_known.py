@@ -52,10 +52,6 @@ def sequence_error(record: Record, predicted: Float[np.ndarray, " samples"]) -> 
     return 100 * float(np.mean(found)) if found else float("nan")
 
 
-NONE = Misfit()
-"""Of a model that is exact."""
-
-
 class FromKnown(NamedTuple):
     """Outputs, and their standard deviation for want of knowing the first state, (samples,)."""
 
@@ -63,7 +59,7 @@ class FromKnown(NamedTuple):
     deviation: Float[np.ndarray, " samples"]
 
 
-def from_known(model: AbstractModel, record: Record, misfit: Misfit = NONE) -> FromKnown:
+def from_known(model: AbstractModel, record: Record, misfit: Misfit) -> FromKnown:
     """The model's outputs, each sequence in the state that its known rows tell, in the virgin one where it
     has none. What it errs by at the last known rows fades out after them."""
     u, outputs = with_condition(model, record, record.input), outputs_of(model)
@@ -85,7 +81,7 @@ def from_known(model: AbstractModel, record: Record, misfit: Misfit = NONE) -> F
     return FromKnown(values, deviation)
 
 
-def with_past(model: AbstractModel, record: Record, misfit: Misfit = NONE) -> Record:
+def with_past(model: AbstractModel, record: Record, misfit: Misfit) -> Record:
     """A record whose sequences begin with the inputs that known rows tell to have been before: rows that
     drive a model, have no output and no line, and do not count."""
     own, u, t, starts = [], [], [], []

@@ -144,20 +144,17 @@ def sealed(document: Mapping[str, Any]) -> dict[str, Any]:
     return found | {"checksums": {key: _of_entry(value) for key, value in found.items()}}
 
 
-def edited(document: Mapping[str, Any]) -> list[str]:
-    """The entries of a document that are not those it was written with; none without checksums."""
+def check_unedited(folder: Path, name: str, document: Mapping[str, Any]) -> None:
+    """Raise `InputError` `edited-file` where a document is not the one that was written; none without
+    checksums."""
     if (known := document.get("checksums")) is None:
-        return []
+        return
     known = known if isinstance(known, dict) else {}
     now = {key: value for key, value in document.items() if key != "checksums"}
-    return [
+    changed = [
         key for key in {**now, **known} if key not in now or _of_entry(now[key]) != known.get(key)
     ]
-
-
-def check_unedited(folder: Path, name: str, document: Mapping[str, Any]) -> None:
-    """Raise `InputError` `edited-file` where a document is not the one that was written."""
-    if changed := edited(document):
+    if changed:
         raise InputError(
             "edited-file",
             f"{name} was changed since it was written: {', '.join(changed[:8])}.",

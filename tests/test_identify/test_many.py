@@ -107,7 +107,7 @@ def test_ctrl_c_ends_a_batch_and_no_fit_that_it_cut_short_is_kept(monkeypatch):
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("identify.fitting._linear.fit_grid", interrupted)
+    monkeypatch.setattr("identify.fitting._linear.GridCandidate.fitted", interrupted)
     said: list[str] = []
     with pytest.raises(KeyboardInterrupt):
         identify.fit_many([record] * 2, "LinearSponge, Preisach", starts=2, progress=said.append)

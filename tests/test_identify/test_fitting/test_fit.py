@@ -146,7 +146,7 @@ def test_an_interrupted_fit_gives_the_best_so_far(monkeypatch: pytest.MonkeyPatc
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("identify.fitting._linear.fit_grid", interrupted)
+    monkeypatch.setattr("identify.fitting._linear.GridCandidate.fitted", interrupted)
     result = fit(record, "LinearSponge, Preisach, Composition", noise="gaussian")
     assert result.name == "LinearSponge"
     assert set(result.skipped) == {"Preisach", "Composition"}
