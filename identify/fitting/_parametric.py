@@ -15,7 +15,6 @@ from ..noise._adequacy import BELIEVED, nothing_speaks_against
 from ..noise._arithmetic import Rows
 from ..noise._model import NoiseModel, rows_of
 from ..noise._reml import Linearised, kinds
-from ..noise._residual_statistics import Noise
 from ..parameters._settings import Settings, with_settings
 from ..parameters._transform import Transform, transform_for
 from ..parametric._maximum_likelihood import (
@@ -208,30 +207,44 @@ def explained(
     noise_rows = Rows(
         *(longer(x) for x in rows_of(data.record, judged.used, optimum.predicted[:rows]))
     )
+    residual, sought = judged.noise, _Sought(None, False, {})
+    widened = residual.correlation_time
     if covariance is None:
-        errors = _errors(fit, judged.noise, noise_rows, noise)
-    else:
-        errors = _stayed(fit, judged.noise, covariance)
-    if errors.taken.misfit is None:  # nobody asks for the largest array any more
+        at = linearised(fit.problem, optimum, noise_rows)
+        sought = _sought(fit, at, noise, widened)
+        if sought.found is None:
+            weight = np.asarray(noise_rows.weight)[:, None]
+            variance = residual.sigma**2 * widened
+            covariance = covariance_of(np.asarray(at.jacobian) * weight, variance)
+        del at  # every row by every parameter
+    found, explains, _ = sought
+    free, taken, wider = optimum.free, NoiseModel(residual.sigma), np.ones(len(optimum.free))
+    if found is not None:
+        free, taken, wider = found.free, found.noise, found.wider
+        widened = 1.0 if explains else widened
+        covariance = covariance_of(found.root, widened)
+    assert covariance is not None
+    if taken.misfit is None:  # nobody asks for the largest array any more
         noise_rows = noise_rows._replace(shapes=np.zeros((len(noise_rows.place), 0)))
-    found, free = errors.found, errors.free
-    if found is not None and found.free is not optimum.free:
+    if found is not None and free is not optimum.free:
         at_found = linearised_at(fit.problem, noise_rows, free)
         judged = fit.evidence(np.asarray(at_found.rows.output)[:rows])
-    model, covariance = fit.model(free), errors.covariance
-    bent = skewness_at(fit.problem, noise_rows, errors.taken, free, covariance, 1 / errors.widened)
-    covariance = rescaled(covariance, errors.wider)
+    model = fit.model(free)
+    bent = skewness_at(fit.problem, noise_rows, taken, free, covariance, 1 / widened)
+    covariance = rescaled(covariance, wider)
     at_maximum = found is not None and found.converged and bounds.asked
+    if found is not None and explains:
+        judged = judged._replace(noise=found.summary())
     return FitResult(
         name=fit.name,
         model=model,
         parameters=reported(model, bounds, free, covariance, data.record, bent),
         covariance=rescaled(covariance, bounds.slope(free)),
-        **judged._replace(noise=errors.size or judged.noise)._asdict(),
+        **judged._asdict(),
         success=fit.optimum.converged or at_maximum,
         blocks=fit.blocks,
-        noise_model=None if errors.size is None else errors.taken,
-        noise_evidence=errors.evidence,
+        noise_model=taken if explains else None,
+        noise_evidence=sought.evidence,
         settings=fit.settings,
         starts=fit.starts,
         **data.shown,
@@ -271,63 +284,33 @@ def _search(
     )
 
 
-class _Errors(NamedTuple):
-    """Parameters under a noise model, and how well they are known.
-
-    - `found`: the maximum of the likelihood; None where least squares stays.
-    - `taken`: the noise that errors are computed with; `size`: its figures, None where it explains nothing.
-    - `widened`: rows that count for one. `wider`: factor of the errors since the noise is estimated too.
-    - `evidence`: of every kind of noise that was tried.
-    """
+class _Sought(NamedTuple):
+    """The maximum of the likelihood, None where least squares stays; whether its noise explains the
+    residuals; and the evidence of every kind of noise that was tried."""
 
     found: Likeliest | None
-    free: Float[np.ndarray, " parameters"]
-    covariance: Float[np.ndarray, "parameters parameters"]
-    taken: NoiseModel
-    size: Noise | None
-    widened: float
-    wider: Float[np.ndarray, " parameters"]
+    explains: bool
     evidence: dict[str, float]
 
 
-def _errors(fit: LeastSquares, residual: Noise, rows: Rows, noise: str | None) -> _Errors:
+def _sought(fit: LeastSquares, at: Linearised, noise: str | None, widened: float) -> _Sought:
     """The noise that explains the residuals of a least-squares fit."""
-    bounds, free = fit.problem.bounds, fit.optimum.free
-    at = linearised(fit.problem, fit.optimum, rows)
-    found = None
-    if noise is not None and not bounds.asked:
+    problem, free, found = fit.problem, fit.optimum.free, None
+    if noise is not None and not problem.bounds.asked:
         found = _plainest(free, at, noise)
     if noise is not None and found is None:
-        found = likeliest(fit.problem, rows, free, kinds(noise))
+        found = likeliest(problem, at.rows, free, kinds(noise))
     # Without a maximum plain noise was tried, and is too far from the residuals to go on from.
     tried = {} if noise is None else {NoiseModel(0.0).words: 0.0}
     evidence = tried if found is None else found.over_the_best
     if found is not None and (found.believed > BELIEVED or noise != "auto"):
-        covariance = covariance_of(found.root, 1.0)
-        return _Errors(
-            found, found.free, covariance, found.noise, found.summary(), 1.0, found.wider, evidence
-        )
+        return _Sought(found, True, evidence)
     # No kind of noise explains the residuals. Neighbouring rows repeat each other, so `widened` of them
     # count for one, also against the priors that the user gave.
-    widened = residual.correlation_time
     found = None
-    if bounds.asked:
-        found = likeliest(fit.problem, rows, free, kinds("gaussian"), widened)
-    if found is not None:
-        covariance = covariance_of(found.root, widened)
-        return _Errors(
-            found, found.free, covariance, found.noise, None, widened, found.wider, evidence
-        )
-    weighted = np.asarray(at.jacobian) * np.asarray(rows.weight)[:, None]
-    covariance = covariance_of(weighted, residual.sigma**2 * widened)
-    return _stayed(fit, residual, covariance)._replace(evidence=evidence)
-
-
-def _stayed(fit: LeastSquares, residual: Noise, covariance: np.ndarray) -> _Errors:
-    """The optimum of least squares, whose residuals no noise explains."""
-    free, taken = fit.optimum.free, NoiseModel(residual.sigma)
-    one = np.ones_like(free)
-    return _Errors(None, free, covariance, taken, None, residual.correlation_time, one, {})
+    if problem.bounds.asked:
+        found = likeliest(problem, at.rows, free, kinds("gaussian"), widened)
+    return _Sought(found, False, evidence)
 
 
 def _plainest(free: np.ndarray, at: Linearised, noise: str) -> Likeliest | None:
