@@ -1,4 +1,4 @@
-"""What a baseline reads of the past of an input: its direction, stop operators, slow states, lags."""
+"""What a baseline reads of the past of an input: its direction, and slow states."""
 
 from collections.abc import Callable
 
@@ -65,42 +65,12 @@ def directions(record: Record, band: float) -> Int[np.ndarray, " samples"]:
     return found
 
 
-def stops(
-    record: Record,
-    radii: Float[np.ndarray, " stops"],
-    out: Float[np.ndarray, "samples stops"] | None = None,
-) -> Float[np.ndarray, "samples stops"]:
-    """Stop operators of these radii, of every sequence."""
-    found = np.empty((len(record), len(radii))) if out is None else out
-    for _, rows in record.sequences():
-        input_memory.stops(record.input[rows], radii, found[rows])
-    return found
-
-
 def slow_states(
-    record: Record,
-    times: Float[np.ndarray, " states"],
-    out: Float[np.ndarray, "samples states"] | None = None,
+    record: Record, times: Float[np.ndarray, " states"]
 ) -> Float[np.ndarray, "samples states"]:
     """The input less its exponential averages over these times, of every sequence."""
     assert record.time is not None
-    found = np.empty((len(record), len(times))) if out is None else out
+    found = np.empty((len(record), len(times)))
     for _, rows in record.sequences():
         input_memory.slow_states(record.input[rows], record.time[rows], times, found[rows])
-    return found
-
-
-def lags(
-    record: Record,
-    rows_back: tuple[int, ...],
-    out: Float[np.ndarray, "samples lags"] | None = None,
-) -> Float[np.ndarray, "samples lags"]:
-    """The input less what it was so many rows ago; before its sequence it was as in the first row."""
-    found = np.empty((len(record), len(rows_back))) if out is None else out
-    for _, rows in record.sequences():
-        u = record.input[rows]
-        for k, back in enumerate(rows_back):
-            found[rows, k] = u
-            found[rows, k][:back] -= u[0]
-            found[rows, k][back:] -= u[:-back]
     return found

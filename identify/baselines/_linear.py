@@ -8,9 +8,10 @@ import numpy as np
 from jaxtyping import Float
 
 from hysteresis import Record
+from hysteresis.numerics import _input_memory as input_memory
 
 from ..records._latest import slow_times
-from ._input_memory import OncePerInput, lags, slow_states, stops
+from ._input_memory import OncePerInput
 
 Design = Callable[[Record], Float[np.ndarray, "samples columns"]]
 
@@ -127,11 +128,17 @@ def ridges(train: Record, columns: tuple[str, ...]) -> tuple[LinearBaseline, ...
         # what takes most memory beside it.
         found = np.empty((len(record), width * (1 + len(factors))), order="F")
         parts = np.split(found[:, :width], np.cumsum(widths)[:-1], axis=1)
-        if slow:
-            slow_states(record, np.array(times), parts[3])
-        stops(record, radii, parts[0])
+        for _, rows in record.sequences():
+            u, (of_stops, _, lags, states, _) = record.input[rows], [part[rows] for part in parts]
+            if slow and record.time is not None:
+                input_memory.slow_states(u, record.time[rows], np.array(times), states)
+            input_memory.stops(u, radii, of_stops)
+            # Less what it was so many rows ago; before its sequence it was as in the first row.
+            for k, back in enumerate(LAGS):
+                lags[:, k] = u
+                lags[:back, k] -= u[0]
+                lags[back:, k] -= u[:-back]
         parts[1][:, 0] = record.input
-        lags(record, LAGS, parts[2])
         for k, name in enumerate(columns):
             parts[4][:, k] = record.columns[name]
         for k, factor in enumerate(factors, 1):

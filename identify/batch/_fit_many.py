@@ -246,10 +246,13 @@ class _Run:
                 continue
             train, test = item if isinstance(item, tuple) else (item, None)
             try:
-                if self.folder is not None and (kept := self._held(name, train, test)) is not None:
-                    self.batch.kept[name] = kept
-                    self.batch.skipped.append(name)
-                    continue
+                if self.folder is not None:
+                    data = [train.digest(), test and test.digest()]
+                    self.digests[name] = digest(data, self.folder.settings)
+                    if (kept := self.folder.held(name, self.digests[name])) is not None:
+                        self.batch.kept[name] = kept
+                        self.batch.skipped.append(name)
+                        continue
             except InputError as error:
                 self._fail(name, error)
                 continue
@@ -258,12 +261,6 @@ class _Run:
             else:
                 arguments = (HOME, self.function, packed(self.options), train, test, is_double())
                 yield Unit(name, fit_alone, arguments)
-
-    def _held(self, name: str, train: Record, test: Record | None) -> Kept | None:
-        data = [train.digest(), test and test.digest()]
-        assert self.folder is not None
-        self.digests[name] = digest(data, self.folder.settings)
-        return self.folder.held(name, self.digests[name])
 
     @cached_property
     def _threshold(self) -> float | None:

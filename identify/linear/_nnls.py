@@ -13,7 +13,7 @@ Matrix = Float[np.ndarray, "n n"]
 def nonnegative_least_squares(
     H: Matrix,
     b: Float[np.ndarray, "*draws n"],
-    free: Bool[np.ndarray, " n"] | None = None,
+    free: Bool[np.ndarray, " n"],
     start: Bool[np.ndarray, " n"] | None = None,
 ) -> Float[np.ndarray, "*draws n"]:
     """The x that minimises x'Hx/2 - b'x with x_i >= 0 for every i that is not `free`, for each b.
@@ -51,8 +51,8 @@ class SignedMinimum:
     Methods for modifying matrix factorizations, Math. Comp. 28 (1974).
     """
 
-    def __init__(self, H: Matrix, free: Bool[np.ndarray, " n"] | None = None) -> None:
-        self.H, self.free = H, np.zeros(len(H), bool) if free is None else free
+    def __init__(self, H: Matrix, free: Bool[np.ndarray, " n"]) -> None:
+        self.H, self.free = H, free
         self._base: np.ndarray | None = None
 
     def of(self, b: Vector, start: Bool[np.ndarray, " n"] | None = None) -> Vector:
@@ -163,8 +163,8 @@ def constrained_least_squares(
     H: Matrix,
     b: Float[np.ndarray, "*draws n"],
     C: Float[np.ndarray, "constraints n"],
-    free: Bool[np.ndarray, " n"] | None = None,
-    start: Bool[np.ndarray, " n"] | None = None,
+    free: Bool[np.ndarray, " n"],
+    start: Bool[np.ndarray, " n"] | None,
 ) -> Float[np.ndarray, "*draws n"]:
     """As `nonnegative_least_squares`, with C x >= 0 besides.
 
@@ -172,7 +172,6 @@ def constrained_least_squares(
     kappa |C x - s - m|^2 / 2, and m collects what is left over, until |C x - s| < 1e-9 |x|.
     """
     n, k = len(H), len(C)
-    free = np.zeros(n, bool) if free is None else free
     kappa = 100 * np.trace(H) / n / max(np.mean(np.sum(C**2, 1)), 1e-300)
     E = np.hstack([C, -np.eye(k)])
     big = kappa * E.T @ E

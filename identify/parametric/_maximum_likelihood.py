@@ -172,10 +172,10 @@ class About(NamedTuple):
 def likeliest_about(
     at: Linearised,
     kinds: tuple[tuple[str, ...], ...],
-    near: dict[tuple[str, ...], np.ndarray] | None = None,
+    near: dict[tuple[str, ...], np.ndarray],
 ) -> About:
     """Estimate every kind of noise. `near` has the last estimate of each, where the next one starts."""
-    near, found = {} if near is None else near, []
+    found = []
     for kind in kinds:
         # A new kind starts from the last one that lacks one of its parts.
         simpler = [one for one in near if len(one) == len(kind) - 1 and set(one) < set(kind)]

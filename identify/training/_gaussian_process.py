@@ -19,7 +19,6 @@ def fit_kernel(
     x: Float[np.ndarray, "rows features"],
     y: Float[np.ndarray, "rows outputs"],
     seed: int = 0,
-    allow_float32: bool = False,
 ) -> Kernel:
     """Fit the scales of a squared-exponential kernel by maximum marginal likelihood:
 
@@ -32,7 +31,6 @@ def fit_kernel(
     - `x`: features, each scaled to about standard deviation 1.
     - `y`: values with their mean subtracted, in any unit.
     - `seed`: draws 600 rows if there are more.
-    - `allow_float32`: fit in the precision that JAX has, also where it is single.
 
     Returns the kernel: its size and noise in the unit of `y`, one length for each feature.
 
