@@ -1,12 +1,11 @@
-"""What a baseline reads of the past of an input: its direction, and slow states."""
+"""What a baseline reads of the past of an input: which way it went last."""
 
 from collections.abc import Callable
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Int
 
 from hysteresis import Record
-from hysteresis.numerics import _input_memory as input_memory
 from hysteresis.records._cycles import noise_level
 
 from ..records._run_model import same_inputs
@@ -62,15 +61,4 @@ def directions(record: Record, band: float) -> Int[np.ndarray, " samples"]:
                 sign, extreme, moved = -sign, x, True
             turned.append(sign)
         found[rows] = turned
-    return found
-
-
-def slow_states(
-    record: Record, times: Float[np.ndarray, " states"]
-) -> Float[np.ndarray, "samples states"]:
-    """The input less its exponential averages over these times, of every sequence."""
-    assert record.time is not None
-    found = np.empty((len(record), len(times)))
-    for _, rows in record.sequences():
-        input_memory.slow_states(record.input[rows], record.time[rows], times, found[rows])
     return found

@@ -12,8 +12,8 @@ import numpy as np
 
 from hysteresis import AbstractModel, Burgers, LinearSponge, Record
 from hysteresis.numerics._hats import hats_of
+from hysteresis.numerics._input_memory import slow_states
 
-from ..baselines._input_memory import slow_states
 from ..records._folds import held_out_errors
 from ..records._latest import longest_sequence, usual_speed
 from ._training_data import TrainingData
@@ -49,10 +49,11 @@ def least_score(kind: type[AbstractModel] | None, data: TrainingData) -> float:
 
 def _linear(record: Record) -> np.ndarray:
     assert record.time is not None
-    t, moved = np.zeros(len(record)), np.zeros(len(record))
+    t, moved, slow = np.zeros(len(record)), np.zeros(len(record)), np.empty((len(record), TIMES))
+    times = np.geomspace(usual_speed(record)[1], 10 * longest_sequence(record), TIMES)
     for _, rows in record.sequences():
         t[rows], u = record.time[rows] - record.time[rows.start], record.input[rows]
         moved[rows.start + 1 : rows.stop] = np.cumsum(np.diff(t[rows]) * (u[1:] + u[:-1]) / 2)
-    times = np.geomspace(usual_speed(record)[1], 10 * longest_sequence(record), TIMES)
-    slow, gone = slow_states(record, times), np.exp(-t[:, None] / times)
+        slow_states(u, record.time[rows], times, slow[rows])
+    gone = np.exp(-t[:, None] / times)
     return np.column_stack([np.ones(len(t)), record.input, t, moved, slow, gone])
