@@ -97,7 +97,7 @@ class ButterflyCandidate(Candidate):
         inner = predict(linear.model, record) if inner is None else inner
         used = np.isin(parts.label, parts.all)
         curve = folding(inner[used], record.output[used], record.weights[used])
-        judged = evidence(record, parts, folded(curve, inner), False, float(blocks.mean()))
+        judged = evidence(record, parts, folded(curve, inner), float(blocks.mean()))
         kind = "peak" if state.peak else "valley"
         note = (
             f"Each branch has a {kind} near {quantity(state.level, record.output_unit, 3)}: the output is"

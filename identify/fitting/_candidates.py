@@ -64,7 +64,7 @@ class SurfaceCandidate(Candidate):
 
         blocks = held_out_errors(parts.folds, model_of, error)
         model = model_of(parts.all)
-        judged = evidence(record, parts, predict(model, record), False, float(blocks.mean()))
+        judged = evidence(record, parts, predict(model, record), float(blocks.mean()))
         assert model.reversible is not None
         assert isinstance(model.density, GridDensity)
         sums = {

@@ -45,12 +45,13 @@ class GridCandidate(Candidate):
             initials = (template.initial if initial == "auto" else initial,)
             if isinstance(template.density, GridDensity):
                 cells = (template.density.cells,)
-        linear = fit_preisach(data.record, data.parts, leadings, initials, cells, dead_band)
+        linear, parts = fit_preisach(data.record, data.parts, leadings, initials, cells, dead_band)
         note = (
             f"Prior strength {linear.strength:g}, {linear.meaning.cells} cells along each threshold in"
             f" {linear.meaning.block.max() + 1} blocks, chosen on {data.parts.how}."
         )
-        return [_trial(self.name, linear, GridWeights(linear), data, (note,), options.seed)]
+        data, detail = replace(data, parts=parts), GridWeights(linear)
+        return [_trial(self.name, linear, detail, data, (note,), options.seed)]
 
 
 class CompositionCandidate(Candidate):
@@ -139,7 +140,7 @@ def _trial(
     model = linear.model
     predicted = linear.outputs(data.record)
     predicted = predict(model, data.record) if predicted is None else predicted
-    judged = evidence(data.record, data.parts, predicted, linear.dropped, linear.held_out)
+    judged = evidence(data.record, data.parts, predicted, linear.held_out)
 
     def drawn(count: int) -> dict[str, Any]:
         totals, covariance = linear.totals(judged.noise, count, np.random.default_rng(seed))

@@ -1,7 +1,7 @@
 """Fitting a model of few parameters: many starts, refinement, held-out score, noise, standard errors."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import ClassVar, NamedTuple
 
@@ -36,7 +36,7 @@ from ..parametric._multistart import (
     thinned_rows,
 )
 from ..parametric._standard_errors import covariance_of, reported, rescaled
-from ..records._folds import earned, held_out_errors
+from ..records._folds import Parts, earned, held_out_errors
 from ..records._run_model import starts_of
 from ..results._fit_result import FitResult, Starts
 from ..results._goodness_of_fit import Evidence, evidence
@@ -108,7 +108,7 @@ class LeastSquares:
 
     - `problem`: of the training record, lengthened by `longer`. `settings`: what the user said of it.
     - `starts`: every start of the search; `optimum`: the best one, followed to its end.
-    - `blocks`: held-out mean squared errors; `dropped`: the fit leaves out the conditioning cycle.
+    - `blocks`: held-out mean squared errors.
     """
 
     name: str
@@ -118,7 +118,6 @@ class LeastSquares:
     starts: Starts
     optimum: Optimum
     blocks: Float[np.ndarray, " blocks"]
-    dropped: bool
     seed: int
 
     def model(self, free: Float[np.ndarray, " parameters"]) -> AbstractModel:
@@ -128,7 +127,7 @@ class LeastSquares:
     def evidence(self, predicted: Float[np.ndarray, " samples"]) -> Evidence:
         """What a prediction of the training record leaves over."""
         held_out, free = float(self.blocks.mean()), len(self.problem.bounds.names)
-        return evidence(self.data.record, self.data.parts, predicted, self.dropped, held_out, free)
+        return evidence(self.data.record, self.data.parts, predicted, held_out, free)
 
 
 def least_squares(
@@ -171,23 +170,23 @@ def least_squares(
         if not whole.converged:
             whole = fitted(parts.all, whole.free)
 
-    def blocks_of(drop: bool) -> np.ndarray:
-        def solve(train: tuple[int, ...]) -> Optimum:
-            return fitted(parts.without_conditioning(train, drop), whole.free)
-
+    def blocks_of(parts: Parts) -> np.ndarray:
         def error(end: Optimum, test: tuple[int, ...]) -> np.ndarray:
             rows = np.isin(parts.label, test)
             return (end.predicted[: len(y)][rows] - y[rows]) * record.weights[rows]
 
-        return held_out_errors(parts.folds, solve, error)
+        return held_out_errors(parts.folds, lambda train: fitted(train, whole.free), error)
 
-    choices = (False,) if parts.conditioning is None else (False, True)
-    blocks = {drop: blocks_of(drop) for drop in choices}
-    dropped = len(choices) > 1 and earned(blocks[False], blocks[True])
-    optimum = fitted(parts.without_conditioning(parts.all, True), whole.free) if dropped else whole
-    return LeastSquares(
-        name, data, problem, settings, tried, optimum, blocks[dropped], dropped, options.seed
-    )
+    blocks = blocks_of(parts)
+    if parts.conditioning is not None:
+        later = parts.conditioned
+        if earned(blocks, fewer := blocks_of(later)):
+            data, blocks, whole = (
+                replace(data, parts=later),
+                fewer,
+                fitted(later.fitted, whole.free),
+            )
+    return LeastSquares(name, data, problem, settings, tried, whole, blocks, options.seed)
 
 
 def explained(

@@ -74,7 +74,8 @@ def starts_of_shape(name: str, data: TrainingData, initial: str) -> tuple[Preisa
     """
     known = tuple(word for word in data.initials if word != "fit") or ("negative",)
     states = known if initial in ("auto", "fit") else (initial,)
-    grid = fit_preisach(data.rising, data.parts, data.leadings, states, (COARSE,)).model
+    linear, _ = fit_preisach(data.rising, data.parts, data.leadings, states, (COARSE,))
+    grid = linear.model
     assert isinstance(grid, Preisach)
     return of_grid(grid, SHAPES[name])
 

@@ -98,11 +98,10 @@ class Choice(Generic[Problem]):
     """A problem with a prior strength, tried on held-out parts.
 
     - `blocks`: mean squared errors of blocks of held-out rows, over the square of the output's range.
-    - `parts`: of a composition, those it has. `dropped`: the fit leaves out the conditioning cycle.
+    - `parts`: of a composition, those it has.
     """
 
     problem: Problem
     strength: float
     blocks: Float[np.ndarray, " blocks"]
     parts: tuple[str, ...] = ()
-    dropped: bool = False

@@ -60,7 +60,7 @@ class LinearFit(Generic[Unknowns]):
 
     - `unknowns`: those at the minimum, `meaning` what they stand for.
     - `H`, `b`: the minimised x'Hx/2 - b'x over `rows` rows, prior included.
-    - `strength`: of the prior; `dropped`: whether the fit leaves out the conditioning cycle.
+    - `strength`: of the prior.
     - `blocks`: held-out mean squared errors, over scale^2, at that choice.
     - `last`: the record on which outputs were computed last, and they.
     - `known`: of a grid, what it knows of its sums; None: all of them, and draws give errors.
@@ -73,7 +73,6 @@ class LinearFit(Generic[Unknowns]):
     rows: int
     strength: float
     blocks: Float[np.ndarray, " blocks"]
-    dropped: bool = False
     known: KnownSums | None = None
     last: tuple[Record, Float[np.ndarray, " samples"]] | None = field(default=None, repr=False)
 

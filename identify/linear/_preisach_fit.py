@@ -1,6 +1,7 @@
 """Fitting a Preisach model on a grid: shape, resolution and prior strength, then the weights."""
 
 from collections.abc import Callable, Iterable
+from copy import copy
 from dataclasses import replace
 from typing import TypeAlias
 
@@ -131,7 +132,7 @@ def fit_preisach(
     initials: tuple[Initial | str, ...],
     cells: tuple[int, ...] = GRIDS,
     dead_band: float = 0.0,
-) -> LinearFit[GridUnknowns]:
+) -> tuple[LinearFit[GridUnknowns], Parts]:
     """Fit every shape, choose shape, grid and prior strength, refit on all the training parts.
 
     Orientation and initial state show on the first, coarse grid. Each finer one has twice the cells
@@ -143,22 +144,19 @@ def fit_preisach(
     Among the choices whose held-out error is above the best one's by less than the standard error
     of that difference, paired by blocks of rows, the simplest is taken: fewer cells, then a stronger prior.
     A conditioning cycle is left out of the fit where that takes away a part of the held-out error, see
-    `earned`.
+    `earned`: the parts that are given back say so.
     """
-    parts = parts.merged
-    counted = parts.label >= 0
+    merged = parts.merged
+    counted = merged.label >= 0
     u, y = record.input[counted], record.output[counted]
     low, high = float(u.min()), float(u.max())
     scale, centre = float(np.ptp(y)) * (-1 if output_falls(record) else 1), float(y.mean())
 
-    def tried(
-        problem: PreisachProblem, strengths: Iterable[float], dropped: bool = False
-    ) -> list[Tried]:
+    def tried(problem: PreisachProblem, strengths: Iterable[float]) -> list[Tried]:
         strengths = list(strengths)
-        blocks = problem.held_out_errors([(strength, dropped) for strength in strengths])
+        blocks = problem.held_out_errors(strengths)
         return [
-            Choice(problem, strength, own, dropped=dropped)
-            for strength, own in zip(strengths, blocks, strict=True)
+            Choice(problem, strength, own) for strength, own in zip(strengths, blocks, strict=True)
         ]
 
     coarse, *finer = cells
@@ -170,7 +168,7 @@ def fit_preisach(
     choices = [
         choice
         for shape in shapes
-        for choice in tried(PreisachProblem(record, parts, shape), STRENGTHS)
+        for choice in tried(PreisachProblem(record, merged, shape), STRENGTHS)
     ]
     best = _best(choices)
     shape = best.problem.meaning
@@ -184,7 +182,7 @@ def fit_preisach(
             meaning = shape._replace(cells=n, blocks=block, nodes=nodes_of(n))
             if n > 2 * coarse and 2 * meaning.count > len(u):
                 break
-            problem = PreisachProblem(record, parts, meaning)
+            problem = PreisachProblem(record, merged, meaning)
             choices = choices + tried(problem, (best.strength * k for k in (10.0, 1.0, 0.1, 0.01)))
             best = _best(choices)
             if best.blocks.mean() > BETTER * before.blocks.mean():
@@ -196,16 +194,19 @@ def fit_preisach(
     nodes = steep_nodes(u, y, coarse)
     # Where no cell is half as wide as an even one, the next even grid does the same.
     if finer and 2 * coarse * np.diff(nodes).min() < high - low:
-        problem = PreisachProblem(record, parts, shape._replace(nodes=nodes))
+        problem = PreisachProblem(record, merged, shape._replace(nodes=nodes))
         steep = tried(problem, STRENGTHS)
         if _best(steep).blocks.mean() < BETTER * best.blocks.mean():
             choices = path(steep, lambda n: steep_nodes(u, y, n))
             best = _best(choices)
     chosen = simplest(choices, best)
     if parts.conditioning is not None:
-        (fewer,) = tried(chosen.problem, [chosen.strength], dropped=True)
-        chosen = fewer if earned(chosen.blocks, fewer.blocks) else chosen
-    return _fitted(chosen, final=True)
+        later = copy(chosen.problem)
+        later.parts = merged.conditioned
+        (fewer,) = tried(later, [chosen.strength])
+        if earned(chosen.blocks, fewer.blocks):
+            chosen, parts = fewer, parts.conditioned
+    return _fitted(chosen, final=True), parts
 
 
 def _best(choices: list[Tried]) -> Tried:
@@ -217,12 +218,12 @@ def _best(choices: list[Tried]) -> Tried:
 def _fitted(choice: Tried, final: bool = False) -> LinearFit[GridUnknowns]:
     """A choice, fitted to all the training parts; the `final` one with what it knows of sums."""
     problem, meaning = choice.problem, choice.problem.meaning
-    which = problem.parts.without_conditioning(problem.parts.all, choice.dropped)
+    which = problem.parts.fitted
     H, b = problem.objective(which, choice.strength)
     unknowns = meaning.minimum(H, b)
     fit = LinearFit(
         unknowns, meaning, H, b, problem.total(which).rows,
-        choice.strength, choice.blocks, choice.dropped,
+        choice.strength, choice.blocks,
     )  # fmt: skip
     if not final:
         return fit

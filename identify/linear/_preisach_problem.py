@@ -124,29 +124,24 @@ class PreisachProblem(PreisachObjective):
         z = np.asarray(self.meaning.expansion @ unknowns)
         return np.stack([self.meaning.space.from_unknowns(one) for one in z.T], 1)
 
-    def held_out_errors(
-        self, tried: Sequence[tuple[float, bool]]
-    ) -> list[Float[np.ndarray, " blocks"]]:
+    def held_out_errors(self, strengths: Sequence[float]) -> list[Float[np.ndarray, " blocks"]]:
         """Mean squared errors (in s^2) over ten blocks of rows of each fold's held-out part.
 
-        `tried`: pairs of a prior strength and whether the conditioning cycle is dropped. All share one pass
-        over the rows.
+        All prior strengths share one pass over the rows.
         """
         folds, columns = self.parts.folds, []
-        for strength, dropped in tried:
+        for strength in strengths:
             start: Bool[np.ndarray, " n"] | None = None
             for fold in folds:
                 # Without the slope constraints of a leading model: close enough to rank by.
-                which = self.parts.without_conditioning(fold.train, dropped)
-                x = nonnegative_least_squares(
-                    *self.objective(which, strength), self.meaning.free, start
-                )
+                H, b = self.objective(fold.train, strength)
+                x = nonnegative_least_squares(H, b, self.meaning.free, start)
                 columns.append(x)
                 start = x != 0
         nodes = self.nodes(np.stack(columns, 1))
         # Of each fold, the columns of all that is tried.
         of_fold = [slice(k, None, len(folds)) for k in range(len(folds))]
-        errors = [[np.zeros((0, len(tried)))] for _ in folds]
+        errors = [[np.zeros((0, len(strengths)))] for _ in folds]
         for block in self.blocks():
             label, y, w = (x[block.rows] for x in (self.parts.label, self.y, self.weights))
             for fold, at, found in zip(folds, of_fold, errors, strict=True):
@@ -156,7 +151,8 @@ class PreisachProblem(PreisachObjective):
                     )
         each = [np.concatenate(found) for found in errors]
         return [
-            np.concatenate([block_errors(error[:, k]) for error in each]) for k in range(len(tried))
+            np.concatenate([block_errors(error[:, k]) for error in each])
+            for k in range(len(strengths))
         ]
 
 

@@ -58,9 +58,15 @@ class Parts(NamedTuple):
         """Those that the fit learns from at last."""
         return self.all if self.kept is None else self.kept
 
-    def without_conditioning(self, which: tuple[int, ...], dropped: bool) -> tuple[int, ...]:
-        """These parts, less the conditioning one where it is `dropped`."""
-        return tuple(p for p in which if not (dropped and p == self.conditioning))
+    @property
+    def conditioned(self) -> "Parts":
+        """The same, of which the conditioning part is never learnt from."""
+
+        def rest(which: tuple[int, ...]) -> tuple[int, ...]:
+            return tuple(p for p in which if p != self.conditioning)
+
+        folds = tuple(Fold(rest(fold.train), fold.test) for fold in self.folds)
+        return self._replace(folds=folds, kept=rest(self.fitted))
 
     @property
     def merged(self) -> "Parts":

@@ -128,16 +128,14 @@ def evidence(
     record: Record,
     parts: Parts,
     predicted: Float[np.ndarray, " samples"],
-    dropped: bool,
     held_out: float,
     free: int = 0,
 ) -> Evidence:
     """Judge a prediction on the rows it was fitted to, given its mean squared error where it was not.
 
-    `dropped`: the conditioning cycle was left out of the fit; `held_out`: mean squared error on the
-    held-out parts; `free`: how many parameters were fitted.
+    `held_out`: mean squared error on the held-out parts; `free`: how many parameters were fitted.
     """
-    used = np.isin(parts.label, parts.without_conditioning(parts.fitted, dropped))
+    used = np.isin(parts.label, parts.fitted)
     residuals = np.where(record.mask, predicted - record.output, np.nan)
     weighted = residuals * record.weights
     sequences = [weighted[rows][used[rows]] for _, rows in record.sequences() if used[rows].any()]
