@@ -18,8 +18,9 @@ from hysteresis._atomic_file import write_whole
 from hysteresis._format import plain
 from hysteresis._precision import in_this_precision
 
-from ..files._fit_folder import load, rewrite_fit, save, summary, to_json, write_fit
+from ..files._fit_folder import OF_EARLIER, load, save, summary, to_json, write_fit
 from ..results._fit_result import FitResult
+from ..storage._file_set import write_set
 from ..storage._json import check_free, read_json, write_json
 
 SCHEMA = 1
@@ -161,7 +162,9 @@ class Folder:
         if isinstance(fit, FitResult):
             document = write_fit(fit, folder, to_json(fit), overwrite=True, extra=extra)
         else:
-            document = rewrite_fit(folder, fit, extra)
+            document = json.loads(fit["fit.json"]) | extra
+            files = {name: fit[name] for name in document["files"]}
+            document = write_set(folder, "fit.json", document, files, remove=OF_EARLIER)
         return Kept(_compact(row_of(document)), in_this_precision(partial(load, folder)))
 
     def write(self, batch: Batch, seconds: float, finished: bool, at_once: bool = False) -> None:

@@ -6,10 +6,8 @@ fit.npz      residuals, starts, and the normal equations of a grid fit
 """
 
 import hashlib
-import json
 import os
 import time
-from collections.abc import Mapping
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
@@ -106,13 +104,6 @@ def write_fit(
     check = partial(check_free, folder, overwrite)
     document |= fit.detail.words() | (extra or {})
     return write_set(folder, "fit.json", document, files, remove=OF_EARLIER, check=check)
-
-
-def rewrite_fit(folder: Path, files: Mapping[str, bytes], extra: dict[str, Any]) -> dict[str, Any]:
-    """Write the `files` of a saved fit, with plain data added to its fit.json, over what is there."""
-    document = json.loads(files["fit.json"])
-    kept = {name: files[name] for name in document["files"]}
-    return write_set(folder, "fit.json", document | extra, kept, remove=OF_EARLIER)
 
 
 def load(folder: str | Path) -> FitResult:

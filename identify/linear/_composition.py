@@ -53,13 +53,13 @@ from ._composition_prior import prior
 from ._nnls import nonnegative_least_squares
 from ._preisach_design_matrix import NodeSpace
 from ._sliders import (
+    COLUMNS,
     LEVELS,
     PLACES,
     THRESHOLDS,
     columns_of,
     model_of,
     modulated,
-    size_of,
 )
 from ._unknown_vectors import in_units, split, upper_triangular
 
@@ -143,7 +143,7 @@ class CompositionUnknowns(NamedTuple):
             STRENGTHS: 2 * branches * (n[STRENGTHS] + 1),
             SOFTENING: n[SOFTENING] * (n[SOFTENING] + 1) // 2,
             RELAYS: n[RELAYS] * (n[RELAYS] + 1) // 2,
-            **{part: size_of(part) for part in LEVELS},
+            **{part: COLUMNS[part] * len(levels) for part, levels in LEVELS.items()},
             FRICTION: (len(SPEEDS) + 1) * len(PLACES),
             DRIFT: len(PLACES),
             TIME_DRIFT: len(DECAYS),

@@ -28,7 +28,7 @@ from ._composition_parts import (
     TIME_DRIFT,
 )
 from ._group_strengths import APART, kernel
-from ._sliders import LEVELS, PLACE_STOPS, PLAYS, SPAN_STOPS, STOPS, THRESHOLDS, firmness_of
+from ._sliders import COLUMNS, LEVELS, PLACE_STOPS, PLAYS, SPAN_STOPS, STOPS, THRESHOLDS
 
 Matrix = Float[np.ndarray, "unknowns unknowns"]
 
@@ -38,6 +38,9 @@ FIRMNESS = {
     TIME_DRIFT: 1.0,
 }  # fmt: skip
 """How much stronger the prior holds a part than the curve."""
+
+BAND_FIRMNESS = 30.0
+"""How much stronger the prior holds a band alone than a stop. It lets branches yield and stiffen again."""
 
 RIDGE = 1e-7
 """Pulls what the data leave open to 0; in squares of the output's range. Strengths are pulled ten times as
@@ -74,7 +77,9 @@ def _rising(part: str, size: int, strength: float) -> Matrix:
         D = n * np.diff(np.eye(n + 1), 2, axis=0)
         each = D.T @ D / (n + 1)
     elif part in LEVELS:
-        each = np.diag(firmness_of(part))
+        firm = np.ones((COLUMNS[part], len(LEVELS[part])))
+        firm[len(THRESHOLDS) : 2 * len(THRESHOLDS)] = BAND_FIRMNESS
+        each = np.diag(firm.ravel())
     else:
         each = np.eye(size)
     ridge = 10 * RIDGE if part == STRENGTHS else RIDGE

@@ -17,9 +17,6 @@ THRESHOLDS = np.geomspace(0.006, 0.45, 14)
 BANDS = np.diff(THRESHOLDS, prepend=0.0)
 """Widths of the bands between them."""
 
-BAND_FIRMNESS = 30.0
-"""How much stronger the prior holds a band alone than a stop. It lets branches yield and stiffen again."""
-
 PLACES, SPANS = np.array([0.0, 0.5, 1.0]), np.array([0.0, 0.125, 0.25, 0.5, 1.0])
 """Levels of the position and of the range covered, in parts of the input's range."""
 
@@ -33,19 +30,6 @@ COLUMNS = {
 """Of each part at one level."""
 
 Columns = Float[np.ndarray, "samples columns"]
-
-
-def size_of(part: str) -> int:
-    """Number of unknowns."""
-    return COLUMNS[part] * len(LEVELS[part])
-
-
-def firmness_of(part: str) -> Float[np.ndarray, " unknowns"]:
-    """How much stronger the prior holds each unknown than a stop."""
-    levels, n = len(LEVELS[part]), len(THRESHOLDS)
-    firm = np.ones((COLUMNS[part], levels))
-    firm[n : 2 * n] = BAND_FIRMNESS
-    return firm.ravel()
 
 
 def columns_of(part: str, memory: Memory, rest: float) -> Float[np.ndarray, "samples unknowns"]:

@@ -49,8 +49,7 @@ class Likeliest(NamedTuple):
 
     - `free`: the model's parameters in unconstrained space. `root`: root'root is the Fisher information
       there. `wider`: factor on each standard error because the noise model itself is estimated.
-    - `noise`: the noise model of the kind chosen. `kinds`: the parts of each kind tried. `evidence`:
-      -log evidence of each.
+    - `noise`: the noise model of the kind chosen. `evidence`: -log evidence of each kind tried.
     - `believed`: p-value of the adequacy test of the residuals under that noise. `rows`: number of rows
       used. `converged`: whether the last round moved by less than a tolerance.
     """
@@ -59,8 +58,7 @@ class Likeliest(NamedTuple):
     root: Float[np.ndarray, "rows parameters"]
     wider: Float[np.ndarray, " parameters"]
     noise: NoiseModel
-    kinds: tuple[tuple[str, ...], ...]
-    evidence: Float[np.ndarray, " kinds"]
+    evidence: dict[tuple[str, ...], float]
     believed: float
     rows: int
     converged: bool = True
@@ -68,9 +66,9 @@ class Likeliest(NamedTuple):
     @property
     def over_the_best(self) -> dict[str, float]:
         """-log evidence of each kind of noise, by its name, minus the least."""
-        over = self.evidence - self.evidence.min()
-        some = [NoiseModel(**dict.fromkeys(kind, 0.0)) for kind in self.kinds]
-        return {one.words: float(e) for one, e in zip(some, over, strict=True)}
+        least = min(self.evidence.values())
+        some = ((NoiseModel(**dict.fromkeys(k, 0.0)), e) for k, e in self.evidence.items())
+        return {one.words: e - least for one, e in some}
 
     def summary(self) -> Noise:
         """Standard deviation and correlation time; of Student's t the deviation, not the scale."""
@@ -115,7 +113,7 @@ def likeliest(
             if not kinds:
                 return None
             first = likeliest_about(few, kinds, near)
-            evidence = dict(zip(kinds, first.evidence.tolist(), strict=True))
+            evidence = first.evidence
             if few is not at:
                 if first.believed(few) < BELIEVED:
                     return None
@@ -124,7 +122,7 @@ def likeliest(
             kinds = tuple(one for one in kinds if evidence[one] < min(evidence.values()) + BEHIND)
         now = likeliest_about(at, kinds, near)
         if len(kinds) > 1 or not choice:
-            evidence |= dict(zip(kinds, now.evidence.tolist(), strict=True))
+            evidence = evidence | now.evidence
         root = now.left.root(np.asarray(at.precision))
         cost = float(now.cost + temper * (bounds.penalty(jnp.asarray(z)) if bounds.asked else 0.0))
         moved, least = float(np.linalg.norm(root @ now.away)), min(least, cost)
@@ -136,9 +134,8 @@ def likeliest(
     if not np.isfinite(moved) or cost > least + 1:
         return None
     return Likeliest(
-        z, root, widening(at, now.noise, now.kind), model_of(now.noise, now.kind), (*evidence,),
-        np.array([*evidence.values()]), now.believed(at), int(np.sum(rows.counted)),
-        moved < 1e3 * ENOUGH,
+        z, root, widening(at, now.noise, now.kind), model_of(now.noise, now.kind), evidence,
+        now.believed(at), int(np.sum(rows.counted)), moved < 1e3 * ENOUGH,
     )  # fmt: skip
 
 
@@ -153,7 +150,7 @@ class About(NamedTuple):
     """
 
     kind: tuple[str, ...]
-    evidence: Float[np.ndarray, " kinds"]
+    evidence: dict[tuple[str, ...], float]
     noise: Float[np.ndarray, " parts"]
     away: Float[np.ndarray, " parameters"]
     cost: float
@@ -199,7 +196,8 @@ def likeliest_about(
     else:
         shapes = np.asarray(noise.whitened(at.rows.shapes, at.rows))
     left = Left(x, W, shapes, np.asarray(noise.information))
-    return About(kinds[best], evidence, free, away, cost, left)
+    of_kinds = dict(zip(kinds, evidence.tolist(), strict=True))
+    return About(kinds[best], of_kinds, free, away, cost, left)
 
 
 def _worth_trying(
@@ -231,8 +229,7 @@ def plainest(
     scores = np.sum((x**2 - 1)[np.asarray(rows.counted)] ** 2)
     wider = np.full(len(free), np.sqrt(np.cosh(2 / np.sqrt(1 + scores))))
     left = Left(x, W, np.asarray(rows.shapes) * weight[:, None], np.ones(()))
-    kind, evidence = (("sigma",),), np.zeros(1)
-    return Likeliest(free, W, wider, NoiseModel(sigma), kind, evidence, 1.0, counted), left
+    return Likeliest(free, W, wider, NoiseModel(sigma), {("sigma",): 0.0}, 1.0, counted), left
 
 
 def linearised(problem: Problem, at: Optimum, rows: Rows) -> Linearised:
