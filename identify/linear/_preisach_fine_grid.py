@@ -50,12 +50,16 @@ def solve_fine(
     `tolerance` is that of the gradient over b's norm on the last set; the objective's error goes with
     its square.
     """
-    K, rows = smoothness(meaning), int(counted.sum())
-    forward, gather = _operator(meaning, prepared, counted)
-    b = np.asarray(gather(y)) / rows
+    K, rows = smoothness(meaning), jnp.asarray(np.flatnonzero(counted))
+    template, like = meaning.rising(np.zeros(meaning.count)), jnp.zeros(meaning.count)
+
+    def gathered(r: Any) -> Vector:
+        return np.asarray(_transposed(template, prepared, rows, jnp.asarray(r), like)) / len(rows)
 
     def product(v: Vector) -> Vector:
-        return np.asarray(gather(forward(v))) / rows + strength * (K @ v)
+        return gathered(_outputs(template, prepared, rows, jnp.asarray(v))) + strength * (K @ v)
+
+    b = gathered(y)
 
     spreads = [_spread(c.meaning, meaning) for c in coarse]
     start = nonnegative_least_squares(coarse[0].H, coarse[0].b, coarse[0].meaning.free)
@@ -107,18 +111,6 @@ def _pivot(
         else:
             last = np.flatnonzero(wrong)[-1]
             inside[last] = not inside[last]
-
-
-def _operator(
-    meaning: GridUnknowns, prepared: PreisachInput, counted: Bool[np.ndarray, " samples"]
-) -> tuple[Callable[[Vector], Any], Callable[[Any], Any]]:
-    """v -> A v and r -> A'r on the counted rows, compiled."""
-    template = meaning.rising(np.zeros(meaning.count))
-    like, rows = jnp.zeros(meaning.count), jnp.asarray(np.flatnonzero(counted))
-    return (
-        lambda v: _outputs(template, prepared, rows, jnp.asarray(v)),
-        lambda r: _transposed(template, prepared, rows, jnp.asarray(r), like),
-    )
 
 
 @jax.jit

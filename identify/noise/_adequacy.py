@@ -37,11 +37,6 @@ class CorrelatedNoise(NamedTuple):
     sigma: float
     phi: float
 
-    @property
-    def correlation_time(self) -> float:
-        """Rows that carry the information of one independent row about a mean."""
-        return (1 + self.phi) / (1 - self.phi)
-
 
 def noise_behind(
     residuals: Float[np.ndarray, " rows"],

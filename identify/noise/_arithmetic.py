@@ -105,6 +105,7 @@ class Arithmetic(NamedTuple):
         return constant - xp.sum(xp.log(xp.diagonal(self._misfit_root(rows)[1])))
 
     def information_of(self, columns: Known, rows: Rows) -> Known:
+        """Expected -d2 log p / d p2 of parameters p that move the residuals along the columns."""
         return self.information * self.products(self.whitened(columns, rows), rows)
 
     def products(self, W: Known, rows: Rows) -> Known:

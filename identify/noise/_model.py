@@ -97,12 +97,6 @@ class NoiseModel(eqx.Module):
         """log p(r), whatever the misfit."""
         return self.arithmetic(rows, r).log_likelihood(r, rows)
 
-    def information_of(
-        self, columns: Float[Known, "rows parameters"], rows: Rows
-    ) -> Float[Known, "parameters parameters"]:
-        """Expected -d2 log p / d p2 of parameters p that move the residuals along the columns."""
-        return self.arithmetic(rows, columns).information_of(columns, rows)
-
     @property
     def information(self) -> Known:
         """E[(d log density / dx)^2]: 1, of Student's t (nu + 1) / (nu + 3)."""

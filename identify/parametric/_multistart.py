@@ -41,7 +41,6 @@ class Optimum(NamedTuple):
     free: Float[np.ndarray, " parameters"]
     objective: float
     converged: bool
-    steps: int
     predicted: Float[np.ndarray, " samples"]
     jacobian: Float[np.ndarray, "samples parameters"]
 
@@ -80,7 +79,7 @@ class Problem(NamedTuple):
             float(arguments[-1]) ** 2 * float(residuals @ residuals), nan=np.inf
         )
         return Optimum(
-            np.asarray(found.free), float(objective), bool(found.converged), int(found.steps),
+            np.asarray(found.free), float(objective), bool(found.converged),
             np.asarray(found.beside), each[:, None] * np.asarray(found.jacobian),
         )  # fmt: skip
 

@@ -20,12 +20,11 @@ GAIN = 1e-10
 
 class Maximum(NamedTuple):
     """Where the function is greatest, its value and minus its Hessian there (1 on the diagonal of numbers
-    that do not move), and whether the steps came to an end."""
+    that do not move)."""
 
     point: Float[Array, " numbers"]
     value: Float[Array, ""]
     curvature: Float[Array, "numbers numbers"]
-    converged: Bool[Array, ""]
 
 
 def maximise(
@@ -76,10 +75,10 @@ def maximise(
     # The first step goes nowhere: it looks at the beginning.
     begin = (jnp.full((), -jnp.inf), jnp.zeros_like(point), jnp.eye(len(point)))
     infinite = jnp.full((), jnp.inf)
-    point, value, _, curvature, _, gain, _ = jax.lax.while_loop(
+    point, value, _, curvature, *_ = jax.lax.while_loop(
         goes_on, step, (point, *begin, jnp.ones(()), infinite, 0)
     )
-    return Maximum(point, value, curvature, gain <= GAIN)
+    return Maximum(point, value, curvature)
 
 
 class Top(NamedTuple):
