@@ -33,12 +33,6 @@ class Skewness(NamedTuple):
         """By how much both ends of an interval of +- so many deviations lie higher."""
         return self.shift + self.skew * (deviations**2 - 1) / 6
 
-    def deviate(self, x: Float[np.ndarray, " parameters"]) -> np.ndarray:
-        """The normal deviate that stands for x deviations from the top."""
-        a = self.skew / 6
-        away = x - self.shift + a
-        return 2 * away / (1 + np.sqrt(np.maximum(1 + 4 * a * away, 0.0)))
-
 
 def points_about(
     z: Float[np.ndarray, " parameters"],

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 import scipy.optimize
 
+from benchmarks._identification.calibration import deviates_of
 from hysteresis import Burgers, Record, StandardLinearSolid
 from identify import fit
 from identify.parametric._multistart import thinned_rows
@@ -114,4 +115,4 @@ def test_a_logarithm_has_the_quantiles_of_its_posterior() -> None:
         assert abs(end - exact) < 0.07 * SIZE
         assert abs(SIZE * side - exact) > 0.15 * SIZE
         # The inverse expansion is that of the ends.
-        assert bent.deviate(np.array([end / SIZE]))[0] == pytest.approx(side, abs=1e-12)
+        assert deviates_of(bent, np.array([end / SIZE]))[0] == pytest.approx(side, abs=1e-12)
