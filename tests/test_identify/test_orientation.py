@@ -102,7 +102,8 @@ def test_the_last_cycle_is_held_out_and_the_first_may_be_conditioning() -> None:
     cut = parts(cycles(4))
     assert cut.folds == (((0, 1, 2), (3,)),)
     assert cut.conditioning == 0
-    assert cut.conditioned.fitted == (1, 2)
+    assert cut.conditioned.folds == (((1, 2), (3,)),)
+    assert cut.conditioned.fitted == (1, 2, 3)
     assert parts(cycles(4), keep_conditioning=True).conditioning is None
     assert parts(cycles(2)).conditioning is None
 
