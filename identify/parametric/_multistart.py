@@ -105,6 +105,15 @@ class Problem(NamedTuple):
             if np.isfinite(ends[k].objective) and not ends[k].converged:
                 ends[k] = self.refined(weights, ends[k].free)
         ends.sort(key=lambda end: end.objective)
+        # Of optima that explain alike the nearest one: what the record does not tell stays where the first
+        # start has it, not where rounding ends.
+        alike = [
+            k for k, end in enumerate(ends)
+            if end.converged and end.objective <= (1 + NOTHING) * ends[0].objective
+        ]  # fmt: skip
+        if alike:
+            nearest = min(alike, key=lambda k: float(np.linalg.norm(ends[k].free - starts[0])))
+            ends.insert(0, ends.pop(nearest))
         objective, z = (
             np.array([end.objective for end in ends]),
             np.stack([end.free for end in ends]),

@@ -1,12 +1,15 @@
 """A search for parameters: of records of many lengths it compiles few programs; skewed posteriors."""
 
+from typing import Any
+
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 import scipy.optimize
 
 from benchmarks._identification.calibration import deviates_of
-from hysteresis import Burgers, Record, StandardLinearSolid
+from hysteresis import AbstractSteppedModel, Burgers, Record, StandardLinearSolid, parameter
 from identify import fit
 from identify.parametric._multistart import thinned_rows
 from identify.parametric._standard_errors import Skewness, points_about, skewness
@@ -54,6 +57,26 @@ def test_a_parameter_that_goes_to_infinity_is_unidentified_and_the_fit_converges
     assert about["eta1"].value > 1e3
     assert [about[name].status for name in ("E1", "E2", "eta2", "offset")] == ["free"] * 4
     assert "not-converged" not in [reason.code for reason in found.verdict.reasons]
+
+
+class Idle(AbstractSteppedModel[Any]):
+    """A line, and a number that moves nothing."""
+
+    slope: float = parameter(meaning="rise")
+    idle: float = parameter(meaning="nothing")
+
+    def init(self, t0: Any = None, u0: Any = None) -> Any:
+        return jnp.zeros(())
+
+    def step(self, state: Any, t: Any, u: Any) -> tuple[Any, Any]:
+        return state, self.slope * u + 0 * self.idle
+
+
+def test_what_a_record_does_not_tell_stays_where_the_first_start_has_it():
+    u = np.sin(np.linspace(0, 20, 100))
+    record = Record.from_arrays(u, 2 * u + np.random.default_rng(0).normal(0, 0.01, 100))
+    found = fit(record, Idle(1.0, 3.0), starts=8, noise="gaussian")
+    assert (found["idle"].status, float(found["idle"].value)) == ("unidentified", 3.0)
 
 
 def test_the_optimum_is_that_of_another_solver():
