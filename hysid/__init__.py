@@ -6,11 +6,10 @@ lists them once, for type checkers and for this file.
 
 # hysid:own-package, which hysid/_packages.py looks for
 
-from ._packages import fault_of_packages, is_command
+from ._packages import check_packages as _check_packages
 
-if not (_fault := fault_of_packages()):
-    from hysteresis._lazy import loaded_late as _loaded_late
+_check_packages()
 
-    __getattr__, __dir__, __all__ = _loaded_late(__name__, __file__)
-elif not is_command():
-    raise ImportError(_fault)
+from hysteresis._lazy import loaded_late as _loaded_late  # noqa: E402
+
+__getattr__, __dir__, __all__ = _loaded_late(__name__, __file__)

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
-if TYPE_CHECKING:
-    from hysteresis import InputError  # loads JAX, and a list has to come at once
+from hysteresis import InputError
+from hysteresis._escape import toml_comment, toml_string
 
 _WHEEL = Path(__file__).parents[1] / "catalogue.toml"
 _CHECKOUT = Path(__file__).resolve().parents[2] / "datasets" / "catalogue.toml"
@@ -91,11 +91,11 @@ def catalogue(file: Path = SHIPPED) -> tuple[Dataset, ...]:
         listed = _read(file)["dataset"]
         found = tuple(_dataset(dict(entry)) for entry in listed)
     except OSError as error:
-        raise input_error(
+        raise InputError(
             "unreadable-file", f"the catalogue cannot be read: {error.strerror}.", place=str(file)
         ) from None
     except (ValueError, TypeError, KeyError, AttributeError) as error:
-        raise input_error(
+        raise InputError(
             "damaged-file",
             f"this is no catalogue of data sets: {error}.",
             place=str(file),
@@ -104,7 +104,7 @@ def catalogue(file: Path = SHIPPED) -> tuple[Dataset, ...]:
     names = [dataset.name for dataset in found]
     if bad := [name for name in names if names.count(name) > 1 or Path(name).name != name]:
         said = f"the name {bad[0]!r} is there twice, or cannot be a file's."
-        raise input_error("damaged-file", said, place=str(file))
+        raise InputError("damaged-file", said, place=str(file))
     return found
 
 
@@ -133,22 +133,20 @@ def find(name: str, file: Path = SHIPPED) -> Dataset:
     if name not in listed:
         near = get_close_matches(name, listed, 1, 0.4)
         fix = f"did you mean {near[0]}?" if near else "hysid datasets list names them."
-        raise input_error("no-dataset", f"no data set is called {name!r}.", fix=fix)
+        raise InputError("no-dataset", f"no data set is called {name!r}.", fix=fix)
     return listed[name]
 
 
 def _read(file: Path) -> dict[str, Any]:
     if file == SHIPPED:  # a list has to come at once
         return tomllib.loads(file.read_text("utf-8"))
-    from hysteresis._limits import parse_toml  # late: it loads JAX
+    from hysteresis._limits import parse_toml  # late: it loads NumPy
 
     return parse_toml(file.read_text("utf-8"))
 
 
 def config_text(dataset: Dataset, seen: Mapping[str, str]) -> str:
     """The TOML for `hysid fit --config`; `seen`: the checksum of each file."""
-    from hysteresis._escape import toml_comment, toml_string  # late: it loads JAX
-
     lines = [f"# {dataset.what}", f"# {dataset.page}, licence: {dataset.licence or NOT_STATED}"]
     lines += [f"# {dataset.citation}", *(f"# Note: {note}" for note in dataset.notes)]
     lines += [f"# {path} sha256 {sha256}" for path, sha256 in seen.items()]
@@ -161,10 +159,3 @@ def config_text(dataset: Dataset, seen: Mapping[str, str]) -> str:
             for key, v in values.items()
         ]
     return "\n".join(lines) + "\n"
-
-
-def input_error(code: str, problem: str, **words: str) -> "InputError":
-    """An `InputError`, whose package is loaded only when there is one."""
-    from hysteresis import InputError
-
-    return InputError(code, problem, **words)

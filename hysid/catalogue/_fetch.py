@@ -10,8 +10,11 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
+from hysteresis import InputError
+from hysteresis._atomic_file import write_whole
+
 from .._packages import check_extra
-from ._catalogue import Column, Dataset, File, Layout, config_text, input_error
+from ._catalogue import Column, Dataset, File, Layout, config_text
 
 
 def fetch(
@@ -38,7 +41,7 @@ def fetch(
         if file.exists() and not overwrite:
             said = "this file is there already, and was left as it is."
             fix = "name another folder (--out DIR), or write over it (--overwrite)."
-            raise input_error("would-overwrite", said, place=str(file), fix=fix)
+            raise InputError("would-overwrite", said, place=str(file), fix=fix)
     seen: dict[str, dict[str, Any]] = {}
     texts = {}
     for file in dataset.files:
@@ -50,7 +53,7 @@ def fetch(
         texts[file] = content.decode("utf-8-sig", "replace")
     if (unknown := [file.path for file in dataset.files if not file.sha256]) and not accept:
         checksums = "; ".join(f"{path} has {seen[path]['sha256']}" for path in unknown)
-        raise input_error(
+        raise InputError(
             "unknown-checksum",
             f"the catalogue does not know the sha256 of {len(unknown)} of the files: {checksums}.",
             place=dataset.name,
@@ -58,9 +61,6 @@ def fetch(
             fix="compare with a source you trust, then say --accept; the checksums go into the TOML.",
         )
     written, rows = _table(dataset, texts)
-    # hysteresis brings JAX, which the commands on data sets do without until there is a file to write.
-    from hysteresis._atomic_file import write_whole
-
     write_whole(
         config, config_text(dataset, {path: found["sha256"] for path, found in seen.items()})
     )
@@ -81,7 +81,7 @@ def _download(address: str) -> bytes:
         try:
             return Path(pooch.retrieve(address, None, "download", folder)).read_bytes()
         except (OSError, ValueError) as error:
-            raise input_error(
+            raise InputError(
                 "no-download",
                 f"this cannot be fetched ({type(error).__name__}: {error}).",
                 place=address,
@@ -98,7 +98,7 @@ def _check(file: File, address: str, sha256: str, bytes: int) -> None:
         said = f"what came has {bytes} bytes, and the catalogue says {file.bytes}."
         cause = "a download that was cut off, or a page that says why there is no file."
     if said:
-        raise input_error("wrong-checksum", said, place=address, cause=cause)
+        raise InputError("wrong-checksum", said, place=address, cause=cause)
 
 
 def _table(dataset: Dataset, texts: dict[File, str]) -> tuple[str, int]:
@@ -170,8 +170,8 @@ def _is_number(cell: str) -> bool:
     return True
 
 
-def _not_as_listed(what: str, place: str) -> Exception:
-    return input_error(
+def _not_as_listed(what: str, place: str) -> InputError:
+    return InputError(
         "wrong-checksum",
         f"{what}.",
         place=place,

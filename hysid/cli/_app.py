@@ -16,12 +16,12 @@ from typing import Annotated, Any
 
 import typer
 
-from .._packages import fault_of_packages
+from hysteresis import InputError
+
 from ..commands import _asked, _asked_more
 from ..commands._asked import Command, Fit, as_fields, fields_of
 from ..commands._console import (
     INTERRUPTED,
-    USER,
     example,
     explain,
     fault,
@@ -64,8 +64,6 @@ def command_of(asked: type[Command]) -> Callable[..., None]:
 
 def fit_of(config: Path) -> Fit:
     """What `hysid fit --config FILE` is asked for, of a file that is named later."""
-    from hysteresis import InputError  # late: a foreign package of that name is said before
-
     from ..intake._own_config import read_config  # late: it loads NumPy
 
     tables = read_config(config)
@@ -148,8 +146,6 @@ def options_here(error: Exception, root: Any, arguments: Sequence[str]) -> Excep
         fix += f" {', '.join(lost)}: see hysid {owner} --help." if owner else ""
     if fix == error.fix:  # type: ignore[attr-defined]
         return error
-    from hysteresis import InputError  # late: a foreign package is told before
-
     assert isinstance(error, InputError)
     return InputError(error.code, error.problem, place=error.place, cause=error.cause, fix=fix)
 
@@ -287,8 +283,6 @@ def main() -> None:
             stream.reconfigure(errors="backslashreplace")
     if threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGTERM, _terminated)
-    if said := fault_of_packages():
-        stop(fault("foreign-package", said), said, USER, as_json)
     try:
         code = _commands()(arguments, prog_name="hysid", standalone_mode=False)
     except (KeyboardInterrupt, typer.Abort):

@@ -7,14 +7,15 @@ from typing import TYPE_CHECKING, Any
 import typer
 from typer.core import TyperCommand
 
+from hysteresis import InputError
+from hysteresis._escape import shell_word
+
 from ..commands._asked import as_fields
 from ..commands._console import log, start_jax
 from ..intake._selection_options import FIELDS, HELD_OUT
 
 if TYPE_CHECKING:
     from typer import Context
-
-    from hysteresis import InputError
 else:
     Context = typer.Context.__bases__[0]  # what typer hands to a callback is not of its own type
 
@@ -27,12 +28,6 @@ MOST_USED = (
     "parameter", "noise", "seed", "out",
 )  # fmt: skip
 """What stands first in its group of a command's help."""
-
-
-def _error(code: str, problem: str, **words: str) -> "InputError":
-    from hysteresis import InputError  # late: a foreign package of that name is said before
-
-    return InputError(code, problem, **words)
 
 
 def configure(context: Context, file: Any) -> Path | None:
@@ -87,8 +82,6 @@ class FindsConfig(TyperCommand):
         if chosen is None and {"input", "output", "step"} & {*given}:
             return None
         start_jax()
-        from hysteresis._escape import shell_word  # after JAX is set up
-
         from ..intake._own_config import check_there, compared, config_of, written_for
 
         if chosen is not None:
@@ -98,7 +91,7 @@ class FindsConfig(TyperCommand):
         check_there(file)
         config = config_of(file)
         if file.suffix == ".toml" and (name := str(written_for(file).get("name", ""))):
-            raise _error(
+            raise InputError(
                 "bad-option",
                 "This file holds options, no readings.",
                 place=str(file),
@@ -112,12 +105,10 @@ class FindsConfig(TyperCommand):
         return config
 
     def _begun(self, ctx: Any, file: Path, given: Mapping[str, Any]) -> Path | None:
-        from hysteresis._escape import shell_word  # after JAX is set up
-
-        from ..intake._init import begun
+        from ..intake._init import begun  # after JAX is set up
 
         if self.name not in ("fit", "loops", "datasheet"):
-            raise _error(
+            raise InputError(
                 "cannot-decide",
                 "No column is chosen, and the file has no configuration.",
                 place=str(file),

@@ -52,7 +52,7 @@ def start_jax(double: bool = True) -> None:
 def print_result(document: dict[str, Any], as_json: bool, lines: Iterable[str]) -> None:
     """The one JSON object, or lines for a reader, on stdout."""
     if as_json:
-        from hysteresis._format import plain  # late: it loads JAX
+        from hysteresis._format import plain  # late: it loads NumPy
 
         text = _json(plain(document), sys.stdout.encoding)
     else:
@@ -119,7 +119,7 @@ def _shown(text: str, encoding: str | None) -> str:
     """A line that a terminal only shows, in characters that its encoding has."""
     if not text.isprintable():
         with contextlib.suppress(ImportError):
-            from hysteresis._escape import visible  # late: it loads JAX
+            from hysteresis._escape import visible  # late: that package may be a foreign one
 
             text = visible(text)
     encoding = encoding or "utf-8"
@@ -210,7 +210,7 @@ class Progress:
             self._bar.update(self._task, completed=done, total=total, description=text)
         elif (part := (100 if logs_json() else 10) * done // total) != self._part:
             self._part = part
-            from hysteresis._note import ProgressNote  # late: it loads JAX, which runs by now
+            from hysteresis._note import ProgressNote  # late: as `visible`
 
             said = f"{self._what}: {100 * done // total} %, {text}"
             log(ProgressNote(PROGRESS, said, done, total))
