@@ -2,7 +2,8 @@
 
 import contextlib
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -42,12 +43,9 @@ class Measurement:
     def __init__(self, file: Path):
         self.file = file
         self._lock = threading.RLock()
-        self._tables: dict[Any, Table] = {}
-        self._reading: Any = None
-        self._excerpt: tuple[Any, Series] | None = None
         self._guess: tuple[Any, dict[str, Any]] | None = None
+        self._read: tuple[Any, Future[Table]] | None = None
         self._series: tuple[Any, Series] | None = None
-        self._faults: dict[Any, Exception] = {}
 
     @property
     def config(self) -> Path:
@@ -106,7 +104,7 @@ class Measurement:
         """Warnings about the rows of the measurement, each with the lines that it means; reads the file."""
         try:
             selection = _configuration.selection(self.config)
-            records, faults = selection.records(self.table(selection))
+            records, faults = selection.records(self.table(selection).result())
         except InputError as error:
             return {"warnings": [], "fault": error.document, "records": []}
         warnings, told = [], []
@@ -130,44 +128,34 @@ class Measurement:
             warnings.append({"code": error.code, "text": f"{said} {error.fix}", "lines": []})
         return {"warnings": warnings, "fault": None, "records": told}
 
-    def table(self, selection: Selection) -> Table:
-        """The whole file."""
-        key = self._key(selection)
+    def table(self, selection: Selection) -> Future[Table]:
+        """The whole file, which a thread reads once."""
+        key = (_stamp(self.file), *(getattr(selection, name) for name in OF_READING))
         with self._lock:
-            if key not in self._tables:
-                self._tables = {key: selection.read(self.file)}
-            return self._tables[key]
+            if self._read is None or self._read[0] != key:
+                self._read = key, _in_thread(lambda: selection.read(self.file))
+            return self._read[1]
 
     def series(self) -> tuple[Series, bool, dict[str, str]]:
         """What the plots show, whether that is the whole file, and the names of the axes.
 
-        Of a large file that is not read yet an excerpt, while a thread reads the rest.
-        Raises `InputError`.
+        Of a large file an excerpt, as long as the rest is being read. Raises `InputError`.
         """
         selection = _configuration.selection(self.config)
         selection.check_columns()
-        key = self._key(selection)
-        stamp = (key, selection)
-        if key in self._faults:
-            raise self._faults[key]
-        if key not in self._tables and self.file.stat().st_size > LARGE:
-            if self._excerpt is None or self._excerpt[0] != stamp:
+        whole, size = self.table(selection), self.file.stat().st_size
+        is_part = size > LARGE and not whole.done()
+        stamp, shown = (whole, selection, is_part), self._series
+        if shown is None or shown[0] != stamp:
+            records = None
+            if is_part:
                 asked = {name: getattr(selection, name) for name in OF_READING}
-                excerpt = read_table(self.file, **asked, most=self.file.stat().st_size // PART)
-                if excerpt.share < 1:
-                    self._excerpt = (stamp, _series(excerpt, selection, None))
-            self._read_later(stamp)
-            if self._excerpt is not None and self._excerpt[0] == stamp:
-                return self._excerpt[1], False, self._axes(selection)
-        return self._whole(stamp), True, self._axes(selection)
-
-    def _whole(self, stamp: tuple[Any, Selection]) -> Series:
-        with self._lock:
-            if self._series is None or self._series[0] != stamp:
-                selection = stamp[1]
-                table = self.table(selection)
-                self._series = (stamp, _series(table, selection, selection.records(table)[0]))
-            return self._series[1]
+                table = read_table(self.file, **asked, most=size // PART)
+            else:
+                table = whole.result()
+                records = selection.records(table)[0]
+            shown = self._series = stamp, _series(table, selection, records)
+        return shown[1], not is_part, self._axes(selection)
 
     def _axes(self, selection: Selection) -> dict[str, str]:
         """Names of clock, input and output with their units, first those that were typed by hand."""
@@ -188,7 +176,7 @@ class Measurement:
         Returns the keys of [selection] that change. Raises `InputError` `bad-option`, `no-rows`.
         """
         selection = _configuration.selection(self.config)
-        table = self.table(selection)
+        table = self.table(selection).result()
         series = self.series()[0]
         rows = series.chosen(low, high, box)
         if not rows.any():
@@ -252,19 +240,19 @@ class Measurement:
             (k, tuple(v) if isinstance(v, list) else v) for k, v in given
         )
 
-    def _key(self, selection: Selection) -> Any:
-        return (_stamp(self.file), *(getattr(selection, name) for name in OF_READING))
 
-    def _read_later(self, stamp: tuple[Any, Selection]) -> None:
-        def read() -> None:
-            try:
-                self._whole(stamp)
-            except InputError as error:
-                self._faults[stamp[0]] = error
+def _in_thread(function: Callable[[], Table]) -> Future[Table]:
+    """What a function returns or raises in a thread, which ends with the process."""
+    found: Future[Table] = Future()
 
-        if self._reading != stamp[0]:
-            self._reading = stamp[0]
-            threading.Thread(target=read, daemon=True).start()
+    def run() -> None:
+        try:
+            found.set_result(function())
+        except Exception as error:
+            found.set_exception(error)
+
+    threading.Thread(target=run, daemon=True).start()
+    return found
 
 
 def _of_guess(found: Mapping[str, Any]) -> dict[str, Any]:

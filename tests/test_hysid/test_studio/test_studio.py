@@ -4,6 +4,7 @@ import io
 import json
 import shlex
 import shutil
+import threading
 import time
 import tomllib
 import zipfile
@@ -19,6 +20,7 @@ import typer
 import hysid
 import identify
 from hysid.cli._app import app
+from hysid.intake._selection import Selection
 from hysteresis import InputError
 from tests.refusals import refuses
 from tests.test_hysid.command import refused, run
@@ -51,6 +53,33 @@ def test_names_do_not_lead_out_of_the_folder(tmp_path: Path, name: str, code: st
     with studio_of(inner) as studio, pytest.raises(InputError) as caught:
         studio.look(name)
     assert caught.value.code == code
+
+
+def test_a_part_of_a_large_file_is_shown_while_the_rest_is_read(tmp_path, monkeypatch):
+    t = np.arange(30_000.0)
+    columns = np.column_stack([t, 5 + 5 * np.sin(t / 30), 10 + 9 * np.sin(t / 30 - 0.1)])
+    header = "time (s),force (N),displacement (mm)"
+    np.savetxt(tmp_path / "run.csv", columns, "%.3f", ",", header=header, comments="")
+    goes_on, read = threading.Event(), Selection.read
+
+    def slowly(selection: Selection, file: Path):
+        goes_on.wait()
+        return read(selection, file)
+
+    monkeypatch.setattr("hysid.studio._measurement.LARGE", 100_000)
+    monkeypatch.setattr(Selection, "read", slowly)
+    with studio_of(tmp_path) as studio:
+        one = studio.measurement("run.csv")
+        one.configured()
+        series, is_whole, axes = one.series()
+        assert not is_whole
+        assert len(series.x) < len(t)
+        assert axes["u"] == "force (N)"
+        goes_on.set()
+        assert one.brush("exclude", 0.0, 60.0, None)["exclude_lines"] == ["2-62"]  # of all rows
+        series, is_whole, _ = one.series()
+        assert is_whole
+        assert len(series.x) == len(t)
 
 
 @pytest.mark.parametrize(
