@@ -67,7 +67,8 @@ def staircase(
         >>> figure.axes[0].get_xlabel()
         'sample'
     """
-    low, high = _range(input, low, high)
+    low = float(input.min()) if low is None else low
+    high = float(input.max()) if high is None else high
     path = np.append(low, np.clip(input, low, high))
     tree = memory_tree(path)
     open_ = _open(tree, len(path) - 1)
@@ -88,10 +89,9 @@ def staircase(
         level, colour = path[where], _colour(tree, k)
         left.plot([where - 1, len(input) - 1], [level, level], color=colour, lw=0.8, ls=(0, (4, 2)))
         left.plot(where - 1, level, "o", color=colour, ms=5, zorder=4)
-        if tree.rising[k] < 0:
-            right.plot([low, level], [level, level], color=colour, lw=0.8, ls=(0, (4, 2)))
-        else:
-            right.plot([level, level], [low, level], color=colour, lw=0.8, ls=(0, (4, 2)))
+        across = [low, level], [level, level]
+        border = across if tree.rising[k] < 0 else across[::-1]
+        right.plot(*border, color=colour, lw=0.8, ls=(0, (4, 2)))
         right.plot(level, level, "o", color=colour, ms=5, zorder=4)
     right.set(xlabel=label("switch-down threshold β", unit), xlim=(low, high), aspect="equal")
     right.set_ylabel(label("switch-up threshold α", unit))
@@ -127,7 +127,7 @@ def memory(
         >>> figure.axes[0].get_ylabel()
         'input (N)'
     """
-    low, _ = _range(input, low, None)
+    low = float(input.min()) if low is None else low
     path = np.append(low, np.maximum(input, low))
     tree = memory_tree(path)
     depth, end = _lives(tree, path)
@@ -236,15 +236,6 @@ def candidates(fit: FitResult) -> Figure:
     return figure
 
 
-def _range(
-    input: Float[np.ndarray, " samples"], low: float | None, high: float | None
-) -> tuple[float, float]:
-    return (
-        float(input.min()) if low is None else float(low),
-        float(input.max()) if high is None else float(high),
-    )
-
-
 def _open(tree: MemoryTree, sample: int) -> list[int]:
     """The anchors remembered at a sample, the oldest first."""
     found = [int(tree.anchor[sample])]
@@ -301,15 +292,15 @@ def _keys(figure: Figure, **more: dict[str, Any]) -> None:
     figure.legend(handles=handles, loc="outside upper left", ncols=len(marks), handlelength=1.0)
 
 
-def _bar(figure: Figure, axes: Any, drawn: Any, text: str, unit: str | None = None) -> None:
+def _bar(figure: Figure, axes: Any, drawn: Any, text: str, unit: str) -> None:
     """A colour bar; a power of ten goes from its numbers into the label's unit."""
     bar = figure.colorbar(drawn, ax=axes, shrink=0.85)
     bar.outline.set_visible(False)  # type: ignore[operator]
     power = int(np.floor(np.log10(np.abs(drawn.get_clim()).max() or 1.0)))
-    if unit is not None and not -2 <= power <= 3:
+    if not -2 <= power <= 3:
         bar.formatter = FuncFormatter(lambda x, _: f"{x / 10.0**power:.3g}".replace("-", "−"))
         unit = power_of_ten(power) + (f" {unit}" if unit != "1" else "")
-    bar.set_label(text if unit is None else label(text, unit))
+    bar.set_label(label(text, unit))
 
 
 def _border(nodes: Float[np.ndarray, " nodes"], cells: np.ndarray) -> list[Any]:

@@ -54,8 +54,7 @@ def _change(folders: Sequence[Path], margin: float) -> Done:
     _check_two(fits, f"A change is between two fits; {given}.", fix)
     found = identify.change(*fits, margin=margin)
     same = ("left_out", "chi_square", "degrees", "p", "margin", "words")
-    parameters = [p._asdict() | {"clear": p.clear} for p in found.parameters]
-    document = {"models": names, "parameters": parameters}
+    document: dict[str, Any] = {"models": names, "parameters": [*map(_told, found.parameters)]}
     document |= {name: getattr(found, name) for name in same}
     return Done(document, _change_lines(document))
 
@@ -66,9 +65,8 @@ def _groups(folders: Sequence[Path]) -> Done:
     _check_two(folders, "Loops are compared between two groups of specimens.", fix)
     groups = [[identify.load(place).loops() for place in _places([f]).values()] for f in folders]
     found = compare_loops(*groups)
-    rows = [row._asdict() | {"clear": row.clear} for row in found]
     names, counts = [*map(str, folders)], [*map(len, groups)]
-    document = {"groups": names, "specimens": counts, "figures": rows}
+    document = {"groups": names, "specimens": counts, "figures": [*map(_told, found)]}
     return Done(document, _group_lines(document))
 
 
@@ -150,12 +148,15 @@ def _figures(model: Compared) -> dict[str, Any]:
 
 
 def _pair(pair: Pair) -> dict[str, Any]:
-    found: dict[str, Any] = {"one": pair.one, "other": pair.other}
-    for rows, difference in (("held_out", pair.held_out), ("test", pair.test)):
-        found[rows] = None
-        if difference is not None:
-            found[rows] = difference._asdict() | {"clear": difference.clear}
-    return found | {"words": pair.words}
+    told = {
+        name: one and _told(one) for name, one in (("held_out", pair.held_out), ("test", pair.test))
+    }
+    return {"one": pair.one, "other": pair.other, **told, "words": pair.words}
+
+
+def _told(one: Any) -> dict[str, Any]:
+    """The fields of a difference, and whether it is clear."""
+    return one._asdict() | {"clear": one.clear}
 
 
 def _percents(models: list[dict[str, Any]], key: str) -> list[str]:

@@ -10,7 +10,7 @@ from hysteresis.records._excitation import suspicions
 from hysteresis.records._loop_cut import loop_rows
 from hysteresis.records._loop_table import left_out
 
-from ..intake._selection import Selection, all_of
+from ..intake._selection import Selection
 from ..reporting._report import write_data_sheet
 from ._asked_more import Datasheet
 from ._console import Done, warnings
@@ -31,10 +31,7 @@ def run(asked: Datasheet) -> Done:
         identify.internal.check_free(place.parent, asked.overwrite, place.name)
     runs: dict[str, Record] = {}
     for file in asked.files:
-        records, faults = selection.records(selection.read(file))
-        if not records:
-            raise all_of(faults)
-        ((runs[str(file)], _),) = records.values()
+        runs[str(file)] = selection.records(selection.read(file))[0][""][0]
     record = _joined(runs)
     sheet = identify.data_sheet(record)
     for place in places:

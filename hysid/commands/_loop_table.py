@@ -11,7 +11,7 @@ from hysteresis._show import aligned
 from hysteresis.records._excitation import suspicions
 from hysteresis.records._loop_table import MAIN, NO_LOOP, LoopTable, left_out
 
-from ..intake._selection import Selection, all_of
+from ..intake._selection import Selection
 from ..reporting._specimens import FAR, FEW, deviations
 from ._asked_more import Loops
 from ._console import Done, warnings
@@ -22,8 +22,6 @@ def run(asked: Loops) -> Done:
     selection = Selection(**asked.selection).without_hold_out()
     selection.check_columns()
     records, faults = selection.records(selection.read(asked.file))
-    if not records:
-        raise all_of(faults)
     found = {value: record.loops(asked.kind) for value, (record, _) in records.items()}
     each, wrote = selection.each or "file", []
     if asked.csv is not None:

@@ -55,10 +55,7 @@ def run(asked: Monitor) -> Done:
         selection, input=selection.output if selection.output != fitted_on.input else fitted_on.output,
         output=fitted_on.output, input_unit=None,
     )  # fmt: skip
-    records, faults = selection.records(source)
-    for error in faults.values():
-        raise error
-    ((record, _),) = records.values()
+    record = selection.records(source)[0][""][0]
     fitted = identify.load(folder)
     identify.internal.check_units(fitted, record, "output")
     name, known = reference or str(fitted_on.input), np.full(len(record), np.nan)

@@ -4,6 +4,7 @@ import math
 from typing import Any
 
 import numpy as np
+import scipy
 
 from identify.internal import members_and_questions
 from identify.results._detail import GridWeights
@@ -260,11 +261,7 @@ def data(case: Case) -> Section:
     return Section("Data", tables=[Table("", ("Item", "Value"), rows)])
 
 
-def _binned(x: np.ndarray, y: np.ndarray, bins: int = 24) -> tuple[np.ndarray, np.ndarray]:
-    """Mean y in bins of x."""
-    edges = np.linspace(x.min(), x.max(), bins + 1)
-    at = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, bins - 1)
-    count = np.bincount(at, minlength=bins)
-    have = count > 0
-    mean = [np.bincount(at, v, bins)[have] / count[have] for v in (x, y)]
-    return mean[0], mean[1]
+def _binned(x: np.ndarray, y: np.ndarray, bins: int = 24) -> np.ndarray:
+    """Means of x and y in bins of x that have rows, (2, bins)."""
+    means = scipy.stats.binned_statistic(x, [x, y], bins=bins).statistic
+    return means[:, np.isfinite(means[0])]

@@ -14,7 +14,7 @@ from hysteresis.records._table import Table, rows_of
 from hysteresis.records._units import written_unit
 
 from .._creep_fits import check_step
-from .._selection import all_of, selection_of
+from .._selection import selection_of
 from .._selection_options import HELD_OUT, OF_READING
 from ._column_pairs import (
     LEAST,
@@ -429,8 +429,6 @@ def _check(table: Table, out: Guess) -> None:
     """The record as it will be fitted, and what stands against it."""
     selection = selection_of(out.selection)
     good, faults = selection.without_hold_out().records(table)
-    if not good:
-        raise all_of(faults)
     records = {value: train for value, (train, _) in good.items()}
     out.sequences = sum(len(r.labels) for r in records.values())
     out.cycles = sum(r.n_cycles for r in records.values())
