@@ -1,6 +1,6 @@
 """Calibration of an armor from presses at known points: `compensate.armor` gives the residuals."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from compensate.armor import Armor, Bumps, Presses
 from compensate.armor._armor import UncertainArmor
-from compensate.armor._calibration import Missed, PressResiduals, missed_of, with_slip, without_each
+from compensate.armor._calibration import PressResiduals, missed_of, with_slip, without_each
 from hysteresis import InputError
 from hysteresis.numerics._normal import NORMAL_95
 from identify.calibration._calibrate import Calibration, Prior
@@ -215,12 +215,12 @@ def spread_of_unseen(
     wrench, depth = [], []
     for k in range(count):
         prior = replace(found.prior, system=starts[k]) if starts else found.prior
-        r = np.asarray(_residuals_at(residuals, prior, z))
+        r = np.asarray(_at(prior, z, residuals))
         rest = np.arange(count) != k
         slope = np.einsum("pri,pr->i", J[rest], r[rest]) + np.asarray(z)
         step = np.linalg.solve(whole - squares[k], slope)
         press = jax.tree.map(lambda x, k=k: x[k], presses)
-        missed = _missed_at(prior, z - jnp.asarray(step), press)
+        missed = _at(prior, z - jnp.asarray(step), missed_of, press)
         wrench.append(np.mean(np.asarray(missed.wrench) ** 2, axis=0))
         if missed.depth is not None:
             told = np.asarray(missed.told)
@@ -231,10 +231,6 @@ def spread_of_unseen(
 
 
 @eqx.filter_jit
-def _residuals_at(residuals: PressResiduals, prior: Prior, z: Array) -> Array:
-    return residuals(prior.at(z))
-
-
-@eqx.filter_jit
-def _missed_at(prior: Prior, z: Array, press: Presses) -> Missed:
-    return missed_of(prior.at(z), press)
+def _at(prior: Prior, z: Array, function: Callable[..., Any], *given: Any) -> Any:
+    """A function of the armor that has the unknowns z."""
+    return function(prior.at(z), *given)

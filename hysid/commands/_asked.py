@@ -14,7 +14,15 @@ from typing import Any, ClassVar, dataclass_transform
 
 import typer
 
-from ..intake._fit_options import FIT_FIELDS, OF_SPECTRA, FitOptions, is_given, option, option_words
+from ..intake._fit_options import (
+    FIT_FIELDS,
+    OF_SPECTRA,
+    FitOptions,
+    has_shape,
+    is_given,
+    option,
+    option_words,
+)
 from ..intake._selection_options import FIELDS, HELD_OUT, OF_READING
 from ._console import Done, log
 
@@ -401,15 +409,9 @@ def _value(one: Field[Any], value: Any) -> Any:
     if not one.metadata.get("joined"):
         return value
     words = tuple(filter(None, value.split(",")))
-    return _numbers(one, words) if one.type == tuple[float, ...] else words
-
-
-def _numbers(one: Field[Any], words: tuple[str, ...]) -> tuple[float, ...]:
-    shape = one.metadata["metavar"]
-    try:
-        numbers = tuple(map(float, words))
-    except ValueError:
-        numbers = ()
-    if words and (not numbers or ("[" not in shape and len(numbers) != len(shape.split(",")))):
+    if one.type != tuple[float, ...]:
+        return words
+    if not has_shape(one, words):
+        shape = one.metadata["metavar"]
         raise typer.BadParameter(f"--{one.name} is {shape}: numbers, such as 2,20")
-    return numbers
+    return tuple(map(float, words))

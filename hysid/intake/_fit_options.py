@@ -3,7 +3,7 @@
 No import of this module loads JAX: `hysid --help` reads the fields.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, field, fields
 from functools import partial
 from pathlib import Path
@@ -48,6 +48,17 @@ def option_words(known: Iterable[Field[Any]], values: Mapping[str, Any]) -> list
 def is_given(one: Field[Any], value: Any) -> bool:
     """Whether an option has a value that is not its default."""
     return value not in (None, (), []) and value != one.default
+
+
+def has_shape(one: Field[Any], words: Sequence[str]) -> bool:
+    """Whether words are numbers, as many as the option's metavar has; with brackets in it as many as there
+    are."""
+    shape = one.metadata["metavar"]
+    try:
+        count = len([*map(float, words)])
+    except ValueError:
+        return False
+    return not words or "[" in shape or count == len(shape.split(","))
 
 
 def _word(value: Any) -> str:

@@ -13,7 +13,7 @@ from hysteresis import InputError, Note, read_table
 from hysteresis._escape import shell_word, visible
 from hysteresis._limits import parse_toml
 
-from ._fit_options import FIT_FIELDS
+from ._fit_options import FIT_FIELDS, has_shape
 from ._selection_options import FIELDS
 
 FIRST = 200
@@ -184,17 +184,19 @@ def option_value(file: Path, one: Field[Any], value: Any) -> Any:
     kind = next(k for k in of if k is not NoneType)
     kinds = (int, float) if kind is float else (str, int, float) if joined else (kind,)
     listed = value if isinstance(value, list) else [value]
-    choices, least = said.get("choices"), said.get("least")
-    fits = " or ".join(choices or [WORDS[kind]])
+    words = ",".join(map(str, listed))
+    choices, least, numbers = said.get("choices"), said.get("least"), one.type == tuple[float, ...]
+    fits = " or ".join(choices or [said["metavar"] if numbers else WORDS[kind]])
     fits += "" if least is None else f", {least} or more"
     if (
         (isinstance(value, list) and not (repeats or joined))
         or any(type(x) not in kinds for x in listed)
         or (choices and value not in choices)
         or (least is not None and value < least)
+        or (numbers and not has_shape(one, [*filter(None, words.split(","))]))
     ):
         raise InputError("bad-config", f"{one.name} = {value!r} is not {fits}.", place=str(file))
-    return listed if repeats else ",".join(map(str, listed)) if joined else value
+    return listed if repeats else words if joined else value
 
 
 def read_toml(file: Path) -> dict[str, Any]:

@@ -290,9 +290,6 @@ def by_shape(
 
     Raises `InputError` `no-header` where nothing follows anything.
     """
-    if len(table.line) < LEAST:
-        said = f"{len(table.line)} rows are too few to tell them by their shape."
-        raise no_header(table.path, said)
     kept: list[Column] = []
     # Of copies the one that never stands; values that a logger has scaled follow those it has read.
     stands = [float(np.mean(np.diff(c.x) == 0)) for c in columns]

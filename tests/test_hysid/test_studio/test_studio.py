@@ -127,6 +127,10 @@ def test_a_broken_configuration_is_told_and_kept(studio, tmp_path):
     )
     assert studio.look("run.csv")["columns"]
     assert studio.measurement("run.csv").judged()["fault"]["code"] == "no-column"
+    columns = 'input = "force (N)"\noutput = "displacement (mm)"'
+    (tmp_path / "run.toml").write_text(f"[selection]\n{columns}\nrange = [1]\n")
+    assert "range = [1] is not LOW,HIGH" in studio.look("run.csv")["fault"]["message"]
+    refuses("bad-config", lambda: studio.change("run.csv", {"fit": {"tau": "x"}}))
 
 
 def test_brushing_writes_lines_that_the_command_line_reads(studio, tmp_path):
