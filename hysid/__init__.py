@@ -6,10 +6,17 @@ lists them once, for type checkers and for this file.
 
 # hysid:own-package, which hysid/_packages.py looks for
 
-from ._packages import check_packages as _check_packages
+from ._packages import fault_of_packages, is_command
 
-_check_packages()
+if not (_said := fault_of_packages()):
+    from hysteresis._lazy import loaded_late as _loaded_late
 
-from hysteresis._lazy import loaded_late as _loaded_late  # noqa: E402
+    __getattr__, __dir__, __all__ = _loaded_late(__name__, __file__)
+elif is_command():
+    import sys
 
-__getattr__, __dir__, __all__ = _loaded_late(__name__, __file__)
+    from .commands._console import USER, fault, stop
+
+    stop(fault("foreign-package", _said), _said, USER, "--json" in sys.argv)
+else:
+    raise ImportError(_said)

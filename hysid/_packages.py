@@ -14,18 +14,7 @@ MARK = "hysid:own-package"
 """A comment in the `__init__.py` of each, which is the first file that another distribution replaces."""
 
 
-def check_packages() -> None:
-    """End the command `hysid` with an error, or raise `ImportError`, where one of the four is not ours."""
-    if not (said := _fault()):
-        return
-    if Path(sys.argv[0] if sys.argv else "").stem not in ("-m", "hysid", "hysid-script"):
-        raise ImportError(said)
-    from .commands._console import USER, fault, stop  # late: only where there is something to say
-
-    stop(fault("foreign-package", said), said, USER, "--json" in sys.argv)
-
-
-def _fault() -> str:
+def fault_of_packages() -> str:
     """Why the packages cannot be used, and what to do, in one line; "" where all four are ours."""
     for name in NAMES:
         place = _place(name)
@@ -48,6 +37,11 @@ def check_extra(extra: str, *names: str) -> None:
 
         fix = f"Install it with pip install 'hysid[{extra}]'."
         raise InputError("missing-extra", f"{missing[0]} is not installed.", fix=fix)
+
+
+def is_command() -> bool:
+    """Whether this process was started as `hysid` or `python -m hysid`, which say it in their own words."""
+    return Path(sys.argv[0] if sys.argv else "").stem in ("-m", "hysid", "hysid-script")
 
 
 def _place(name: str) -> Path | None:

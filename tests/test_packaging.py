@@ -110,7 +110,7 @@ def test_a_start_is_light():
         for step in (
             "import hysid",
             "from hysid.cli import _app\nimport typer\ntyper.main.get_command(_app.app)",
-            "from hysid.catalogue._catalogue import catalogue\ncatalogue()",
+            "from hysid._catalogue import catalogue\ncatalogue()",
             "import hysid.commands._predict, hysid.commands._check, compensate",
         )
     )

@@ -7,7 +7,7 @@ import jax
 import numpy as np
 
 from hysid.reproduction._skin import READING
-from hysid.soft_sensor._force_networks import BATCH, staircase_squares
+from hysid.soft_sensor._force_training import BATCH, staircase_squares
 from hysteresis.internal import StaircaseNetwork
 from hysteresis.rigs import MicrochannelRig
 from identify.internal import train

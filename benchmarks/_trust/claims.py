@@ -15,7 +15,6 @@ import numpy as np
 
 from compensate.armor import Box, ContactSolver
 from hysid.armor._touches import VIRTUAL, save_touches, shell_of
-from hysid.armor._view import view
 from hysid.reproduction._armor import nonlinearity
 from hysid.reproduction._armor_paper import STRONGLY
 from hysid.reproduction._skin_paper import PAPER
@@ -188,7 +187,7 @@ def armor_page_is_virtual() -> bool:
         save_touches(
             Path(out), shell_of(solver.shape), presses.time, force, moment, found, title=title
         )
-        page = Path(view(Path(out))["file"]).read_text(encoding="utf-8")
+        page = Path(replay(Path(out))["file"]).read_text(encoding="utf-8")
     source = (ROOT / "hysid/commands/_armor.py").read_text(encoding="utf-8")
     return "virtual" in page.partition("</h1>")[0] and "VIRTUAL" in source
 

@@ -20,13 +20,11 @@ from hysteresis._limits import damage_told, load_arrays
 from hysteresis._quantities import conversion
 from hysteresis._serialisation import described, rebuilt
 
-from ..armor import _view
+from .._catalogue import is_synthetic
 from ..armor._calibration import CalibratedArmor, calibrate_armor
-from ..armor._description import Description, read_description
-from ..armor._tables import read_presses, read_rows, read_wrenches
+from ..armor._files import Description, read_description, read_presses, read_rows, read_wrenches
 from ..armor._touches import FILE as TOUCHES
-from ..armor._touches import VIRTUAL, save_touches, shell_of
-from ..catalogue._synthetic import is_synthetic
+from ..armor._touches import VIRTUAL, replay, save_touches, shell_of
 from ._asked_more import Calibrate, Solve, View
 from ._console import Done, warnings
 
@@ -154,7 +152,7 @@ def solve(asked: Solve) -> Done:
 
 def view(asked: View) -> Done:
     """The page that replays contacts."""
-    found = _view.view(asked.folder)
+    found = replay(asked.folder)
     return Done(found, [found["file"]])
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import typer
 
-from ..catalogue._catalogue import SHIPPED
+from .._catalogue import SHIPPED
 from ..intake._fit_options import option
 from ..intake._selection_options import FIELDS, HELD_OUT, OF_READING
 from ._asked import Command, overwriting, seeding, selecting

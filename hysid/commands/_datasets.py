@@ -2,8 +2,8 @@
 
 from hysteresis._escape import shell_word
 
-from ..catalogue._catalogue import NOT_STATED, catalogue, find
-from ..catalogue._fetch import fetch as fetched
+from .._catalogue import NOT_STATED, catalogue, find
+from .._catalogue import fetch as fetched
 from ._asked_more import Fetch, List
 from ._console import Done, log, warnings
 

@@ -30,8 +30,8 @@ from ..intake._columns import in_unit
 from ..intake._folders import check_writable
 from ..intake._selection import Selection
 from ..soft_sensor._contacts import UPDATES, train_contacts
-from ..soft_sensor._force_networks import updates_of
 from ..soft_sensor._force_records import ForceRecord
+from ..soft_sensor._force_training import updates_of
 from ..soft_sensor._learn import AT_REST
 from ..soft_sensor._sensor import lengthened
 from ._asked_more import TrainPairs

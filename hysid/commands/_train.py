@@ -23,9 +23,8 @@ from ..figures._format import label, plain_name
 from ..intake._folders import check_writable
 from ..intake._selection import Selection
 from ..soft_sensor._estimate import TRAINING, Estimates, estimates_of, judged
-from ..soft_sensor._force_networks import updates_of
 from ..soft_sensor._force_records import ForceRecord
-from ..soft_sensor._force_training import KINDS, ForceTraining, train_force
+from ..soft_sensor._force_training import KINDS, ForceTraining, train_force, updates_of
 from ..soft_sensor._learn import checks_of, learn_places, learn_positions
 from ..soft_sensor._sensor import ARRAYS, FORCE, WORDS, SoftSensor, save_sensor
 from ..soft_sensor._sessions import Session, Streams, Targets, read_sessions

@@ -16,8 +16,8 @@ from identify import load_posterior
 from identify.results._detail import Composition, DiscreteSpectrum, GridWeights, ReversalCurves
 from identify.results._motion_detail import Motion
 
+from .._catalogue import is_synthetic
 from .._plots_script import script, script_rule, styles
-from ..catalogue._synthetic import is_synthetic
 from ..figures._format import measured, pretty, quantity
 from ..intake._fit_options import option_words
 from ..intake._selection_options import FIELDS, HELD_OUT

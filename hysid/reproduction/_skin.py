@@ -19,7 +19,7 @@ from hysteresis.rigs._skin_presses import AbstractSkinRig, ChannelRecord
 from identify.internal import train
 from identify.training._train import Trained
 
-from ..soft_sensor._force_networks import BATCH, decaying, staircase_squares
+from ..soft_sensor._force_training import BATCH, decaying, staircase_squares
 from ..soft_sensor._sensor import lengthened
 
 SESSIONS, LENGTH = 28, 2025

@@ -21,8 +21,8 @@ from identify.internal import train
 from identify.training._train import Trained
 
 from ..soft_sensor._contacts import train_contacts
-from ..soft_sensor._force_networks import BATCH, updates_of
 from ..soft_sensor._force_records import ForceRecord
+from ..soft_sensor._force_training import BATCH, updates_of
 from ._skin import FORCE, HIGH_N, NOISE_V, converted, decaying_over, rms
 
 OURS_FOR_ONE = 6

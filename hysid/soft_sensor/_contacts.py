@@ -12,8 +12,8 @@ from compensate.microchannel._multi import ChannelSensor, MotionFilter, MultiCon
 from hysteresis import InputError
 from hysteresis.models._staircase_network import StaircaseNetwork
 
-from ._force_networks import THRESHOLDS, lags_of, train_staircase
 from ._force_records import ForceData, ForceRecord, gather, held_out_parts
+from ._force_training import THRESHOLDS, lags_of, train_staircase
 
 PARTS, UPDATES = 5, 20_000
 BEYOND = 1.1

@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from hysid.catalogue._synthetic import SYNTHETIC
+from hysid._catalogue import SYNTHETIC
 from tests.test_hysid.command import Result, answered, refused, run
 
 SHIPPED = Path(__file__).parents[2] / "datasets" / "catalogue.toml"

@@ -1,20 +1,173 @@
-"""A data set of the catalogue fetched: its files checked, and written as one CSV with a TOML beside it."""
+"""Measured data of third parties: a list of where they are, and fetching one of them as a tidy CSV."""
 
 import csv
 import hashlib
 import io
+import json
 import logging
 import tempfile
-from collections.abc import Callable
+import tomllib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from difflib import get_close_matches
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, NamedTuple
 from urllib.parse import quote
 
 from hysteresis import InputError
 from hysteresis._atomic_file import write_whole
+from hysteresis._escape import toml_comment, toml_string
 
-from .._packages import check_extra
-from ._catalogue import Column, Dataset, File, Layout, config_text
+from ._packages import check_extra
+
+_WHEEL = Path(__file__).parent / "catalogue.toml"
+_CHECKOUT = Path(__file__).resolve().parents[1] / "datasets" / "catalogue.toml"
+SHIPPED = _WHEEL if _WHEEL.exists() else _CHECKOUT
+"""The catalogue that comes with hysid."""
+
+NOT_STATED = "none stated"
+
+
+class File(NamedTuple):
+    """One file of a data set: its path below the address, what is known of it, what to call it.
+
+    - `bytes`: 0 where unknown. `sha256`: "" where nobody has checked it.
+    """
+
+    path: str
+    bytes: int = 0
+    sha256: str = ""
+    label: str = ""
+
+
+class Column(NamedTuple):
+    """A column of the CSV: value = scale * (number in `cell` - zero), cells counted from 0.
+
+    - `zero`: a number, or "first" for the file's first one.
+    - `missing`: the number that stands for no reading.
+    """
+
+    name: str
+    cell: int
+    scale: float = 1.0
+    zero: float | Literal["first"] = 0.0
+    missing: float | None = None
+
+
+class Layout(NamedTuple):
+    """How a file is read: lines of `cells` cells, numbers in those that are wanted.
+
+    - `separator`: "" for runs of blanks. `blocks`: the name of a column that numbers the blocks between
+      empty lines; those of one line are left out.
+    """
+
+    separator: str
+    cells: int
+    columns: tuple[Column, ...]
+    blocks: str = ""
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """An entry of the catalogue; `selection` and `fit` are the tables of `hysid fit --config`."""
+
+    name: str
+    what: str
+    page: str
+    base: str
+    licence: str
+    citation: str
+    files: tuple[File, ...]
+    layout: Layout
+    selection: Mapping[str, Any]
+    fit: Mapping[str, Any]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def bytes(self) -> int:
+        """Of all files together."""
+        return sum(file.bytes for file in self.files)
+
+    @property
+    def checked(self) -> bool:
+        """Whether the checksum of every file is known."""
+        return all(file.sha256 for file in self.files)
+
+
+def catalogue(file: Path = SHIPPED) -> tuple[Dataset, ...]:
+    """The data sets that a catalogue lists. Raises `InputError` for a file that is none."""
+    try:
+        listed = _read(file)["dataset"]
+        found = tuple(_dataset(dict(entry)) for entry in listed)
+    except OSError as error:
+        raise InputError(
+            "unreadable-file", f"the catalogue cannot be read: {error.strerror}.", place=str(file)
+        ) from None
+    except (ValueError, TypeError, KeyError, AttributeError) as error:
+        raise InputError(
+            "damaged-file",
+            f"this is no catalogue of data sets: {error}.",
+            place=str(file),
+            fix="write it as the shipped datasets/catalogue.toml is, whose head says what the keys are.",
+        ) from None
+    names = [dataset.name for dataset in found]
+    if bad := [name for name in names if names.count(name) > 1 or Path(name).name != name]:
+        said = f"the name {bad[0]!r} is there twice, or cannot be a file's."
+        raise InputError("damaged-file", said, place=str(file))
+    return found
+
+
+def _dataset(entry: dict[str, Any]) -> Dataset:
+    """Raises `TypeError`, `KeyError`, `ValueError` or `AttributeError` for what a data set may not be."""
+    layout = dict(entry.pop("read"))
+    columns = tuple(Column(**column) for column in layout.pop("columns"))
+    files = tuple(File(**file) for file in entry.pop("file"))
+    if not files or not columns:
+        raise ValueError("a data set without files or columns")
+    read = Layout(columns=columns, **layout)
+    for column in columns:
+        zero = 0.0 if column.zero == "first" else column.zero
+        numbers = (column.scale, zero, column.missing or 0, column.cell, read.cells)
+        if not all(isinstance(x, (int, float)) for x in numbers):
+            raise ValueError(f"{column.name!r} has text where a number belongs")
+        if not 0 <= column.cell < read.cells:
+            raise ValueError(f"{column.name!r} has cell {column.cell} of {read.cells}")
+    notes = tuple(entry.pop("notes", ()))
+    return Dataset(files=files, layout=read, notes=notes, **entry)
+
+
+def find(name: str, file: Path = SHIPPED) -> Dataset:
+    """A data set by its name. Raises `InputError` where there is none of that name."""
+    listed = {dataset.name: dataset for dataset in catalogue(file)}
+    if name not in listed:
+        near = get_close_matches(name, listed, 1, 0.4)
+        fix = f"did you mean {near[0]}?" if near else "hysid datasets list names them."
+        raise InputError("no-dataset", f"no data set is called {name!r}.", fix=fix)
+    return listed[name]
+
+
+def _read(file: Path) -> dict[str, Any]:
+    if file == SHIPPED:  # a list has to come at once
+        return tomllib.loads(file.read_text("utf-8"))
+    from hysteresis._limits import parse_toml  # late: it loads NumPy
+
+    return parse_toml(file.read_text("utf-8"))
+
+
+def config_text(dataset: Dataset, seen: Mapping[str, str]) -> str:
+    """The TOML for `hysid fit --config`; `seen`: the checksum of each file."""
+    lines = [f"# {dataset.what}", f"# {dataset.page}, licence: {dataset.licence or NOT_STATED}"]
+    lines += [f"# {dataset.citation}", *(f"# Note: {note}" for note in dataset.notes)]
+    lines += [f"# {path} sha256 {sha256}" for path, sha256 in seen.items()]
+    lines = [f"# {toml_comment(line[2:])}" for line in lines]
+    for table, values in {"selection": dataset.selection, "fit": dataset.fit}.items():
+        lines += ["", f"[{table}]"]
+        # JSON writes these kinds of values as TOML does.
+        lines += [
+            f"{key} = {toml_string(v) if isinstance(v, str) else json.dumps(v)}"
+            for key, v in values.items()
+        ]
+    return "\n".join(lines) + "\n"
 
 
 def fetch(
@@ -178,3 +331,22 @@ def _not_as_listed(what: str, place: str) -> InputError:
         cause="the file is laid out otherwise than the catalogue says.",
         fix="mend [dataset.read] of the catalogue, and name it: --catalogue FILE.",
     )
+
+
+SYNTHETIC = frozenset((
+    "73aa42d5626d0b9d89d55be2a8f3cfb06c3050d592b79b1dd8b0f2810ba762f4",  # armor-presses.csv
+    "9e62212d15c0bc1109576c384fa7822e75e7a670fcb7c18198a3422375577d4b",  # armor-wrenches.csv
+    "edbecde0087e26e43cd59bbfa60cad8fdb3178b50f91f52d839116513f6eaa63",  # skin-one-place.csv
+    "e237d675f514fd4202a0d7552a0fecfebd53b0bf2092aa45f3573d97e5902857",  # skin-two-places.csv
+    "ca462c13db4e49025a0bf12b77082fa791af911827fb8ab0b14113fcb27eaf26",  # sponge-10mm-cycles.csv
+    "56441275887d8ad2eeba79839b6c6ac13a64dba34f4a14275095d60bdbdcdaa8",  # sponge-30mm-cycles.csv
+    "871c16b8fbe86f2146f38d64ce3d055ee155f8aafa0bc19c0a9f443a7da88c39",  # sponge-50mm-cycles.csv
+    "d84bdb5530d7463e5616cb650759d7ba5d05c650de6ea588491ff6ec7842cc39",  # sponge-50mm-minor-loops.csv
+    "41eb7741a4f666029c4b794db2a0d952f53e1baa1088695d163708fc0e00f7bf",  # sponge-50mm-mixed-cycles.csv
+))  # fmt: skip
+"""SHA-256 of each; `python -m benchmarks.datasets` writes the files."""
+
+
+def is_synthetic(sha256: str | None) -> bool:
+    """Whether a file with this checksum was made by a virtual rig of ours."""
+    return sha256 in SYNTHETIC

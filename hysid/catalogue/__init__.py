@@ -1,1 +1,0 @@
-"""Measured data by third parties: what there is, and fetching it."""
