@@ -10,8 +10,7 @@ with ellipsoids: minutes), ageing (whether a sponge has changed, in pairs of rec
 import sys
 from collections.abc import Callable, Sequence
 
-from hysid.reproduction._armor import Rig
-from hysid.reproduction._armor_paper import PAPER
+from hysid.reproduction._armor import PAPER, Rig
 from hysid.reproduction._frame import compared
 
 from ._armor.ageing import ageing_rows

@@ -1,8 +1,8 @@
 """The public names of hysid: type checkers read them here, and `__init__.py` loads each from here."""
 
+from hysid._compensator import invert as invert
 from hysid._explore import explore as explore
 from hysid._fit import fit as fit
-from hysid._invert import invert as invert
 from hysid._precision import enable_x64 as enable_x64
 from hysid._records import records as records
 from hysid.armor._calibration import calibrate_armor as calibrate_armor

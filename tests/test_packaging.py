@@ -114,7 +114,7 @@ def test_a_start_is_light():
             "import hysid.commands._predict, hysid.commands._check, compensate",
         )
     )
-    code += "import hysid.commands._demo, hysid.commands._train\n"
+    code += "import hysid.commands._demo, hysid.commands._microchannel\n"
     code += "print([m for m in sys.modules if m.startswith('hysid.reproduction')])"
     done = subprocess.run(
         [sys.executable, "-c", code], env=ENVIRONMENT, capture_output=True, text=True

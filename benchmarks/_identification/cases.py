@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from hysid.reporting._fit_page import write_report
+from hysid.reporting._report import write_report
 from hysteresis import (
     AbstractModel,
     Burgers,

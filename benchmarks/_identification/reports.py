@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 import identify
-from hysid.reporting._fit_page import write_report
+from hysid.reporting._report import write_report
 from hysid.reporting._specimens_page import write_many
 from hysteresis import LinearSponge, Record
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from hysid.reproduction._skin import Records, rms
-from hysid.reproduction._skin_pair import DT, PAIR, Pressed
+from hysid.reproduction._skin_paper import DT, PAIR, Pressed
 from hysteresis.rigs import MicrochannelRig
 
 from .inside import DELAY

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array
 
 from hysid.reproduction._skin import HIGH_N, Records, Series, Skin, converted, decaying_over
-from hysid.reproduction._skin_pair import error, found_peaks
+from hysid.reproduction._skin_paper import error, found_peaks
 from hysteresis.internal import ResistiveReadout
 from hysteresis.rigs import MicrochannelRig
 from identify.internal import train

@@ -19,7 +19,7 @@ from hysid.reproduction._skin import (
     rms,
     train_staircase,
 )
-from hysid.reproduction._skin_pair import SkinPair
+from hysid.reproduction._skin_paper import SkinPair
 from hysid.soft_sensor._sensor import lengthened
 from hysteresis.rigs import MicrochannelRig
 from hysteresis.rigs._skin_presses import ChannelRecord

@@ -17,7 +17,7 @@ from jaxtyping import Float
 
 from compensate.internal import ForceEstimator, MultiContactEstimator, gains_in_use
 from hysid.reproduction._skin import FORCE, HIGH_N, NOISE_V, off_of, rms, train_staircase
-from hysid.reproduction._skin_pair import train_channels
+from hysid.reproduction._skin_paper import train_channels
 from hysid.soft_sensor._force_records import ForceRecord
 from hysteresis import InputError
 from hysteresis.rigs import MicrochannelRig

@@ -30,7 +30,7 @@ import jax, identify, compensate, h5netcdf, matplotlib.figure
 from hysid.cli._app import main
 import hysid.commands._fit, hysid.commands._predict, hysid.commands._export
 import hysid.commands._sample, hysid.commands._batch, hysid.intake._init
-import hysid.reporting._fit_page, hysid.reporting._specimens_page
+import hysid.reporting._report, hysid.reporting._specimens_page
 print("ready", flush=True)
 for line in sys.stdin:
     words = json.loads(line)

@@ -13,7 +13,7 @@ import numpy as np
 
 from compensate import Quantity, export_c, export_to
 from compensate.export._export import Origin
-from hysid.reporting._fit_page import _visible
+from hysid.reporting._report import _visible
 from hysteresis import LinearSponge, Preisach
 from hysteresis._escape import c_comment, c_string, json_text, markup, toml_comment, toml_string
 from hysteresis.preisach import GridDensity

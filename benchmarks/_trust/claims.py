@@ -14,9 +14,8 @@ from typing import Any
 import numpy as np
 
 from compensate.armor import Box, ContactSolver
-from hysid.armor._touches import VIRTUAL, save_touches, shell_of
-from hysid.reproduction._armor import nonlinearity
-from hysid.reproduction._armor_paper import STRONGLY
+from hysid.armor._touches import VIRTUAL, replay, save_touches, shell_of
+from hysid.reproduction._armor import STRONGLY, nonlinearity
 from hysid.reproduction._skin_paper import PAPER
 from hysteresis import BoucWen, LinearSponge, PrandtlIshlinskii
 from hysteresis.internal import FoamBlock, ForceSensor, GaugeSensor, force_path

@@ -140,6 +140,7 @@ class Train(Command):
     The sensor learns to estimate force, place or position.
     """
 
+    does = "commands._microchannel:train"
     files: list[Path] = _sessions()
     out: Path = option("Folder for the sensor.")
     selection: dict[str, Any] = selecting(
@@ -216,7 +217,7 @@ class Estimate(Command):
     hysid predict --inverse does the same.
     """
 
-    does = "commands._estimate:estimate"
+    does = "commands._microchannel:estimate"
     folder: Path = option("Folder of a trained sensor, or of pairs.", argument=True, metavar="DIR")
     file: Path = option("CSV file with the sensor's channels.", argument=True, metavar="FILE")
     selection: dict[str, Any] = selecting("where", *OF_READING, optional=True)

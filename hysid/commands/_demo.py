@@ -6,7 +6,7 @@ import identify
 from hysteresis._atomic_file import write_whole
 from hysteresis.rigs._foam_block import FoamBlock
 
-from ..reporting._fit_page import write_report
+from ..reporting._report import write_report
 from ._asked import Demo, Fit, Predict, Sample
 from ._console import Done, log, print_result, verdict_lines
 

@@ -24,8 +24,14 @@ from hysteresis.records._loads import kind_of_units
 from identify.results._detail import DiscreteSpectrum
 from identify.results._motion_detail import Motion
 
-from .._compensator import RunIn, judged_compensator, run_in_of
-from .._invert import error_of, guard_of, longest_sequence
+from .._compensator import (
+    RunIn,
+    error_of,
+    guard_of,
+    judged_compensator,
+    longest_sequence,
+    run_in_of,
+)
 from ._asked import Export
 from ._console import Done, log, warnings
 

@@ -15,8 +15,7 @@ from identify.dynamics._recorded_motion import RecordedMotion
 from identify.internal import metrics
 from identify.results._motion_detail import Motion
 
-from .._compensator import run_in_of
-from .._invert import exported
+from .._compensator import exported, run_in_of
 from ..intake._columns import for_new_file, known_records, selection_of_fit
 from ..intake._creep_fits import RANGE, later, on_the_clock_of, open_range
 from ..intake._folders import folders_of

@@ -22,7 +22,7 @@ from hysteresis._format import quantity
 from hysteresis._verdict import Level, Verdict, worst_of
 from identify import load_posterior
 
-from .._invert import error_of, exported
+from .._compensator import error_of, exported
 from ..intake._columns import for_new_file, known_records, selection_of_fit
 from ..intake._folders import folders_of
 from ._asked import Qualify

@@ -14,7 +14,7 @@ from compensate import Status, estimate
 from hysteresis import InputError, Record
 from identify.internal import predict
 
-from .._invert import exported
+from .._compensator import exported
 from ..figures._base import live, png
 from ..figures._format import label_of, name_of
 

@@ -261,7 +261,7 @@ def data(case: Case) -> Section:
     return Section("Data", tables=[Table("", ("Item", "Value"), rows)])
 
 
-def _binned(x: np.ndarray, y: np.ndarray, bins: int = 24) -> np.ndarray:
-    """Means of x and y in bins of x that have rows, (2, bins)."""
-    means = scipy.stats.binned_statistic(x, [x, y], bins=bins).statistic
-    return means[:, np.isfinite(means[0])]
+def _binned(x: np.ndarray, y: np.ndarray, bins: int = 24) -> tuple[np.ndarray, np.ndarray]:
+    """Means of x and y in those bins of x that have rows."""
+    u, mean = scipy.stats.binned_statistic(x, [x, y], bins=bins).statistic
+    return u[np.isfinite(u)], mean[np.isfinite(u)]

@@ -12,8 +12,7 @@ from hysteresis.preisach import GridDensity
 from hysteresis.trees import plain
 from identify.internal import excited_cells
 
-from .._compensator import RunIn, with_compensator
-from .._invert import error_of
+from .._compensator import RunIn, error_of, with_compensator
 from ..figures import _base as f
 from ..figures._format import label, number, plain_name, pretty, quantity
 from ._case import Case, Section, Table

@@ -22,7 +22,7 @@ from ..figures._format import label_of, name_of, number, pretty, quantity
 from ..figures._survey import Spread, spreads
 from ..figures._survey import loops as small_loops
 from ._case import TARGET, Link, Section, Table
-from ._fit_page import Tell, render, write_report
+from ._report import Tell, render, write_report
 from ._specimens import FAR, FEW, Figure90, Specimen, common, kinds, mark_outliers, opened, places
 
 NAMED = 8

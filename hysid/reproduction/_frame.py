@@ -23,7 +23,7 @@ from identify.internal import versions
 from ..intake._folders import check_writable
 
 RESULT = "reproduction.json"
-MODULES = {"tsuji2014": "_armor_paper", "kim2018": "_skin_paper"}
+MODULES = {"tsuji2014": "_armor", "kim2018": "_skin_paper"}
 """Of each paper: `carry_out`."""
 
 TOLERANCE = (

@@ -28,7 +28,7 @@ from ..figures._format import axes_of
 from ..intake._columns import selection_of_fit
 from ..intake._folders import folders_of
 from ..intake._selection import Selection
-from ..reporting._fit_page import HEADLINES
+from ..reporting._report import HEADLINES
 from ._equivalents import target_name
 from ._views import ALL, GAP, clock_of, peaks
 

@@ -49,7 +49,7 @@ def test_every_consumer_tells_the_same_coverage(place: tuple[Path, Path], tmp_pa
     def refused(*_: Any, **__: Any) -> None:
         raise AssertionError("the band was learnt again")
 
-    monkeypatch.setattr("hysid._invert.calibrated", refused)
+    monkeypatch.setattr("hysid._compensator.calibrated", refused)
     assert hysid.invert(hysid.load(folder)).coverage == known
     found = run("predict", folder, file, "--inverse", "--json").json()
     assert found["band"]["held_out"] == known

@@ -10,7 +10,7 @@ import pytest
 from compensate.internal import SearchEstimator
 from hysid.reproduction import reproduce, terminal
 from hysid.reproduction._skin import converted
-from hysid.reproduction._skin_pair import DT, PAIR, SkinPair, peaks
+from hysid.reproduction._skin_paper import DT, PAIR, SkinPair, peaks
 from hysteresis.internal import ResistiveReadout
 
 SEED = 300

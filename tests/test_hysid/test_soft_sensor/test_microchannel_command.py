@@ -232,7 +232,7 @@ def test_a_training_goes_on_only_with_its_own_data(trained: Trained, monkeypatch
     def stopped(*_: Any, **__: Any) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("hysid.commands._train.train_force", stopped)
+    monkeypatch.setattr("hysid.commands._microchannel.train_force", stopped)
     done = run(*trained.arguments, "--overwrite")
     assert done.code == 130
     assert "To resume: hysid microchannel train" in done.err

@@ -1,4 +1,4 @@
-"""`hysid microchannel train`: a soft sensor learnt from its sessions, judged, and written to a folder."""
+"""`hysid microchannel train` and `estimate`: a soft sensor is learnt from sessions, and run over a file."""
 
 import sys
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ from compensate.microchannel._force import ForceEstimator
 from hysteresis import InputError
 from hysteresis._atomic_file import write_figure
 from hysteresis._escape import shell_word
-from hysteresis._format import quantity
+from hysteresis._format import quantity, rms_error
 from hysteresis.numerics._normal import NORMAL_95
 from identify.internal import versions
 
@@ -22,16 +22,63 @@ from ..figures import _base as f
 from ..figures._format import label, plain_name
 from ..intake._folders import check_writable
 from ..intake._selection import Selection
-from ..soft_sensor._estimate import TRAINING, Estimates, estimates_of, judged
+from ..soft_sensor import _estimate
+from ..soft_sensor._estimate import TRAINING, Estimates, confusion_lines, estimates_of, judged
 from ..soft_sensor._force_records import ForceRecord
 from ..soft_sensor._force_training import KINDS, ForceTraining, train_force, updates_of
 from ..soft_sensor._learn import checks_of, learn_places, learn_positions
 from ..soft_sensor._sensor import ARRAYS, FORCE, WORDS, SoftSensor, save_sensor
 from ..soft_sensor._sessions import Session, Streams, Targets, read_sessions
-from ._asked_more import Train
+from . import _pairs
+from ._asked_more import Estimate, Train
 from ._console import Done, Progress, log, warnings
-from ._estimate import figure_lines
 from ._export import seconds_a_step
+from ._pairs import contact_lines
+
+
+def estimate(asked: Estimate) -> Done:
+    """A trained sensor, or pairs, over a file."""
+    given = asked.folder, asked.file, asked.out
+    if (asked.folder / _pairs.DOCUMENT).is_file():
+        document = _pairs.estimate_contacts(*given, **asked.selection)
+    else:
+        document = _estimate.estimate(*given, **asked.selection)
+    return Done(document, _estimated_lines(document))
+
+
+def figure_lines(figures: dict[str, Any]) -> list[str]:
+    lines = []
+    if (force := figures.get("force")) is not None:
+        lines.append(f"force: {rms_error(force, force['unit'])}")
+    if (place := figures.get("place")) is not None:
+        lines.append(f"place: {place['accuracy']:.1%} of {place['rows']} rows correct")
+        lines += [f"  {line}" for line in confusion_lines(place["confusion"])]
+        if place["rows_at_rest"]:
+            lines.append(
+                f"  {place['rest_taken_for_a_place']} of {place['rows_at_rest']} rows without a place"
+                " were assigned one"
+            )
+    if (position := figures.get("position")) is not None:
+        lines.append(
+            f"position: mean error {quantity(position['mean_error'], position['unit'], 3)},"
+            f" 95 % within {quantity(position['q95_error'], position['unit'], 3)}"
+        )
+    return lines
+
+
+def _estimated_lines(document: dict[str, Any]) -> list[str]:
+    lines = warnings(document["notes"])
+    for channel, faults in document["channels_at_fault"].items():
+        said = ", ".join(f"{fault} in {n} rows" for fault, n in faults.items())
+        lines += warnings([f"{channel}: {said}."])
+    figures = {k: document[k] for k in ("place", "position") if k in document}
+    lines += contact_lines(document.get("contacts"))
+    if document["rmse"] is not None:
+        figures["force"] = document
+    if not document.get("contacts"):
+        lines += figure_lines(figures) or ["The file has no measured values to compare with."]
+    return [*lines, f"{document['flagged']} of {document['rows']} rows flagged", document["file"]]
+
 
 SCHEMA = 1
 RUNTIME, CHECKPOINT = "runtime.json", "checkpoint"
@@ -43,7 +90,7 @@ REPAIRS = {"masked", "filled", "gathered", "cut", "skipped", "units-row"}
 """Codes of notes on a file that are worth a look."""
 
 
-def run(asked: Train) -> Done:
+def train(asked: Train) -> Done:
     """A soft sensor from tables."""
     try:
         with Progress("training") as progress:
