@@ -54,8 +54,8 @@ def _single(seed: int, quick: bool) -> dict[str, float]:
     pairs = zip(off, skin.by_filter["deviation"], strict=True)
     least, least_late = floor(MicrochannelRig(seed=seed), skin.loops)
     return {
-        "network": skin.rms(skin.by_network),
-        "timeless": skin.rms(skin.by_timeless),
+        "network": skin.rms(skin.ours.forces),
+        "timeless": skin.rms(skin.paper.forces),
         "everett": skin.rms(skin.by(everett)),
         "now": skin.rms(now),
         "late": skin.rms_late,
@@ -117,7 +117,7 @@ def electronics_rows(quick: bool) -> list[Row]:
         loops = replace(skin.rig, readout=electronics).test_loops(session=0)
         volts = [converted(one.reading, electronics, believed)[:, 0] for one in loops]
         made = Records([one.time for one in loops], [one.force[:, 0] for one in loops], volts)
-        off = skin.rms(skin.by(skin.network, made))
+        off = skin.rms(skin.by(skin.ours.network, made))
         rows.append(noted(f"electronics, {name}: force of four loops, N", off))
     return rows
 

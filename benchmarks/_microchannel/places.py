@@ -78,7 +78,7 @@ def _single(count: int) -> list[Row]:
 def of_sensor(seed: int) -> Places:
     """Train one sensor and ask it."""
     skin = InsideSkin(seed)
-    rig, table = skin.rig, skin.votes
+    rig, table = skin.rig, skin.paper.places
     known, many = rig.finger_presses(), rig.finger_presses(PRESSES // 5, session=2)
     noise = rig.readout.noise
     ours = Localizer.train(known.reading, known.location, noise=noise).locate(many.reading)

@@ -56,8 +56,7 @@ def print_result(document: dict[str, Any], as_json: bool, lines: Iterable[str]) 
 
         text = _json(plain(document), sys.stdout.encoding)
     else:
-        shown = (_shown(line, sys.stdout.encoding) for one in lines for line in one.split("\n"))
-        text = "\n".join(shown)
+        text = "\n".join(_shown(line) for one in lines for line in one.split("\n"))
     try:
         print(text, flush=True)
     except BrokenPipeError:  # its reader is gone, as in `hysid ... | head`: end as others do
@@ -112,18 +111,17 @@ def log(line: str) -> None:
         return
     done, total = (int(getattr(line, name, 0)) for name in ("done", "total"))
     left = "" if getattr(line, "code", "") == PROGRESS else LEFT(done, total)
-    print(_shown(line + left, sys.stderr.encoding), file=sys.stderr, flush=True)
+    print(_shown(line + left), file=sys.stderr, flush=True)
 
 
-def _shown(text: str, encoding: str | None) -> str:
-    """A line that a terminal only shows, in characters that its encoding has."""
+def _shown(text: str) -> str:
+    """A line that a terminal only shows; the streams write "\\u2212" for characters that they lack."""
     if not text.isprintable():
         with contextlib.suppress(ImportError):
             from hysteresis._escape import visible  # late: that package may be a foreign one
 
             text = visible(text)
-    encoding = encoding or "utf-8"
-    return text.encode(encoding, "backslashreplace").decode(encoding)
+    return text
 
 
 def _json(document: Any, encoding: str | None) -> str:

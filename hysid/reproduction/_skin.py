@@ -93,27 +93,14 @@ class Skin:
         return self.records([loop for four in every for loop in four])
 
     @cached_property
-    def timeless(self) -> Trained:
-        """The paper's network: it sees the Preisach transform of the readings, which has no time."""
-        t, F, z = self.taught
-        seen = READING["thresholds"]
-        return train_staircase(t, z, F, epochs=self.epochs, thresholds=seen, lags=())
+    def paper(self) -> "Methods":
+        """By the paper's methods."""
+        return Methods(self, ours=False)
 
     @cached_property
-    def network(self) -> Trained:
-        """Ours: the same with delayed readings beside the transform."""
-        t, F, z = self.taught
-        return train_staircase(t, z, F, epochs=self.epochs, **READING)
-
-    @cached_property
-    def by_timeless(self) -> list[Series]:
-        """Forces of the loops by the paper's network, N."""
-        return self.by(self.timeless)
-
-    @cached_property
-    def by_network(self) -> list[Series]:
-        """The same by ours."""
-        return self.by(self.network)
+    def ours(self) -> "Methods":
+        """By ours."""
+        return Methods(self, ours=True)
 
     def by(self, learnt: Trained, loops: Records | None = None) -> list[Series]:
         """Forces of the loops by a network from reading to force, N."""
@@ -126,25 +113,6 @@ class Skin:
     def rms(self, found: Sequence[Series]) -> float:
         """Error of the loops' forces, N."""
         return rms([a - b for a, b in zip(found, self.loops.force, strict=True)])
-
-    # (B) Which place
-
-    @cached_property
-    def votes(self) -> Confusion:
-        """Table II: twenty presses of each place by five nearest neighbours among 1,592."""
-        return self._confusion("neighbours")
-
-    @cached_property
-    def likeliest(self) -> Confusion:
-        """The same presses by ours."""
-        return self._confusion("gaussian")
-
-    def _confusion(self, method: str) -> Confusion:
-        known, asked = self.rig.finger_presses(), self.rig.finger_presses(20, session=1)
-        taught, judged = self.volts(known.reading), self.volts(asked.reading)
-        noise = self.rig.readout.noise
-        localizer = Localizer.train(taught, known.location, method=method, noise=noise)
-        return Confusion(tuple(PLACES), localizer.confusion(judged, asked.location).counts)
 
     # (C) Which places at once
 
@@ -180,6 +148,38 @@ class Skin:
         forces = np.array([[name in one for name in PLACES] for one in pressed]) * FINGER_FORCE
         volts = self.volts(self.rig.press_together(forces))
         return [(p, self.logic.decide(z).places) for p, z in zip(pressed, volts, strict=True)]
+
+
+@dataclass(frozen=True, eq=False)
+class Methods:
+    """What the paper's methods, or ours, make of the readings of one skin: (A) the force, (B) the place."""
+
+    skin: Skin
+    ours: bool
+
+    @cached_property
+    def network(self) -> Trained:
+        """From reading to force. The paper's sees the Preisach transform of the readings, which has no
+        time; ours sees delayed readings beside it."""
+        t, F, z = self.skin.taught
+        lags = READING["lags"] if self.ours else ()
+        seen = READING["thresholds"]
+        return train_staircase(t, z, F, epochs=self.skin.epochs, thresholds=seen, lags=lags)
+
+    @cached_property
+    def forces(self) -> list[Series]:
+        """Of the loops, N."""
+        return self.skin.by(self.network)
+
+    @cached_property
+    def places(self) -> Confusion:
+        """Table II: twenty presses of each place; in the paper by five nearest neighbours among 1,592."""
+        rig, method = self.skin.rig, "gaussian" if self.ours else "neighbours"
+        known, asked = rig.finger_presses(), rig.finger_presses(20, session=1)
+        taught, judged = self.skin.volts(known.reading), self.skin.volts(asked.reading)
+        noise = rig.readout.noise
+        localizer = Localizer.train(taught, known.location, method=method, noise=noise)
+        return Confusion(tuple(PLACES), localizer.confusion(judged, asked.location).counts)
 
 
 def converted(

@@ -15,7 +15,6 @@ import scipy
 from jaxtyping import Array, Float
 
 from compensate.internal import ForceNetwork, MotionFilter, MultiContactEstimator, SearchEstimator
-from compensate.microchannel._localizer import Confusion
 from compensate.microchannel._multi_network import windows
 from hysteresis.internal import ChannelGeometryRig
 from hysteresis.rigs._skin_presses import AbstractSkinRig, ChannelRecord
@@ -26,7 +25,7 @@ from ..soft_sensor._contacts import train_contacts
 from ..soft_sensor._force_records import ForceRecord
 from ..soft_sensor._force_training import BATCH, updates_of
 from ._frame import Measure, Paper, Say, compared
-from ._skin import FORCE, HIGH_N, NOISE_V, PLACES, Skin, converted, decaying_over, rms
+from ._skin import FORCE, HIGH_N, NOISE_V, PLACES, Methods, Skin, converted, decaying_over, rms
 
 OURS_FOR_ONE = 6
 """Epochs of our networks for each one of the paper's recurrent networks."""
@@ -247,27 +246,22 @@ def _pair(measure: Callable[[SkinPair, bool], Any]) -> Measure:
     return lambda one, ours: None if one.pair is None else float(measure(one.pair, ours))
 
 
-def _network(skin: Skin, ours: bool) -> Trained:
-    return skin.network if ours else skin.timeless
-
-
-def _places(skin: Skin, ours: bool) -> Confusion:
-    """By five nearest neighbours, or by ours."""
-    return skin.likeliest if ours else skin.votes
+def _by(skin: Skin, ours: bool) -> Methods:
+    return skin.ours if ours else skin.paper
 
 
 def _taken(place: str, other: str) -> Measure:
     at = PLACES.index(place), PLACES.index(other)
-    return _skin(lambda skin, ours: _places(skin, ours).counts[at])
+    return _skin(lambda skin, ours: _by(skin, ours).places.counts[at])
 
 
 PAPER = Paper("kim2018", {
     "mse_start": _skin(lambda skin, _: np.mean(np.square(skin.taught.force))),
-    "mse_end": _skin(lambda skin, ours: _network(skin, ours).train[-1]),
-    "training": _skin(lambda skin, ours: _network(skin, ours).seconds),
-    "loops": _skin(lambda skin, ours: skin.rms(skin.by_network if ours else skin.by_timeless)),
+    "mse_end": _skin(lambda skin, ours: _by(skin, ours).network.train[-1]),
+    "training": _skin(lambda skin, ours: _by(skin, ours).network.seconds),
+    "loops": _skin(lambda skin, ours: skin.rms(_by(skin, ours).forces)),
     **{f"right_{place}": _taken(place, place) for place in PLACES},
-    "accuracy": _skin(lambda skin, ours: 100 * _places(skin, ours).accuracy),
+    "accuracy": _skin(lambda skin, ours: 100 * _by(skin, ours).places.accuracy),
     "b_for_c": _taken("B", "C"),
     "d_for_e": _taken("D", "E"),
     "logic": _skin(lambda skin, _: sum(p == found for p, found in skin.decisions)),
@@ -300,10 +294,10 @@ def carry_out(
     first = laboratories[0].skin
     tables = {
         "Table I. Levels of each combination": str(first.logic),
-        f"Table II. Five nearest neighbours, sensor {first.seed}": str(first.votes),
+        f"Table II. Five nearest neighbours, sensor {first.seed}": str(first.paper.places),
     }
     if ours:
-        tables[f"Table II by ours, sensor {first.seed}"] = str(first.likeliest)
+        tables[f"Table II by ours, sensor {first.seed}"] = str(first.ours.places)
     return {
         "rig": f"{PAPER.said['rig']} {trained}", "epochs": epochs, "rows": rows,
         "findings": _findings(laboratories, ours), "tables": tables,
@@ -314,9 +308,9 @@ def _findings(laboratories: Sequence[Laboratory], with_ours: bool) -> list[dict[
     """What the paper says in words, and whether the sentence is true of all virtual sensors."""
     skins = [one.skin for one in laboratories]
     pairs = [one.pair for one in laboratories if one.pair is not None]
-    network = float(np.mean([skin.rms(skin.by_timeless) for skin in skins]))
+    network = float(np.mean([skin.rms(skin.paper.forces) for skin in skins]))
     curve = float(np.mean([_static_error(skin) for skin in skins]))
-    wrong = np.array([20 - np.diag(skin.votes.counts[:, :5]) for skin in skins])
+    wrong = np.array([20 - np.diag(skin.paper.places.counts[:, :5]) for skin in skins])
     missing = zip(PLACES, wrong.mean(axis=0), strict=True)
     sound = sum(all(p == found for p, found in skin.decisions) for skin in skins)
     late = np.array([peak.late for pair in pairs for peak in of_pair(pair.together)])

@@ -103,11 +103,8 @@ class SoftSensor:
         `time` in `time_unit`; None where nothing depends on it. After a gap the stream goes on.
         """
         readings = np.asarray(readings, float)
-        n, none, silent = (
-            len(readings),
-            np.full(len(readings), np.nan),
-            np.full(len(readings), "", object),
-        )
+        n = len(readings)
+        none, silent = np.full(n, np.nan), np.full(n, "", object)
         t = np.zeros(n) if time is None else np.asarray(time, float)
         t, y = (lengthened(part) for part in (t, readings))
         value, states = (np.asarray(part)[:n] for part in self.readout.simulate(t, y))

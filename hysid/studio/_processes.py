@@ -41,8 +41,8 @@ class Job:
     kind: str
     subject: str
     words: list[str]
-    options: dict[str, Any] = field(default_factory=dict)
-    process: subprocess.Popen[str] | None = None
+    process: subprocess.Popen[str]
+    options: dict[str, Any]
     begin: float = field(default_factory=time.monotonic)
     end: float | None = None
     since: float | None = None
@@ -123,10 +123,10 @@ class Jobs:
                 )  # fmt: skip
             number = 1 + max((job.number for job in self._jobs), default=0)
             options = {key: str(value) for key, value in (options or {}).items()}
-            job = Job(number, kind, subject, list(words), options, self._process(words))
+            job = Job(number, kind, subject, list(words), self._process(words), options)
             self._jobs = [*self._jobs, job][-KEPT:]
             self.version += 1
-        threading.Thread(target=self._follow, args=(job, job.process), daemon=True).start()
+        threading.Thread(target=self._follow, args=(job,), daemon=True).start()
         return job
 
     def _busy(self, subject: str) -> bool:
@@ -143,8 +143,7 @@ class Jobs:
             found = [job for job in self._jobs if job.number == number and job.state == "running"]
         for job in found:
             job.cancelled = True
-            if job.process is not None:
-                _end(job.process)
+            _end(job.process)
 
     def close(self) -> None:
         """End all that run."""
@@ -152,11 +151,11 @@ class Jobs:
             running = [job for job in self._jobs if job.state == "running"]
         for job in running:
             self.cancel(job.number)
-        for process in (job.process for job in running if job.process is not None):
+        for job in running:
             try:
-                process.wait(PATIENCE)
+                job.process.wait(PATIENCE)
             except subprocess.TimeoutExpired:
-                process.kill()
+                job.process.kill()
 
     def touched(self) -> None:
         """Tell pages that something in the folder has changed."""
@@ -178,8 +177,8 @@ class Jobs:
             start_new_session=os.name == "posix",
         )
 
-    def _follow(self, job: Job, process: subprocess.Popen[str]) -> None:
-        printed, logged = process.stdout, process.stderr
+    def _follow(self, job: Job) -> None:
+        printed, logged = job.process.stdout, job.process.stderr
         assert printed is not None
         assert logged is not None
         whole: list[str] = []
@@ -190,7 +189,7 @@ class Jobs:
         reader.join()
         printed.close()
         logged.close()
-        status = process.wait()
+        status = job.process.wait()
         with self._lock:
             job.end = time.monotonic()
             try:
