@@ -18,7 +18,6 @@ from hysteresis._format import quantity, rms_error
 from hysteresis.numerics._normal import NORMAL_95
 from identify.internal import versions
 
-from ..figures import _base as f
 from ..figures._format import label, plain_name
 from ..intake._folders import check_writable
 from ..intake._selection import Selection
@@ -271,6 +270,8 @@ def _write_runtime(
 
 def _draw(out: Path, force: Quantity, forced: ForceTraining | None, shown: _Judgement) -> list[str]:
     """Pictures of the training, and of the force that was held out, or learnt from where nothing was."""
+    from ..figures import _base as f  # late: matplotlib is slow, and `estimate` draws nothing
+
     drawn = {}
     if forced is not None and forced.curves:
         curves = [
