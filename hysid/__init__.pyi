@@ -3,8 +3,8 @@
 from hysid._compensator import invert as invert
 from hysid._explore import explore as explore
 from hysid._fit import fit as fit
+from hysid._fit import records as records
 from hysid._precision import enable_x64 as enable_x64
-from hysid._records import records as records
 from hysid.armor._calibration import calibrate_armor as calibrate_armor
 from hysid.armor._calibration import choose_presses as choose_presses
 from hysid.reporting._report import report as report

@@ -28,7 +28,7 @@ from ._column_pairs import (
     unsteadiness,
 )
 from ._commanded import STANDS, commanded, is_sine
-from ._moduli_columns import RESPONSES
+from ._sequence_columns import RESPONSES
 
 MISSING = 0.05
 """Above this share of gaps a column cannot be an input, because history needs every sample."""

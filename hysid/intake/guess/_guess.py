@@ -32,15 +32,17 @@ from ._column_pairs import (
 )
 from ._drive_and_response import FOLLOWS, SPECTRUM, Choice, Seen, choose
 from ._hold_out import hold_out
-from ._moduli_columns import RESPONSES, moduli_of, runs_of
 from ._remedies import HEAD, reading, settle
 from ._sequence_columns import (
+    RESPONSES,
     RUNS,
     SPECIMENS,
     Sequences,
     condition_of,
     constant_within,
     counts_rows,
+    moduli_of,
+    runs_of,
     sequences_of,
 )
 
