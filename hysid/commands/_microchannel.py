@@ -192,7 +192,7 @@ def _judged(sensor: SoftSensor, streams: list[Streams]) -> _Judgement | None:
     if not streams:
         return None
     each = [estimates_of(sensor, one.record.time, one.readings, one.sequences()) for one in streams]
-    found = Estimates(*(np.concatenate(columns) for columns in zip(*each, strict=True)))
+    found = {name: np.concatenate([one[name] for one in each]) for name in each[0]}
     names = ("force", "place", "position", "counts")
     truth = {name: np.concatenate([getattr(one, name) for one in streams]) for name in names}
     return _Judgement(truth, found, judged(sensor, found, *truth.values()))
@@ -284,8 +284,8 @@ def _draw(out: Path, force: Quantity, forced: ForceTraining | None, shown: _Judg
         drawn[PICTURES[0]] = f.chart(curves, "epoch", label("RMSE", force.unit), log="y")
     if "force" in shown.figures:
         rows = np.flatnonzero(shown.truth["counts"])[:MOST_SHOWN]
-        x, found = rows + 1.0, shown.found.force[rows]
-        half = NORMAL_95 * shown.found.force_sd[rows]
+        x, found = rows + 1.0, shown.found["force"][rows]
+        half = NORMAL_95 * shown.found["force_sd"][rows]
         curves = [
             f.Curve("measured", x, shown.truth["force"][rows], f.GREY, "under"),
             f.Curve("estimated", x, found, f.BLUE),

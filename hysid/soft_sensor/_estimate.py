@@ -21,7 +21,7 @@ from identify.results._goodness_of_fit import Metrics
 
 from ..intake._columns import in_unit
 from ..intake._selection import Selection
-from ._sensor import MAKE, Estimates, SoftSensor, load_sensor
+from ._sensor import MAKE, Estimates, SoftSensor, flagged, load_sensor
 from ._sessions import Targets, places_of
 
 TRAINING = "training.json"
@@ -43,8 +43,7 @@ def estimates_of(
         for rows in streams
     ]
     order = np.argsort(np.concatenate([np.arange(len(readings))[rows] for rows, _ in each]))
-    columns = zip(*(found for _, found in each), strict=True)
-    return Estimates(*(np.concatenate(column)[order] for column in columns))
+    return {name: np.concatenate([found[name] for _, found in each])[order] for name in each[0][1]}
 
 
 def judged(
@@ -57,16 +56,19 @@ def judged(
 ) -> dict[str, Any]:
     """Error figures of what was learnt, over the rows that count and whose truth is known."""
     figures: dict[str, Any] = {}
-    known = counts & np.isfinite(force) & np.isfinite(found.force)
-    if sensor.force is not None and known.any():
-        of = metrics(force[known], found.force[known])._asdict()
-        figures["force"] = of | {"unit": sensor.force_in.unit}
+    if (told := found.get("force")) is not None:
+        known = counts & np.isfinite(force) & np.isfinite(told)
+        if known.any():
+            of = metrics(force[known], told[known])._asdict()
+            figures["force"] = of | {"unit": sensor.force_in.unit}
     known = counts & (place != "")
-    if sensor.localizer is not None and known.any():
-        figures["place"] = _places(sensor, found, place, known, counts & (place == ""))
-    known = counts & np.isfinite(position).all(1) & np.isfinite(found.position).all(1)
-    if sensor.position is not None and known.any():
-        error = np.linalg.norm(position[known] - found.position[known], axis=1)
+    if "place" in found and known.any():
+        figures["place"] = _places(sensor, found["place"], place, known, counts & (place == ""))
+    if (told := found.get("position")) is None:
+        return figures
+    known = counts & np.isfinite(position).all(1) & np.isfinite(told).all(1)
+    if known.any():
+        error = np.linalg.norm(position[known] - told[known], axis=1)
         figures["position"] = {
             "mean_error": float(error.mean()), "rms_error": float(np.sqrt(np.mean(error**2))),
             "q95_error": float(np.quantile(error, 0.95)), "rows": int(known.sum()),
@@ -76,17 +78,17 @@ def judged(
 
 
 def _places(
-    sensor: SoftSensor, found: Estimates, place: np.ndarray, known: np.ndarray, rest: np.ndarray
+    sensor: SoftSensor, found: np.ndarray, place: np.ndarray, known: np.ndarray, rest: np.ndarray
 ) -> dict[str, Any]:
     assert sensor.localizer is not None
     names = [*map(str, sensor.localizer.names)]
     truths = [*names, *sorted(set(place[known].tolist()) - set(names))]
-    pairs = Counter(zip(place[known].tolist(), found.place[known].tolist(), strict=True))
+    pairs = Counter(zip(place[known].tolist(), found[known].tolist(), strict=True))
     taken = [[pairs[truth, name] for name in (*names, "")] for truth in truths]
     return {
-        "accuracy": float((found.place[known] == place[known]).mean()), "rows": int(known.sum()),
+        "accuracy": float((found[known] == place[known]).mean()), "rows": int(known.sum()),
         "confusion": {"places": truths, "estimates": [*names, "none"], "counts": taken},
-        "rows_at_rest": int(rest.sum()), "rest_taken_for_a_place": int((rest & (found.place != "")).sum()),
+        "rows_at_rest": int(rest.sum()), "rest_taken_for_a_place": int((rest & (found != "")).sum()),
     }  # fmt: skip
 
 
@@ -147,10 +149,10 @@ def estimate(
     target = target or folder / f"estimated-{Path(file).stem}.csv"
     _write(target, sensor, found, table.line[rows], time)
     none = dict.fromkeys(Metrics._fields)
-    columns = {k: x.tolist() for k, x in found._asdict().items() if k.endswith("status")}
-    statuses = {k: dict(sorted(Counter(x).items())) for k, x in columns.items() if any(x)}
+    words = {k: Counter(x.tolist()) for k, x in found.items() if k.endswith("status")}
+    statuses = {k: dict(sorted(counts.items())) for k, counts in words.items()}
     return {
-        **figures.pop("force", none), **figures, "flagged": int(found.flagged.sum()),
+        **figures.pop("force", none), **figures, "flagged": int(flagged(found).sum()),
         "rows": len(rows), "statuses": statuses, "channels_at_fault": _faults(sensor, found),
         "notes": notes, "file": str(target),
     }  # fmt: skip
@@ -210,7 +212,7 @@ def _truths(
 
 def _faults(sensor: SoftSensor, found: Estimates) -> dict[str, dict[str, int]]:
     """Of each channel, how many rows have which fault."""
-    said = Counter(word for words in found.channels.tolist() for word in words.split(", "))
+    said = Counter(word for words in found["channels"].tolist() for word in words.split(", "))
     counts = {
         name: {s.name: n for s in ChannelStatus if (n := said[f"{name}: {s.name}"])}
         for name, _ in sensor.channels
@@ -226,7 +228,7 @@ def _swapped(
     if localizer is None or not 2 <= count <= MOST_ORDERS:
         return []
     known = np.isin(place, [*map(str, localizer.names)]) & np.isfinite(readings).all(axis=1)
-    odd = int((found.place != place)[known].sum())
+    odd = int((found["place"] != place)[known].sum())
     if odd < max(3, MANY * known.sum()):
         return []
     zero, scale = np.asarray(sensor.readout.zero), np.asarray(sensor.readout.scale)
@@ -246,13 +248,10 @@ def _write(
     columns: dict[str, Iterable[Any]] = {"line": line.tolist()}
     if time is not None:
         columns["time"] = [_digits(t, 12) for t in time]
-    names = ("force", "force_sd", "force_status") if sensor.force is not None else ()
-    names += ("place", "probability", "place_status") if sensor.localizer is not None else ()
-    columns |= {name: getattr(found, name) for name in names}
-    if sensor.position is not None:
-        columns |= {q.name: found.position[:, k] for k, q in enumerate(sensor.position_in)}
-        columns |= {name: getattr(found, name) for name in ("position_sd", "position_status")}
-    columns["channels"] = found.channels
+    for name, column in found.items():
+        several = name == "position"
+        names = [one.name for one in sensor.position_in] if several else [name]
+        columns |= zip(names, column.T if several else [column], strict=True)
     rows = zip(*columns.values(), strict=True)
     shown = ([_digits(x) if isinstance(x, float) else x for x in row] for row in rows)
     write_table(target, columns, shown)

@@ -5,7 +5,7 @@ soft_sensor.json   channels, names, settings       soft_sensor.npz   all arrays
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -28,30 +28,19 @@ SHORTEST = 64
 FORCE = Quantity("force", "N")
 
 
-class Estimates(NamedTuple):
-    """Over rows: numbers NaN and words "" for what the sensor was not taught.
+Estimates = dict[str, np.ndarray]
+"""Columns over rows, of what a sensor was taught: force in its unit, force_sd, force_status; place,
+probability, place_status; position (rows, coordinates), position_sd, position_status; and channels.
 
-    `force` in the sensor's unit. Statuses are "OK" only where every channel is sound: `channels` names
-    those that are not, "layer 2: STUCK". A stuck or saturated channel stands before the status of what was
-    made of it, a gap behind.
-    """
+Statuses are "OK" only where every channel is sound: `channels` names those that are not, "layer 2: STUCK".
+A stuck or saturated channel stands before the status of what was made of it, a gap behind.
+"""
 
-    channels: np.ndarray
-    force: Float[np.ndarray, " rows"]
-    force_sd: Float[np.ndarray, " rows"]
-    force_status: np.ndarray
-    place: np.ndarray
-    probability: Float[np.ndarray, " rows"]
-    place_status: np.ndarray
-    position: Float[np.ndarray, "rows coordinates"]
-    position_sd: Float[np.ndarray, " rows"]
-    position_status: np.ndarray
 
-    @property
-    def flagged(self) -> Bool[np.ndarray, " rows"]:
-        """Rows where something is not to be used without a thought."""
-        words = (self.force_status, self.place_status, self.position_status)
-        return np.any(~np.isin(words, ("OK", "NO_PRESS", "")), axis=0)
+def flagged(found: Estimates) -> Bool[np.ndarray, " rows"]:
+    """Rows where something is not to be used without a thought."""
+    words = [column for name, column in found.items() if name.endswith("status")]
+    return np.any(~np.isin(words, ("OK", "NO_PRESS")), axis=0)
 
 
 @dataclass(frozen=True)
@@ -103,40 +92,38 @@ class SoftSensor:
         `time` in `time_unit`; None where nothing depends on it. After a gap the stream goes on.
         """
         readings = np.asarray(readings, float)
-        n = len(readings)
-        none, silent = np.full(n, np.nan), np.full(n, "", object)
+        n, found = len(readings), Estimates()
         t = np.zeros(n) if time is None else np.asarray(time, float)
         t, y = (lengthened(part) for part in (t, readings))
         value, states = (np.asarray(part)[:n] for part in self.readout.simulate(t, y))
         sound = np.where(states == ChannelStatus.MISSING, np.nan, value)
         worst = states.max(axis=1).tolist()
-        said = np.array([self._faults(row) for row in states.tolist()], object)
-        nowhere = np.full((n, len(self.position_in)), np.nan)
-        found = Estimates(said, none, none, silent, silent, none, silent, nowhere, none, silent)
         if self.force is not None:
             of = self.force.simulate(self._forwards(t), y if len(self.channels) > 1 else y[:, 0])
             value, deviation, status = (
                 np.broadcast_to(part, len(y))[:n] for part in (of.value, of.deviation, of.status)
             )
             words = _worst(worst, status, Status)
-            found = found._replace(force=value, force_sd=deviation, force_status=words)
+            found |= {"force": value, "force_sd": deviation, "force_status": words}
         if self.localizer is not None:
             names = np.array([*map(str, self.localizer.names), ""], object)
             at = self.localizer.locate(sound)
-            found = found._replace(
-                place=names[at.place], probability=at.probability.max(1),
-                place_status=_worst(worst, at.status, PlaceStatus),
-            )  # fmt: skip
+            found |= {
+                "place": names[at.place], "probability": at.probability.max(1),
+                "place_status": _worst(worst, at.status, PlaceStatus),
+            }  # fmt: skip
         if self.position is not None:
             there = self.position.estimate(lengthened(sound))
             point, deviation, status = (np.asarray(part)[:n] for part in there)
             words = _worst(worst, status, PlaceStatus)
             idle = np.isin(words, ("NO_PRESS", "INVALID"))
-            found = found._replace(
-                position=np.where(idle[:, None], np.nan, point),
-                position_sd=np.where(idle, np.nan, deviation), position_status=words,
-            )  # fmt: skip
-        return found
+            found |= {
+                "position": np.where(idle[:, None], np.nan, point),
+                "position_sd": np.where(idle, np.nan, deviation), "position_status": words,
+            }  # fmt: skip
+        return found | {
+            "channels": np.array([self._faults(row) for row in states.tolist()], object)
+        }
 
     def _faults(self, states: list[int]) -> str:
         """The channels of a row that are not sound, with what is wrong."""

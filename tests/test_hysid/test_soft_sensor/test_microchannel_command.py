@@ -134,7 +134,7 @@ def test_the_runtime_file_is_the_force_estimator(trained: Trained):
     sensor, table = load_sensor(trained.out), read(trained.other)
     readings = np.stack([table[ONE], table[TWO]], 1).astype(float)[:ROWS]
     t = table[TIME].astype(float)[:ROWS]
-    force = sensor.estimate(t, readings).force
+    force = sensor.estimate(t, readings)["force"]
     runtime = load(trained.out / "runtime.json")
     steps = np.diff(t, prepend=t[0]).tolist()
     found = [runtime.step(dt, y).value for y, dt in zip(readings.tolist(), steps, strict=True)]
