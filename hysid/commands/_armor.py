@@ -3,6 +3,7 @@
 from collections import Counter
 from dataclasses import asdict
 from functools import partial
+from itertools import combinations_with_replacement
 from pathlib import Path
 from typing import Any
 
@@ -31,12 +32,6 @@ from ._console import Done, warnings
 DOCUMENT, ARRAYS = "calibration.json", "calibration.npz"
 RUNTIME, CONTACTS = "armor.json", "contacts.csv"
 SCHEMA, DRAWS = 1, 100
-HEADER = (
-    "line", "time (s)", "status", "surface", "x (m)", "y (m)", "z (m)", "displacement (m)",
-    "normal force (N)", "spin (N*m)", "outside (m)", "xx (m^2)", "xy (m^2)", "xz (m^2)", "yy (m^2)",
-    "yz (m^2)", "zz (m^2)", "probability",
-)  # fmt: skip
-UPPER = np.triu_indices(3)
 UNLIKELY = 4.0
 """Standard deviations: of 50 values one is farther off by chance in one calibration of 300."""
 MANY = 0.1
@@ -234,15 +229,16 @@ def _write_contacts(
     file: Path, time: Any, line: np.ndarray, found: UncertainContact, covariance: np.ndarray
 ) -> None:
     contact = found.contact
-    times = [""] * len(line) if time is None else time.tolist()
     point = np.where(np.asarray(contact.surface)[:, None] > 0, contact.point, np.nan)
-    columns = [
-        line.tolist(), times,
-        [ContactStatus(int(s)).name for s in np.asarray(contact.status)],
-        np.asarray(contact.surface).tolist(), *point.T.tolist(),
-        *(np.asarray(x).tolist() for x in (
-            contact.displacement, contact.normal_force, contact.spin, contact.outside)),
-        *covariance[:, UPPER[0], UPPER[1]].T.tolist(), np.asarray(found.probability).tolist(),
-    ]  # fmt: skip
-    rows = zip(*columns, strict=True)
-    write_table(file, HEADER, (["" if x != x else x for x in row] for row in rows))
+    columns: dict[str, Any] = {
+        "line": line, "time (s)": [""] * len(line) if time is None else time,
+        "status": [ContactStatus(int(s)).name for s in np.asarray(contact.status)],
+        "surface": contact.surface, **{f"{axis} (m)": point[:, k] for k, axis in enumerate("xyz")},
+        "displacement (m)": contact.displacement, "normal force (N)": contact.normal_force,
+        "spin (N*m)": contact.spin, "outside (m)": contact.outside,
+    }  # fmt: skip
+    for i, j in combinations_with_replacement(range(3), 2):
+        columns[f"{'xyz'[i]}{'xyz'[j]} (m^2)"] = covariance[:, i, j]
+    columns["probability"] = found.probability
+    rows = zip(*(np.asarray(column).tolist() for column in columns.values()), strict=True)
+    write_table(file, columns, (["" if x != x else x for x in row] for row in rows))
