@@ -26,12 +26,12 @@ class LawState(NamedTuple):
 
 
 class LawInput(NamedTuple):
-    """Inputs, times since the samples before (NaN or negative where a sequence begins), and the state in
-    which sequences begin."""
+    """Inputs, times since the samples before (NaN or negative where a sequence begins), and what laws
+    remember where sequences begin: None before any sample, where that may depend on parameters."""
 
     u: Float[Array, " samples *condition"]
     dt: Float[Array, " samples"]
-    state: LawState
+    state: Float[Array, " state"] | None
 
 
 class AbstractLawModel(AbstractFollowingModel[LawState, LawInput]):
@@ -62,12 +62,12 @@ class AbstractLawModel(AbstractFollowingModel[LawState, LawInput]):
     ) -> LawInput:
         if t is None and self.needs_time:
             needed_time(type(self).__name__, t)
-        state = self.init() if state is None else state
-        traced = any(isinstance(x, Tracer) for x in jax.tree.leaves((t, u, state.t)))
+        own, last = (None, np.nan) if state is None else state
+        traced = any(isinstance(x, Tracer) for x in jax.tree.leaves((t, u, last)))
         xp: Any = jnp if traced else np
         u, first = xp.asarray(u, float), np.asarray(starts)
         times = xp.zeros(u.shape[:1]) if t is None else xp.asarray(t, float)
-        dt, since = xp.diff(times, prepend=times[:1]), times[first] - state.t
+        dt, since = xp.diff(times, prepend=times[:1]), times[first] - last
         # At once, but for a clock that has gone on since the state.
         begin = xp.where(since > 0, -since, xp.nan)
         if xp is np:
@@ -76,18 +76,17 @@ class AbstractLawModel(AbstractFollowingModel[LawState, LawInput]):
             dt[first] = begin
         else:
             dt = jnp.maximum(dt, 0.0).at[first].set(begin)
-        return LawInput(as_array(u), as_array(dt), state)
+        return LawInput(as_array(u), as_array(dt), own)
 
     def evaluate(self, prepared: LawInput) -> Float[Array, " samples"]:
-        return self._run(prepared.u, prepared.dt, prepared.state.numbers)[0]
+        return self._run(*prepared)[0]
 
     def follow(
         self, t: Series | None, u: Series, state: LawState | None = None
     ) -> tuple[LawState, Float[Array, " samples"]]:
-        prepared = self.prepare(t, u, state)
-        y, after = self._run(prepared.u, prepared.dt, prepared.state.numbers)
+        y, after = self._run(*self.prepare(t, u, state))
         if t is None or not len(y):
-            return LawState(after, prepared.state.t), y
+            return LawState(after, self.init().t if state is None else state.t), y
         return LawState(after, jnp.asarray(array_module(t).asarray(t)[-1], float)), y
 
     @once
@@ -96,8 +95,8 @@ class AbstractLawModel(AbstractFollowingModel[LawState, LawInput]):
         forwards = getattr(self, "forwards", None)
         return numbers_of(self.tree(depth=OWN) if forwards is None else forwards())
 
-    def _run(self, u: Array, dt: Array, state: Array) -> tuple[Array, Array]:
-        numbers = self._numbers.with_state(state)
+    def _run(self, u: Array, dt: Array, state: Array | None) -> tuple[Array, Array]:
+        numbers = self._numbers if state is None else self._numbers.with_state(state)
         y, after = outputs(numbers, u, dt)
         return as_array(y), as_array(numbers._replace(m=after).state)
 

@@ -282,7 +282,8 @@ def is_start(samples: int, starts: tuple[int, ...]) -> Float[Array, " samples"]:
 
 
 class SteppedInput(NamedTuple):
-    """Times or None, inputs, where sequences start, and the state they start in."""
+    """Times or None, inputs, where sequences start, and the state they start in: None for the model's own,
+    which may depend on its parameters."""
 
     t: Array | None
     u: Array
@@ -316,12 +317,14 @@ class AbstractSteppedModel(AbstractModel[State, SteppedInput]):
             jax.eval_shape(self.step, before, None, jnp.zeros(u.shape[1:]))
         else:
             t = jnp.asarray(t, dtype)
-        return SteppedInput(t, u, is_start(len(u), starts) > 0, before)
+        return SteppedInput(t, u, is_start(len(u), starts) > 0, None if state is None else before)
 
     def evaluate(self, prepared: SteppedInput) -> Float[Array, " samples"]:
+        own: Any = self.init() if prepared.state is None else prepared.state
+        first = jax.tree.map(jnp.asarray, own)
+
         def sample(state: State, at: tuple[Any, Array, Array]) -> tuple[State, Array]:
             t, u, start = at
-            before = jax.tree.map(lambda a, b: jnp.where(start, a, b), prepared.state, state)
-            return self.step(before, t, u)
+            return self.step(jax.tree.map(lambda a, b: jnp.where(start, a, b), first, state), t, u)
 
-        return jax.lax.scan(sample, prepared.state, (prepared.t, prepared.u, prepared.start))[1]
+        return jax.lax.scan(sample, first, (prepared.t, prepared.u, prepared.start))[1]

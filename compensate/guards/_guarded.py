@@ -3,6 +3,7 @@
 from typing import Any, NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -196,8 +197,8 @@ class GuardedCompensator(AbstractCompensator[GuardedState, Found]):
         self, t: ArrayLike | None, y: ArrayLike, state: GuardedState
     ) -> tuple[GuardedState, Found]:
         # Outside of JAX's programs it is NumPy's, which compiles nothing for a length.
+        xp = array_module(t, y, *jax.tree.leaves((self, state)))
         inner, others, *kept = state
-        xp = array_module(t, y, *kept, self.low, self.longest)
         last, clock, limited, before = map(xp.asarray, kept)
         given: Any = xp.asarray(y, float)
         reading = reading_of(given, 1)

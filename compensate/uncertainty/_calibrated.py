@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
@@ -126,7 +127,7 @@ class CalibratedCompensator(AbstractCompensator[CalibratedState, UncertainEstima
         self, t: ArrayLike | None, y: ArrayLike, state: CalibratedState
     ) -> tuple[CalibratedState, UncertainEstimate]:
         inner, found = self.inner.stream(t, y, state.inner)
-        xp = array_module(t, found.value, *state[1:])
+        xp = array_module(t, found.value, *jax.tree.leaves((self, state)))
         value, status = xp.asarray(found.value), xp.asarray(found.status)
         told = each(
             self._numbers, "deviation", value, state=state.motion, t=state.t, held=state.error,

@@ -67,6 +67,16 @@ def test_simulate_is_the_scan_of_step(problem: Problem, data: st.DataObject):
     close(batch(model, t, u), model.stream(t, u)[1], model)
 
 
+@pytest.mark.parametrize(
+    "problem", [p for p in PROBLEMS if not p.model().traced], ids=lambda p: p.name
+)
+def test_what_is_prepared_depends_on_the_input_alone(problem: Problem):
+    """A fit prepares once for all parameters, on some of which the first state may depend."""
+    model, t, u = problem.model(1), clock(1), np.linspace(problem.low, problem.high, SAMPLES)
+    prepared = problem.model(0).prepare(t, u)
+    np.testing.assert_array_equal(model.evaluate(prepared), model.simulate(t, u))
+
+
 @kinds
 @settings(max_examples=10)
 @given(data=st.data())

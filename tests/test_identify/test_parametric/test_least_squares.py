@@ -79,6 +79,26 @@ def test_what_a_record_does_not_tell_stays_where_the_first_start_has_it():
     assert (found["idle"].status, float(found["idle"].value)) == ("unidentified", 3.0)
 
 
+class Begun(AbstractSteppedModel[Any]):
+    """The path so far, from a length on."""
+
+    first: float = parameter(meaning="length at first")
+
+    def init(self, t0: Any = None, u0: Any = None) -> Any:
+        return jnp.asarray(self.first)
+
+    def step(self, state: Any, t: Any, u: Any) -> tuple[Any, Any]:
+        return state + jnp.abs(u), state
+
+
+def test_a_first_state_that_is_a_parameter_is_found():
+    u = np.sin(np.linspace(0, 20, 100))
+    y = 3.0 + np.append(0.0, np.cumsum(np.abs(u))[:-1])
+    noise = np.random.default_rng(0).normal(0, 0.01, 100)
+    found = fit(Record.from_arrays(u, y + noise), Begun(1.0), noise="gaussian", conditioning="keep")
+    assert float(found["first"].value) == pytest.approx(3.0, abs=0.01)
+
+
 def test_the_optimum_is_that_of_another_solver():
     record = creep(400)
     found = fit(
