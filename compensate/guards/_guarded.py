@@ -224,7 +224,10 @@ class GuardedCompensator(AbstractCompensator[GuardedState, Found]):
             where=xp.where(status == Status.INVALID, xp.nan, reading), state=limited,
             held=xp.where(first, self._limited(xp, value), before), keeps=("beyond",),
         )  # fmt: skip
-        value = told.value
+        if xp is np:
+            value = told.value
+        else:  # What is not held at an end is the inner estimate, with its derivatives.
+            value = jnp.where(told.value == value, value, jax.lax.stop_gradient(told.value))
         if self.beyond == "nan":
             value = xp.where(told.said[:, 0] > 0, xp.nan, value)
         if len(value):

@@ -46,10 +46,26 @@ def estimates(numbers: Numbers, y: Any, dt: Any, held: Any) -> readings.Estimate
 
 
 def on_host(run: Callable[..., Any], kinds: Any, *given: Any) -> Any:
-    """`run` of NumPy's arrays, at once, or called back from JAX's program: without derivatives."""
+    """`run` of NumPy's arrays, at once, or called back from JAX's program. Its derivatives are not known:
+    NaN, because without a rule JAX would take them for 0."""
     if all(map(is_concrete, given)):
         return run(*given)
-    return _called_back(run, kinds, *(jnp.asarray(z, float) for z in given))
+
+    @jax.custom_jvp
+    def called(*given: Any) -> Any:
+        return tuple(_called_back(run, kinds, *given))
+
+    @called.defjvp
+    def _(primals: Any, moved: Any) -> Any:
+        out, unknown = called(*primals), jnp.nan * sum(map(jnp.sum, moved))
+        return out, tuple(
+            jnp.broadcast_to(unknown.astype(x.dtype), x.shape)
+            if jnp.issubdtype(x.dtype, jnp.floating)
+            else np.zeros(x.shape, jax.dtypes.float0)
+            for x in out
+        )
+
+    return called(*(jnp.asarray(z, float) for z in given))
 
 
 def _called_back(run: Callable[..., Any], kinds: Any, *given: Any) -> Any:

@@ -4,10 +4,11 @@ import json
 from pathlib import Path
 from typing import Any
 
+import jax
 import numpy as np
 import pytest
 
-from compensate import Status, export_c, export_runtime, invert
+from compensate import Status, calibrated, export_c, export_runtime, invert
 from compensate.export._export import Origin
 from compensate.runtime import load
 from hysteresis import (
@@ -17,6 +18,7 @@ from hysteresis import (
     MonotoneCurve,
     PrandtlIshlinskii,
     Preisach,
+    Record,
     Sum,
 )
 from hysteresis.preisach import GridDensity
@@ -191,3 +193,26 @@ def test_what_does_not_fit_is_refused():
     refuses("bad-option", lambda: invert(RELAYS, start="unknown"))
     refuses("bad-option", lambda: invert(RELAYS, trained=(0.0, 1.0), start="cold"))
     refuses("zero-range", lambda: invert(RELAYS, trained=(1.0, 1.0)))
+
+
+@pytest.mark.parametrize("name", rest_thorough(["creep", "relays"], 1))
+def test_derivatives_are_those_of_what_is_found_and_never_a_silent_zero(name: str):
+    """By readings: as differences within the trained inputs, 0 where an end is held. What a law says
+    beside the estimate has no known derivative, which is NaN."""
+    model = MODELS[name]
+    t, u = np.arange(20) * 0.5, 0.5 + 0.45 * np.sin(0.6 * np.arange(20))
+    y = np.asarray(model.simulate(t, u))
+    guard = invert(model, trained=(0.2, 0.8))
+    band = calibrated(guard, Record.from_arrays(u, y, t), levels=2)
+    value = np.asarray(guard.simulate(t, y).value)
+    inside = (value > 0.21) & (value < 0.79)
+    assert 5 < inside.sum() < 15
+    for one in (guard, band):
+        _, slope = jax.jvp(lambda y, one=one: one.simulate(t, y), (y,), (np.ones(20),))
+        shift = 1e-6
+        ends = [np.asarray(one.simulate(t, y + s * shift).value) for s in (-1, 1)]
+        # Rounding of 1e-16 over a shift of 1e-6, and the inverse's own to 1e-9 of it.
+        wanted = np.where(inside, np.subtract(*ends[::-1]) / (2 * shift), slope.value)
+        np.testing.assert_allclose(slope.value, wanted, rtol=1e-4)
+        np.testing.assert_array_equal(slope.value[(value == 0.2) | (value == 0.8)], 0)
+    assert np.isnan(slope.deviation).all()
