@@ -162,7 +162,8 @@ def compensator_lines(document: dict[str, Any]) -> list[str]:
     beside = [f"{one['name']} {one['rmse']:.3g}{unit}" for one in found["baselines"]]
     lines = [f"  Backwards: compensator {found['rmse']:.3g}{unit} rms; {', '.join(beside)}"]
     if better := " and ".join(found["better"]):
-        lines.append(f"  Warning: backwards, {better} is better than the model.")
+        verb = "are" if found["better"][1:] else "is"
+        lines.append(f"  Warning: backwards, {better} {verb} better than the model.")
     return lines
 
 

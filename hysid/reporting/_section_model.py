@@ -219,8 +219,8 @@ def _beside(case: Case, section: Section) -> None:
     columns = ("Inverse", "Error, rms", "Of the range", "At most")
     section.tables.append(Table(caption, columns, rows, strong=0))
     if found["better"]:
-        better = " and ".join(found["better"])
-        section.notes.append(f"Backwards, {better} is better than the model.")
+        better, verb = " and ".join(found["better"]), "are" if found["better"][1:] else "is"
+        section.notes.append(f"Backwards, {better} {verb} better than the model.")
     if "band" not in found:
         return
     band = error_of(fit)
