@@ -57,7 +57,7 @@ def on_host(run: Callable[..., Any], kinds: Any, *given: Any) -> Any:
 
     @called.defjvp
     def _(primals: Any, moved: Any) -> Any:
-        out, unknown = called(*primals), jnp.nan * sum(map(jnp.sum, moved))
+        out, unknown = called(*primals), jnp.nan * sum(map(jnp.sum, moved), jnp.zeros(()))
         return out, tuple(
             jnp.broadcast_to(unknown.astype(x.dtype), x.shape)
             if jnp.issubdtype(x.dtype, jnp.floating)
