@@ -27,8 +27,11 @@ def run(asked: Distortion) -> Done:
         shares = {k: 100 * getattr(one, k) / one.total if one.total else np.nan for k in SHARES}
         output, (low, high) = asked.output[one.output], one.band
         told.append(
-            {"level": one.level, "output": output, "band": one.band, "total": one.total, **shares}
-        )
+            {
+                "level": one.level, "output": output, "band": one.band, "total": one.total, **shares,
+                "smoothed": one.smoothed,
+            }
+        )  # fmt: skip
         cells = ("-" if np.isnan(share) else f"{share:.3g}" for share in shares.values())
         band = f"{low:.4g} to {high:.4g}"
         rows.append([f"{one.level:.4g}", output, band, f"{one.total:.4g}", *cells])
@@ -36,6 +39,11 @@ def run(asked: Distortion) -> Done:
         "Linear is the best linear approximation of each level, changed how far it is from that of the",
         "smallest one. Even and odd are told in lines that no input excites.",
     ]
+    if any(row["smoothed"] for row in told):
+        lines += [
+            "Some level has fewer than two realisations an input: what is not smooth over some lines, such",
+            "as a sharp resonance, counts as stochastic. Measure more (other phases), told by --group.",
+        ]
     return Done({"schema": 1, "rows": told}, [*aligned(rows), *lines])
 
 

@@ -213,6 +213,8 @@ class Distortion(NamedTuple):
     - `stochastic`: what is not linear in excited lines, without noise: it differs from one realisation to
       the next, so the same one twice shows none. NaN of fewer lines than a window takes. `noise`: of the
       mean period; NaN of a single period, where it is in the others.
+    - `smoothed`: whether the level has fewer than two realisations an input. The approximation is then a
+      smooth one over some lines, and what it does not follow, such as a sharp resonance, is in `stochastic`.
     """
 
     level: float
@@ -225,6 +227,7 @@ class Distortion(NamedTuple):
     odd: float
     stochastic: float
     noise: float
+    smoothed: bool
 
 
 def distortion(tests: Sequence[PeriodicTest], bands: int = 4) -> list[Distortion]:
@@ -290,7 +293,7 @@ def distortion(tests: Sequence[PeriodicTest], bands: int = 4) -> list[Distortion
             ]  # fmt: skip
             band = first / lines.period, (end - 1) / lines.period
             for k, figures in enumerate(np.stack(columns, 1).tolist()):
-                found.append(Distortion(rms, k, band, *figures))
+                found.append(Distortion(rms, k, band, *figures, len(U) < 2 * U.shape[2]))
     return found
 
 

@@ -119,6 +119,19 @@ def test_even_odd_and_noise_are_told_apart():
     assert row.noise == pytest.approx(0.01 / 8, rel=0.1)
 
 
+def test_one_realisation_of_a_sharp_resonance_says_that_it_is_smoothed():
+    """A linear system has no stochastic part, and two realisations show none; one cannot tell it from a
+    resonance that is sharper than a window of lines."""
+    model = Feedback([-0.02 + 1.5j], [[-0.3j]], [[1.0]], [[0.0]])
+    u = [multisine(k, 1.0, range(1, 100)) for k in range(2)]
+    tests = [PeriodicTest(x, model.steady(x, DT)[None], DT) for x in u]
+    (one,), (two,) = distortion(tests[:1], bands=1), distortion(tests, bands=1)
+    assert not two.smoothed
+    assert two.stochastic < 1e-6 * two.total
+    assert one.smoothed
+    assert one.stochastic > 0.01 * one.total
+
+
 def test_nothing_stays_nothing():
     model = mass_and_stop(0.3, 1.5)
     none = np.zeros((PERIOD, 1))
@@ -153,6 +166,9 @@ def test_command_tells_distortion(tmp_path):
     assert row["output"] == "y"
     assert row["even"] > 10
     assert max(row["odd"], 1e6 * row["noise"]) < 1
+    assert "sharp resonance" not in run("distortion", file, *asked).out
+    file.write_text("\n".join(rows[: 1 + len(rows) // 2]))
+    assert "sharp resonance" in run("distortion", file, *asked).out
 
 
 def two_modes() -> Feedback:
