@@ -213,8 +213,8 @@ class Distortion(NamedTuple):
     - `stochastic`: what is not linear in excited lines, without noise: it differs from one realisation to
       the next, so the same one twice shows none. NaN of fewer lines than a window takes. `noise`: of the
       mean period; NaN of a single period, where it is in the others.
-    - `smoothed`: whether the level has fewer than two realisations an input. The approximation is then a
-      smooth one over some lines, and what it does not follow, such as a sharp resonance, is in `stochastic`.
+    - `smoothed`: whether the level has fewer than two realisations an input. The approximation is then
+      smooth over some lines, and what it does not follow, such as a sharp resonance, is in `stochastic`.
     """
 
     level: float
@@ -264,6 +264,7 @@ def distortion(tests: Sequence[PeriodicTest], bands: int = 4) -> list[Distortion
         own = data.level == level
         U, Y, e = data.U[own], data.Y[own], noise[own]
         G, left, free = linear_response(U, Y, at, U.shape[2])
+        smoothed = len(U) < 2 * U.shape[2]
         scatter = left * np.sqrt((1 - free) / free) if free > 0 else 0 * left
         # An approximation follows a part of the scatter, which counts as neither linear nor changed.
         lowest = (G, scatter, U) if lowest is None else lowest
@@ -293,7 +294,7 @@ def distortion(tests: Sequence[PeriodicTest], bands: int = 4) -> list[Distortion
             ]  # fmt: skip
             band = first / lines.period, (end - 1) / lines.period
             for k, figures in enumerate(np.stack(columns, 1).tolist()):
-                found.append(Distortion(rms, k, band, *figures, len(U) < 2 * U.shape[2]))
+                found.append(Distortion(rms, k, band, *figures, smoothed=smoothed))
     return found
 
 
