@@ -88,7 +88,7 @@ def _parameter(
         needed = default is MISSING and (needs_input or one.name != "input")
         kind, default = (list[str], MISSING) if needed else (list[str] | None, None)
     elif said.get("joined"):
-        kind, default = str, ""
+        kind, default = list[str] | None, None  # given twice, none is lost
     elif optional and kind is not bool:
         kind, default = kind | None, None  # type: ignore[operator]
     choices = said.get("choices", ())

@@ -38,8 +38,12 @@ def configure(context: Context, file: Any) -> Path | None:
 
     file = Path(file)  # some typers give the text
     tables, gone = read_config(file), context.meta.get(REPLACED, ())
-    here = {one.name for one in context.command.params} - {*gone}  # `hysid check` has no hold-out
+    # `hysid check` has no hold-out.
+    here = {one.name: one for one in context.command.params if one.name not in gone}
     found = {k: v for table in tables.values() for k, v in table.items() if k in here}
+    for name, value in found.items():
+        if isinstance(value, str) and getattr(here[name], "multiple", False):
+            found[name] = [value]
     context.default_map = {**(context.default_map or {}), **found}
     return file
 

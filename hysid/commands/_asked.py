@@ -408,7 +408,8 @@ def _value(one: Field[Any], value: Any) -> Any:
         return tuple(value or ())
     if not one.metadata.get("joined"):
         return value
-    words = tuple(filter(None, value.split(",")))
+    text = value if isinstance(value, str) else ",".join(value or ())
+    words = tuple(filter(None, text.split(",")))
     if one.type != tuple[float, ...]:
         return words
     if not has_shape(one, words):

@@ -138,9 +138,10 @@ class FitOptions:
         of_step=True,
     )
     like: tuple[str, ...] = option(
-        "Fits of earlier specimens of the same kind, FOLDER[,FOLDER]: few cycles tell the rest.",
+        "Fits of earlier specimens of the same kind: few cycles tell the rest.",
         (),
         joined=True,
+        metavar="FOLDER[,FOLDER]",
     )
     share: tuple[str, ...] = option(
         "Parameters that are the same in all specimens: those of several FILEs, or of --each.",

@@ -167,6 +167,9 @@ def test_command_tells_distortion(tmp_path):
     assert row["even"] > 10
     assert max(row["odd"], 1e6 * row["noise"]) < 1
     assert "sharp resonance" not in run("distortion", file, *asked).out
+    # A list given in two options is one list: none of it is lost.
+    both = run("distortion", file, *asked, "--output", "a", "--json").json()["rows"]
+    assert [one["output"] for one in both] == ["y", "a"]
     file.write_text("\n".join(rows[: 1 + len(rows) // 2]))
     assert "sharp resonance" in run("distortion", file, *asked).out
 
