@@ -234,7 +234,15 @@ class AbstractFollowingModel(AbstractModel[State, Prepared]):
 
 
 def same_samples(t: Any, values: Any) -> None:
-    """Raise `InputError` `length-mismatch` where times are given, but not one for every sample."""
+    """Raise `InputError`: `length-mismatch` where times are given, but not one for every sample,
+    `wrong-shape` of one number, `wrong-unit` of dates, whose numbers may be nanoseconds."""
+    if not np.ndim(values):
+        said = "This is one number, not samples."
+        raise InputError("wrong-shape", said, fix="give (samples,), or take a step.")
+    if getattr(getattr(t, "dtype", None), "kind", "") in ("m", "M"):
+        said = "The times are dates or durations, not numbers."
+        fix = 'give seconds, or another unit: (t - t[0]) / np.timedelta64(1, "s").'
+        raise InputError("wrong-unit", said, fix=fix)
     if t is not None and np.shape(t)[:1] != np.shape(values)[:1]:
         said = f"There are times of shape {np.shape(t)} for samples of shape {np.shape(values)}."
         raise InputError("length-mismatch", said, fix="give one time for every sample.")

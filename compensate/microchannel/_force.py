@@ -168,11 +168,12 @@ class ForceEstimator(AbstractCompensator[ForceState, UncertainEstimate]):
         given: Any = xp.asarray(y, self.deviation.dtype)
         found: Any = xp.zeros(given.shape[:1], given.dtype)
         times: Any = found if t is None else xp.asarray(t, given.dtype)
-        channels = given.reshape(len(given), -1)
+        channels = given[:, None] if given.ndim == 1 else given
         valid = xp.isfinite(channels).all(1) & xp.isfinite(times)
         latest, model = latest_of(valid), state.model
         # Rows that are none are left out, or in JAX's programs those before them again after no time.
-        rows = np.flatnonzero(valid) if xp is np else jnp.maximum(latest, valid.argmax())
+        whole = xp is np or not len(given)
+        rows = np.flatnonzero(valid) if whole else jnp.maximum(latest, valid.argmax())
         if len(rows):
             after, moved = self.model.stream(times[rows], given[rows], model)
             model = jax.tree.map(lambda new, old: jnp.where(valid.any(), new, old), after, model)

@@ -216,3 +216,12 @@ def test_derivatives_are_those_of_what_is_found_and_never_a_silent_zero(name: st
         np.testing.assert_allclose(slope.value, wanted, rtol=1e-4)
         np.testing.assert_array_equal(slope.value[(value == 0.2) | (value == 0.8)], 0)
     assert np.isnan(slope.deviation).all()
+
+
+def test_what_is_no_series_of_samples_is_refused():
+    """One number, and times that are dates: their numbers would be taken for seconds."""
+    t, y = np.arange(3.0), np.array([0.1, 0.2, 0.3])
+    for one in (CREEP, invert(CREEP, trained=(0.2, 0.8))):
+        refuses("wrong-shape", lambda one=one: one.simulate(0.0, 1.0))
+        refuses("wrong-unit", lambda one=one: one.simulate(t.astype("datetime64[ns]"), y))
+        refuses("wrong-unit", lambda one=one: one.simulate(t.astype("timedelta64[s]"), y))

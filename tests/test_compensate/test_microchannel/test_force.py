@@ -72,6 +72,7 @@ def test_an_estimate_comes_with_its_worth():
     assert found.value[20] == found.value[19]
     assert found.status[40] == Status.EXTRAPOLATED
     assert bool(((found.value >= 0) & (found.value <= 8.0)).all())
+    assert len(estimator.simulate([], []).value) == 0
     # The samples that were none might as well not have been there.
     good = np.isfinite(z)
     alone = estimator.simulate(*without(~good, T[:60], z)).value[: good.sum()]
