@@ -136,7 +136,7 @@ def as_float(value: Any) -> Any:
 
 
 def as_array(value: Any) -> Array:
-    """`jnp.asarray`, which compiles a program for every shape of NumPy's arrays, 20 ms each."""
+    """As `jnp.asarray`, without the program of 20 ms that it compiles for every shape of NumPy's arrays."""
     own = isinstance(value, np.ndarray) and value.dtype.kind in "fiub"
     return jax.device_put(value) if own else jnp.asarray(value)
 
