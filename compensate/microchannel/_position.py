@@ -85,8 +85,7 @@ class PositionEstimator(eqx.Module):
         self.mean = jnp.asarray(places.mean(0))
         self.kernel = kernel
         self.least, self.surest = jnp.asarray(least, float), jnp.asarray(surest, float)
-        K = kernel.between(self.known, self.known) + kernel.noise**2 * jnp.eye(len(places))
-        factor = jax.scipy.linalg.cho_factor(K, lower=True)
+        factor = jax.scipy.linalg.cho_factor(kernel.among(self.known), lower=True)
         self.weights = jax.scipy.linalg.cho_solve(factor, places - self.mean[None])
         self.precision = jax.scipy.linalg.cho_solve(factor, jnp.eye(len(places)))
 

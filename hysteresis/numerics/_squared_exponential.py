@@ -26,3 +26,9 @@ class Kernel(NamedTuple):
         a, b = x / self.length[None], other / self.length[None]
         square = (a**2).sum(1)[:, None] + (b**2).sum(1)[None] - 2 * a @ b.T
         return self.size**2 * jnp.exp(-jnp.maximum(square, 0) / 2)
+
+    def among(self, x: Float[Array, "n features"]) -> Float[Array, "n n"]:
+        """The covariances of values at these points, with their noise and with what rounding makes of all
+        rows: values without noise would leave a matrix that has no factor."""
+        rounding = len(x) ** 2 * jnp.finfo(x.dtype).eps * self.size**2
+        return self.between(x, x) + (self.noise**2 + rounding) * jnp.eye(len(x))
