@@ -121,7 +121,7 @@ def error_of(fit: FitResult) -> CalibratedCompensator:
         if fit.test is not None:
             learnt = checked(learnt, fit.test)
         kept = kept | {"band": in_words(learnt), "band_of": digest}
-        # What is kept is no part of the fit: it only need not be computed again.
+        # What is kept is not part of the fit, it only saves computing it again.
         object.__setattr__(fit, "compensator", kept)
     return of_words(kept["band"], known)
 

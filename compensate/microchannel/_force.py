@@ -172,12 +172,12 @@ class ForceEstimator(AbstractCompensator[ForceState, UncertainEstimate]):
         valid = xp.isfinite(channels).all(1) & xp.isfinite(times)
         latest, model = latest_of(valid), state.model
         # Rows that are none are left out, or in JAX's programs those before them again after no time.
-        whole = xp is np or not len(given)
-        rows = np.flatnonzero(valid) if whole else jnp.maximum(latest, valid.argmax())
+        known = is_concrete(valid)
+        rows = np.flatnonzero(valid) if known else jnp.maximum(latest, valid.argmax())
         if len(rows):
             after, moved = self.model.stream(times[rows], given[rows], model)
             model = jax.tree.map(lambda new, old: jnp.where(valid.any(), new, old), after, model)
-            found = xp.asarray(moved)[xp.searchsorted(rows, latest)] if xp is np else moved
+            found = xp.asarray(moved)[xp.searchsorted(rows, latest)] if known else moved
         found = self.newtons * found
         value = xp.where(latest < 0, state.value, xp.clip(found, 0.0, self.high)[latest])
         low, high = (xp.atleast_1d(np.asarray(x)) for x in (self.low_reading, self.high_reading))

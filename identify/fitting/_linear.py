@@ -57,7 +57,7 @@ class GridCandidate(Candidate):
 class CompositionCandidate(Candidate):
     """Curves, relays and relaxations, as many as the record shows: every step from a curve alone.
 
-    For `auto` an average stands in place of those that are better on held-out rows, see `path_of`.
+    For `auto` an average replaces those that are better on held-out rows, see `path_of`.
     """
 
     def fitted(self, data: TrainingData, options: Options) -> list[Trial]:
