@@ -4,7 +4,7 @@ The steady state under a periodic input is the fixed point of
 
     Z -> Gzu U + Gzw W(Z)
 
-over the lines of the spectrum; W runs the laws over two periods of z in fine steps and keeps the second. A
+over the lines of the spectrum; W runs the laws over z in fine steps, from rest at its largest value. A
 step solves it with each channel replaced by its equivalent gain, and the last six steps are mixed (Anderson
 1965). From rest it is the same fixed point with the modes' exact step between samples, window by window.
 Cost of a step: one pass of the laws.
@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import numpy as np
 import scipy
-from jaxtyping import Complex, Float
+from jaxtyping import Complex, Float, Int
 from numpy.typing import ArrayLike
 
 from .._errors import InputError
@@ -25,13 +25,15 @@ from .._registry import register
 from ..running import Numbers, numbers_of, run
 from ..trees import node
 from ._feedback_in_time import in_time
-from ._recorder import clock
 
 Matrix = Any
 
 CLOSE, STEPS, MIXED, FAILED = 1e-5, 25, 6, 6
 """Of the steady state: part of the drives that the last step leaves, most steps, how many are mixed, and
 how many may go astray."""
+
+ROUNDING = 1e-9
+"""Part by which numbers of one state may differ."""
 
 CLIMB = (0.4, 0.6, 0.75, 0.87, 0.95, 1.0)
 """Parts of the amplitude by which it is climbed where the steady state is not found at once."""
@@ -58,9 +60,9 @@ class Lines(NamedTuple):
         return 2j * np.pi * np.arange(self.count) / self.period
 
     @property
-    def clock(self) -> Float[np.ndarray, " rows"]:
-        """Of two periods in fine steps."""
-        return clock(2 * self.samples * self.finer, self.dt / self.finer)
+    def step(self) -> float:
+        """Of the laws."""
+        return self.dt / self.finer
 
     def of(self, x: Float[np.ndarray, "samples signals"]) -> Complex[np.ndarray, "lines signals"]:
         return np.fft.rfft(x, axis=0)[: self.count]
@@ -297,7 +299,7 @@ class Feedback(eqx.Module):
         - `u`: (samples, inputs), one period on an even clock, which is taken as limited to its band.
         - `finer`: steps of the laws to a sample.
 
-        Laws run two periods from rest, of which the second counts: their memory has to be forgotten within
+        Laws run two periods at most, of which the last counts: their memory has to be forgotten within
         a period. s is the root mean square of a drive over the period, whatever the `memory`.
 
         Raises `InputError` `diverged` where a step still changes the drives by a thousandth of their size,
@@ -357,9 +359,29 @@ def reactions(model: Feedback, laws: tuple[Numbers, ...], lines: Lines, Z: Any) 
     z = lines.fine(Z)
     w = np.empty_like(z)
     for i, numbers in enumerate(laws):
-        w[i] = run(numbers, np.tile(z[i], 2), lines.clock).value[z.shape[1] :]
+        w[i] = settled(numbers, z[i], lines.step)[0]
         w[i] += model.levels[i] * z[i] * np.log(level_of(z[i]))
     return lines.coarse(w)
+
+
+def settled(
+    numbers: Numbers, z: Float[np.ndarray, " fine"], h: float
+) -> tuple[Float[np.ndarray, " fine"], Int[np.ndarray, " rows"]]:
+    """A law's output over a period z in steady state, and the rows of z that lead there from rest, of which
+    the last period counts.
+
+    They begin at the largest |z|, where what remembers reversals has the same state in every period. A law
+    that comes back to another one runs two periods.
+    """
+    order = np.roll(np.arange(len(z)), -int(np.argmax(np.abs(z))))
+    again, steps, w = np.roll(order, -1), np.full(len(z), h), np.empty(len(z))
+    first = run(numbers, z[order[:1]], np.array([np.nan])).m
+    once = run(numbers._replace(m=first), z[again], steps)
+    if np.allclose(once.m, first, rtol=ROUNDING, atol=0.0):
+        w[again] = once.value
+        return w, order
+    w[again] = run(numbers._replace(m=once.m), z[again], steps).value
+    return w, np.tile(order, 2)
 
 
 def level_of(z: np.ndarray) -> float:

@@ -15,6 +15,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from hysteresis import Feedback, InputError, StopsAndPowers
 
@@ -67,6 +68,8 @@ class FeedbackFit(NamedTuple):
     seconds: float
 
 
+# Many small factorisations: threads that wait for each other take ten times as long on a busy machine.
+@threadpool_limits.wrap(limits=1, user_api="blas")
 def fit_feedback(
     tests: Sequence[PeriodicTest],
     *,

@@ -15,7 +15,8 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 
 from hysteresis import Feedback, StopsAndPowers
-from hysteresis.dynamics._feedback import Lines, Steady, level_of
+from hysteresis.dynamics._feedback import Lines, Steady, level_of, settled
+from hysteresis.dynamics._recorder import clock
 from hysteresis.running import Numbers, numbers_of, tangents
 
 EXACT, ROUNDS = 0.03, 12
@@ -134,7 +135,7 @@ def changes(point: Point, unknowns: Unknowns) -> list[Change]:
     signals = np.concatenate([modes, v[:, :nu]], 1)[:, : None if unknowns.driven else 0]
     first, wide = min(modes.shape[1], signals.shape[1]), signals.shape[1]
     fine = lines.fine(signals.T.astype(np.complex64, order="C")).T
-    reactions = [reacting(point, i, fine).T for i in range(n)]
+    reactions = [reacting(point, i, signals, fine).T for i in range(n)]
     by_shape, by_level, by_law, by_direct = (
         [((w[:, :, [i]], dW[:, columns]),) for i, dW in enumerate(reactions)]
         for columns in (np.s_[:first], np.s_[-1:], np.s_[wide:-1], np.s_[first:wide])
@@ -145,19 +146,33 @@ def changes(point: Point, unknowns: Unknowns) -> list[Change]:
     ]  # fmt: skip
 
 
-def reacting(point: Point, i: int, dz: np.ndarray, own: bool = True) -> np.ndarray:
-    """Changes of the reaction w_i by changes dz (fine, signals) of its drive, where `own` by its law's
-    unknowns, and by its level, (columns, lines)."""
-    lines, (numbers, dm) = point.lines, point.reactions[i]
-    z = lines.fine(point.state.drives[i])
-    wide = np.concatenate([np.zeros((len(dm), dz.shape[1])), dm if own else dm[:, :0]], 1)
-    both = np.zeros((2 * len(z), wide.shape[1]))
-    both[:, : dz.shape[1]] = np.tile(dz, (2, 1))
-    dw = tangents(numbers, wide, np.tile(z, 2), lines.clock, both, kept=(len(z), 1)).columns
+def reacting(point: Point, i: int, dZ: np.ndarray, dz: np.ndarray, own: bool = True) -> np.ndarray:
+    """Changes of the reaction w_i by changes of its drive, dZ (lines, signals) or dz (fine, signals), where
+    `own` by its law's unknowns, and by its level, (columns, lines)."""
+    lines, (numbers, dm), Z = point.lines, point.reactions[i], point.state.drives[i]
+    z, signals = lines.fine(Z), dz.shape[1]
+    dm = np.concatenate([np.zeros((len(dm), signals)), dm if own else dm[:, :0]], 1)
+    dW = lines.coarse(settled_tangents(numbers, dm, z, lines.step, dz))
     s, level = level_of(z), point.model.levels[i]
-    dw[:, : dz.shape[1]] += level * (np.log(s) * dz + np.outer(z, z @ dz) / (len(z) * s**2))
+    dW[:signals] += level * (np.log(s) * dZ + np.outer(Z, z @ dz) / (len(z) * s**2)).T
+    return np.concatenate([dW, np.log(s) * Z[None]])
+
+
+def settled_tangents(
+    numbers: Numbers, dm: np.ndarray, z: np.ndarray, h: float, dz: np.ndarray | None = None
+) -> np.ndarray:
+    """Of the output over a period in steady state, (columns, fine), by those of the numbers, of which the
+    first are those of the drive, dz (fine, signals)."""
+    order = settled(numbers, z, h)[1]
+    begin = len(order) - len(z)
+    moved = np.zeros((len(order), dm.shape[1]))
+    if dz is not None:
+        moved[:, : dz.shape[1]] = dz[order]
+    found = tangents(numbers, dm, z[order], clock(len(order), h), moved, kept=(begin, 1)).columns
     # In half the precision: a third of the time.
-    return lines.coarse(np.column_stack([dw, z * np.log(s)]).T.astype(np.float32, order="C"))
+    columns = np.empty(found.shape[::-1], np.float32)
+    columns[:, order[begin:]] = found.T
+    return columns
 
 
 def around(point: Point, kept: slice) -> np.ndarray:
@@ -192,7 +207,7 @@ def refined(point: Point, of: list[Change], rounds: int = ROUNDS) -> tuple[np.nd
     for turn in range(rounds):
         dZ = found[:, ny:]
         fine = (point.lines.fine(dZ[:, i].T).T for i in range(n))
-        each = [reacting(point, i, dz, own=False)[:-1].T for i, dz in enumerate(fine)]
+        each = [reacting(point, i, dZ[:, i], dz, own=False)[:-1].T for i, dz in enumerate(fine)]
         beside = np.stack(each, 1)
         beside -= point.gains[:, None] * dZ
         found = (first + T[:, :, -n:] @ beside).astype(np.complex64)

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from threadpoolctl import threadpool_limits
 
 from hysteresis import Feedback, InputError
 from hysteresis.dynamics._feedback import CLOSE
@@ -41,6 +42,8 @@ LEAST_LINES, FEW = 4, 1000
 """Lines that tell a mode's pole and residue, and so many of many that a step takes."""
 
 
+# Many small factorisations, as in `spectrum`.
+@threadpool_limits.wrap(limits=1, user_api="blas")
 def fit_modes(u: ArrayLike, y: ArrayLike, dt: float) -> Feedback:
     """The modes of a linear system, from any record on an even clock: noise, a sweep, blows of a hammer.
 

@@ -14,10 +14,9 @@ import numpy as np
 
 from hysteresis import Feedback, StopsAndPowers
 from hysteresis.dynamics._feedback import level_of
-from hysteresis.running import tangents
 
 from ._feedback_search import Spectra, simulated
-from ._feedback_unknowns import numbers_by_unknowns
+from ._feedback_unknowns import numbers_by_unknowns, settled_tangents
 from ._periodic_tests import excited_lines
 from ._vector_fitting import real
 
@@ -100,8 +99,8 @@ def screening(model: Feedback, data: Spectra) -> tuple[tuple[Screened, ...], dic
 
     def reactions(drive: Any) -> Any:
         z = data.lines.fine(drive)
-        w = tangents(numbers, by, np.tile(z, 2), data.lines.clock, kept=(len(z), 1)).columns
-        return data.lines.coarse(np.column_stack([w, z * np.log(level_of(z))]).T)[:, at]
+        w = settled_tangents(numbers, by, z, data.lines.step)
+        return data.lines.coarse(np.vstack([w, z * np.log(level_of(z))]))[:, at]
 
     shares, by_group = [], {}
     for group in GROUPS:

@@ -7,10 +7,13 @@ import numpy as np
 import pytest
 
 from hysteresis import (
+    BoucWen,
     BoucWenForce,
     Feedback,
+    GeneralizedMaxwell,
     GeneralizedPlays,
     Oscillator,
+    PrandtlIshlinskii,
     StopsAndPowers,
 )
 from identify import distortion, fit_feedback, fit_modes, periodic_test
@@ -65,6 +68,24 @@ def test_a_mode_with_a_stop_is_a_mass_with_plays():
     found = mass_and_stop(limit, weight).steady(u, DT, finer=more)[:, 0]
     # Newmark's steps of a period of 150 rows and force straight between them err by 1e-4 each.
     assert np.abs(found - y).max() < 5e-4 * y.std()
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        StopsAndPowers([0.3], [1.5], [0.1, 0.0, 0.2]),
+        PrandtlIshlinskii([0.3], [1.0], 0.2),
+        GeneralizedMaxwell(0.5, [1.0], [3.0]),
+        BoucWen(1.0, 0.5, 0.4),
+    ],
+)
+def test_a_steady_state_is_where_the_motion_ends(law):
+    """With memory of reversals and of time."""
+    model = replace(mass_and_stop(0.3, 1.5), channels=(law,))
+    u = multisine(0, 1.0, range(1, 25))
+    ends = model.simulate(np.tile(u, (9, 1)), DT)[-PERIOD:, 0]
+    # A motion takes its input as straight within fine steps, and continues the last 32 samples by itself.
+    assert np.abs(model.steady(u, DT)[:, 0] - ends)[:-40].max() < 5e-4 * ends.std()
 
 
 def test_modes_of_a_linear_system_are_found():
