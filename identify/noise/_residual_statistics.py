@@ -6,7 +6,7 @@ import numpy as np
 import scipy
 from jaxtyping import Float
 
-from ._reml import PARTS, Linearised, of_free
+from ._reml import PARTS, Linearised, noise_fit, of_free
 
 # How much wider errors are because the noise itself is known only so well.
 
@@ -97,6 +97,25 @@ def estimate_noise(residuals: list[Float[np.ndarray, " _"]], parameters: int = 0
     tau = min(tau, samples / (parameters + 1.0))
     sigma = np.sqrt(squares / max(samples - parameters, 1))
     return Noise(float(sigma), samples, max(tau, 1.0))
+
+
+def lasting_noise(at: Linearised, plain: Noise, parameters: int) -> Noise:
+    """Noise behind the residuals of a model of so many parameters, where it lasts from row to row.
+
+    A flexible model takes in a part of what lasts, so that the residuals show too little of it. Restricted
+    likelihood counts that, here of an AR(1) process, of the correlation time (1 + phi) / (1 - phi); each
+    parameter takes in one independent residual. The `plain` noise stays where the evidence of phi, with
+    half a log of the rows, is against it.
+    """
+    white, found = (noise_fit(at, kind) for kind in (("sigma",), ("sigma", "phi")))
+    phi = float(of_free(found.free, ("sigma", "phi")).phi)
+    if white.cost - found.cost < np.log(plain.samples) / 2 or phi < 0:
+        return plain
+    tau = max((1 + phi) / (1 - phi), plain.correlation_time)
+    tau = min(tau, plain.samples / (parameters + 1.0))
+    effective, before = plain.samples / tau, max(plain.samples - parameters, 1)
+    square = plain.sigma**2 * before / plain.samples * effective / (effective - parameters)
+    return Noise(float(np.sqrt(square)), plain.samples, tau)
 
 
 def integrated_time(rho: Float[np.ndarray, "lags *series"]) -> Float[np.ndarray, "*series"]:

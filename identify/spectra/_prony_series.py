@@ -270,18 +270,28 @@ class Problem:
         H = B.T @ B + 1e-13 * np.eye(B.shape[1])
         return D - B @ np.linalg.solve(H, B.T @ D)
 
+    def linearised(
+        self, fitted: Fitted
+    ) -> tuple[Matrix, Float[np.ndarray, "numbers numbers"], Float[np.ndarray, " numbers"]]:
+        """J = d residuals / d (fitted strengths that are not zero, log tau); the prior's precision of them,
+        and its slope."""
+        A, on = self.columns(fitted.log_tau), fitted.chosen
+        D = self.slopes(fitted.log_tau, A) * fitted.strengths[fitted.memoryless :]
+        J = np.hstack([A, D])[:, on]
+        if fitted.prior is None:
+            return J, np.zeros(2 * (J.shape[1],)), np.zeros(J.shape[1])
+        own = on[: len(fitted.strengths)]
+        prior = fitted.prior[np.ix_(own, own)]
+        return J, prior, prior @ fitted.strengths[own]
+
     def covariance(self, fitted: Fitted) -> Float[np.ndarray, "numbers numbers"]:
-        """Inverse of J'J and any prior, J = d residuals / d (fitted strengths that are not zero, log tau).
+        """Inverse of J'J and any prior, see `linearised`.
 
         J'J is scaled to a unit diagonal, and raised by 1e-13, lest what the rows cannot tell ends the
         computation: it gets a variance of 1e13.
         """
-        A = self.columns(fitted.log_tau)
-        D = self.slopes(fitted.log_tau, A) * fitted.strengths[fitted.memoryless :]
-        J = np.hstack([A, D])[:, fitted.chosen]
-        H = J.T @ J
-        if fitted.prior is not None:
-            H += fitted.prior[np.ix_(*2 * [fitted.chosen[: len(fitted.strengths)]])]
+        J, prior, _ = self.linearised(fitted)
+        H = J.T @ J + prior
         scale = np.sqrt(np.diagonal(H))
         inverse = np.linalg.inv(H / (scale[:, None] * scale) + 1e-13 * np.eye(len(scale)))
         return inverse / (scale[:, None] * scale[None])

@@ -11,7 +11,9 @@ from threadpoolctl import threadpool_limits
 from hysteresis import GeneralizedKelvinVoigt, GeneralizedMaxwell, InputError
 
 from .._levels import FEWEST, SOME_ROWS
-from ..noise._residual_statistics import Noise, estimate_noise
+from ..noise._arithmetic import Rows
+from ..noise._reml import Linearised
+from ..noise._residual_statistics import Noise, estimate_noise, lasting_noise
 from ._dense_spectrum import dense_spectrum, short_series
 from ._extrapolation import Allowed, allowed
 from ._fractional import Fractional, fractional_of
@@ -206,14 +208,18 @@ def spectrum(
     fits = _fits(problem, (float(ends[0]), float(ends[1])), terms, tau)
     finest = min(fits, key=lambda fitted: fitted.mean_square)
     edges = np.cumsum([len(one.memoryless) for one in problem.inputs])[:-1]
-    noise = noise_of(np.split(finest.residuals, edges), finest)
-    table = tuple(Order.of(one, noise) for one in fits)
+    left = noise_of(np.split(finest.residuals, edges), finest)
+    table = tuple(Order.of(one, left) for one in fits)
     best = _best(table, dense and terms is None)
     if terms is not None and table[best].order < terms:
         notes.append(
             f"no more than {table[best].order} time constants come out with positive strengths."
         )
-    answers = tuple(Answer(_model(f, problem), f, *_log_covariance(f, problem)) for f in fits)
+    noise = _lasting(problem, finest, left)
+    answers = tuple(
+        Answer(_model(f, problem), f, *_log_covariance(f, problem, noise.correlation_time))
+        for f in fits
+    )
     notes += [] if table[best].dense else _notes(fits[best], step, span, kind)
     notes += _contradiction(problem, fits[best], ends)
     around = allowed(problem.thinned(SOME_ROWS), fits[best], noise, step, span)
@@ -307,6 +313,21 @@ def noise_of(parts: list[np.ndarray], fitted: Fitted) -> Noise:
     return estimate_noise(parts, min(fitted.parameters, sum(map(len, parts)) // 2))
 
 
+def _lasting(problem: Problem, fitted: Fitted, left: Noise) -> Noise:
+    """What the rows are off the true spectrum by, of which a fitted one has `left` less where it lasts."""
+    # Of many rows it takes in next to nothing.
+    if left.sigma == 0 or left.samples > SOME_ROWS:
+        return left
+    counted = fitted.residuals != 0
+    place = np.concatenate([np.arange(len(one.memoryless)) for one in problem.inputs], dtype=float)
+    none = np.zeros(len(place))
+    rows = Rows(counted, place, none, none, none[:, None], none + 1)
+    J, precision, pull = problem.linearised(fitted)
+    square = left.sigma**2
+    at = Linearised(fitted.residuals, J, rows, pull / square, precision / square)
+    return lasting_noise(at, left, min(fitted.parameters, left.samples // 2))
+
+
 def _model(fitted: Fitted, problem: Problem) -> GeneralizedKelvinVoigt | GeneralizedMaxwell:
     n = fitted.memoryless
     spring, c, tau = fitted.strengths[0], fitted.strengths[n:], np.exp(fitted.log_tau)
@@ -320,9 +341,10 @@ def _model(fitted: Fitted, problem: Problem) -> GeneralizedKelvinVoigt | General
 
 
 def _log_covariance(
-    fitted: Fitted, problem: Problem
+    fitted: Fitted, problem: Problem, lasting: float
 ) -> tuple[tuple[str, ...], Float[np.ndarray, "names names"]]:
-    """Names of the parameters that are there, and the covariance of their logarithms.
+    """Names of the parameters that are there, and the covariance of their logarithms under noise that lasts
+    so many rows or more.
 
     With strengths c and x = log tau, log E is -log c in creep and log c in relaxation, and log eta
     is x - log c. An offset stays as it is. What is known has no variance.
@@ -348,7 +370,7 @@ def _log_covariance(
             way[row + 1, n + k] = -1 / c[n + k]
     way = way[:, fitted.chosen]
     noise = noise_of([fitted.residuals], fitted)
-    variance = noise.sigma**2 * noise.correlation_time
+    variance = noise.sigma**2 * max(noise.correlation_time, lasting)
     return tuple(names), variance * way @ problem.covariance(fitted) @ way.T
 
 
