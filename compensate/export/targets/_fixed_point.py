@@ -88,6 +88,7 @@ def _tables(made: Artefact, p: dict[str, Any], state: dict[str, Any]) -> dict[st
         "reading_zero": repr(float(p["offset"])), "reading_step": repr(float(1 / factor)),
         "estimate_zero": repr(float(low)), "estimate_step": repr(float(width / ONE)),
         "cells": cells, "depth": p["capacity"], "table_bytes": 4 * sum(map(len, tables)),
+        "count": "uint8_t" if p["capacity"] < 256 else "uint16_t",
         "everett": _rows(output(everett)), "diagonal": _rows(output(tables[1])),
         "reversible": _rows(output(reversible)),
         "first": list(zip(at(state["extremum"][:depth]), output(state["level"][:depth]), strict=True)),
@@ -96,6 +97,7 @@ def _tables(made: Artefact, p: dict[str, Any], state: dict[str, Any]) -> dict[st
         "low_limit": integer(limits[0]), "high_limit": integer(limits[1]),
         "margin": ROUNDING, "flat": max(output(p["flat"]), ROUNDING),
         "goes_on": bool(min(steps[0], steps[-1]) > p["flat"]),
+        "known": output(_known(p, guarded)),
         "guard": guarded and {
             "low": edge(guarded["low"]), "high": edge(guarded["high"]), "rounding": edge(low + told),
             "bottom": edge(guarded["low"] + guarded["within"]),
@@ -106,6 +108,29 @@ def _tables(made: Artefact, p: dict[str, Any], state: dict[str, Any]) -> dict[st
         "golden_values": _rows([edge(golden["value"][k]) for k in seen]),
         "tolerance": edge(low + TOLERANCE * span) + 1,
     }  # fmt: skip
+
+
+def _known(p: dict[str, Any], guard: dict[str, Any] | None) -> list[float]:
+    """The least and the greatest reading, less the offset, that are known, also beyond the model's outputs.
+
+    Where the reversible part goes on, estimates may be as far beyond the trained inputs as the guard does
+    not tell; where it does not, the training rows had such readings.
+    """
+    if guard is None:
+        return [p["floor"], p["ceiling"]]
+    edges, rises = p["edges"], np.diff(p["reversible"])
+
+    def beyond(end: float, rise: float, past: float, seen: float) -> float:
+        if rise > p["flat"]:
+            return max(past, 0.0) * rise * p["scale"]
+        return max(seen - end, 0.0) if guard["least"] <= guard["most"] else 0.0
+
+    least, most = (guard[seen] - p["offset"] for seen in ("least", "most"))
+    low, high = guard["low"] - guard["slack"], guard["high"] + guard["slack"]
+    return [
+        p["floor"] - beyond(-p["floor"], rises[0], edges[0] - low, -least),
+        p["ceiling"] + beyond(p["ceiling"], rises[-1], high - edges[-1], most),
+    ]
 
 
 def _ends(p: dict[str, Any], state: dict[str, Any]) -> int:

@@ -60,7 +60,8 @@ typedef struct {
     int32_t extremum[{{ upper }}_DEPTH];
     int32_t level[{{ upper }}_DEPTH];
     int32_t u, z, estimate;
-    uint8_t depth, rising, known;
+    {{ count }} depth;
+    uint8_t rising, known;
 } {{ stem }}_state;
 
 static inline int32_t {{ stem }}_reading(float reading)
@@ -144,7 +145,8 @@ static inline uint16_t {{ stem }}_within(int32_t a, int32_t b, int32_t c, int32_
         }
     }
     *slope = b;
-    return f;
+    /* Rounded: cut off, estimates would sink with each loop within a loop. */
+    return f < 65535u && c + c + b + (a >> 1) <= 0 ? (uint16_t)(f + 1) : f;
 }
 
 /* The input behind z, nearest to s->u, on the branch from the youngest reversal; its status is written. */
@@ -191,19 +193,24 @@ static inline int32_t {{ stem }}_solve(const {{ stem }}_state *s, int32_t z, int
         }
     }
     i = first;
-    int32_t A = {{ upper }}_AT({{ stem }}_diagonal, i);
-    int32_t C = {{ upper }}_NODE(i) - goal;
-    int32_t B = {{ upper }}_NODE(i + 1) - goal - C - A;
-#undef {{ upper }}_NODE
-    if (!up) { /* q falls along the cell: turned, so that it rises */
-        A = -A;
-        B = -B;
-        C = -C;
+    int32_t A = {{ upper }}_AT({{ stem }}_diagonal, i), B, C;
+    if (i == j) { /* a parabola from the reversal, beyond which q falls: how far from there */
+        B = {{ upper }}_AT({{ stem }}_reversible, i + 1) - {{ upper }}_AT({{ stem }}_reversible, i);
+        C = up ? s->level[s->depth - 1] - z : z - s->level[s->depth - 1];
+    } else {
+        C = {{ upper }}_NODE(i) - goal;
+        B = {{ upper }}_NODE(i + 1) - goal - C - A;
+        if (!up) { /* q falls along the cell: turned, so that it rises */
+            A = -A;
+            B = -B;
+            C = -C;
+        }
     }
+#undef {{ upper }}_NODE
     int32_t slope;
     uint16_t f = {{ stem }}_within(A, B, C, &slope);
     *status = slope > {{ flat }} ? {{ upper }}_OK : {{ upper }}_FLAT;
-    int32_t u = ((int32_t)i << 16) + f;
+    int32_t u = i == j ? (up ? r + f : r - f) : ((int32_t)i << 16) + f;
     if (up) {
         u = u < s->u ? s->u : u;
         return u < end ? u : end;
@@ -241,20 +248,20 @@ static inline int {{ stem }}_step(
     uint8_t rising = z > s->z;
     if (z != s->z && rising != s->rising) {
         if (s->depth >= {{ upper }}_DEPTH) {
-            s->depth = (uint8_t)(s->depth - 2);
+            s->depth = ({{ count }})(s->depth - 2);
         }
         s->extremum[s->depth] = s->u;
         s->level[s->depth] = s->z;
-        s->depth = (uint8_t)(s->depth + 1);
+        s->depth = ({{ count }})(s->depth + 1);
         s->rising = rising;
     }
     if (s->rising) {
         while (s->depth >= 3 && z > s->level[s->depth - 2]) { /* at most: depth / 2 */
-            s->depth = (uint8_t)(s->depth - 2);
+            s->depth = ({{ count }})(s->depth - 2);
         }
     } else {
         while (s->depth >= 3 && z < s->level[s->depth - 2]) { /* at most: depth / 2 */
-            s->depth = (uint8_t)(s->depth - 2);
+            s->depth = ({{ count }})(s->depth - 2);
         }
     }
     int32_t u = {{ stem }}_solve(s, z, &status);
@@ -265,6 +272,9 @@ static inline int {{ stem }}_step(
     u = s->u;
     if (beyond) {
         status = {{ upper }}_{{ "EXTRAPOLATED" if goes_on else "SATURATED" }};
+        if (reading >= {{ known[0] }} && reading <= {{ known[1] }}) { /* known all the same */
+            status = {{ upper }}_OK;
+        }
     }
 {% if guard %}
 {% if guard.ends %}
