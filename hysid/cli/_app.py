@@ -30,7 +30,7 @@ from ..commands._console import (
     stop,
 )
 from ..intake._selection_options import ASIDE, FIELDS
-from ._config_file import FindsConfig, configure
+from ._config_file import EachOnce, FindsConfig, configure
 
 
 def command_of(asked: type[Command]) -> Callable[..., None]:
@@ -189,7 +189,7 @@ for _command, _example in {
     _asked.Reproduce: "hysid reproduce tsuji2014 --out tsuji2014",
     _asked.Warm: "hysid warm sponge",
 }.items():
-    _class = FindsConfig if "config" in _command.__dataclass_fields__ else None
+    _class = FindsConfig if "config" in _command.__dataclass_fields__ else EachOnce
     app.command(epilog=example(_example), cls=_class)(command_of(_command))
 for _name, _about, _commands_of in (
     (
@@ -226,7 +226,7 @@ for _name, _about, _commands_of in (
 ):
     _group = typer.Typer(help=_about)
     for _command, _example in _commands_of.items():
-        _group.command(epilog=example(_example))(command_of(_command))
+        _group.command(epilog=example(_example), cls=EachOnce)(command_of(_command))
     app.add_typer(_group, name=_name)
 
 

@@ -48,7 +48,23 @@ def configure(context: Context, file: Any) -> Path | None:
     return file
 
 
-class FindsConfig(TyperCommand):
+class EachOnce(TyperCommand):
+    """A command that refuses an option that is given twice and takes one value: the first would be lost."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        self.given(ctx, args)
+        return super().parse_args(ctx, args)
+
+    def given(self, ctx: Any, args: list[str]) -> Mapping[str, Any]:
+        """What the command line says, by the name of the option."""
+        said, _, order = self.make_parser(ctx).parse_args(args=list(args))
+        for one in order:
+            if order.count(one) > 1 and not (one.multiple or getattr(one, "is_flag", False)):
+                raise typer.BadParameter("give it once", ctx=ctx, param_hint=repr(one.opts[0]))
+        return said
+
+
+class FindsConfig(EachOnce):
     """A command on FILE that takes the options of FILE's .toml where no column and no --config is given.
 
     `hysid fit` writes that .toml, as `hysid init` does, where it is not there and every role is sure.
@@ -71,7 +87,7 @@ class FindsConfig(TyperCommand):
                     formatter.write_dl(records)
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        given, _, _ = self.make_parser(ctx).parse_args(args=list(args))
+        given = self.given(ctx, args)
         looked_at = not (given.get("help") or ctx.resilient_parsing)
         file = next(iter(given.get("files") or ()), given.get("file"))
         if looked_at and isinstance(file, str):

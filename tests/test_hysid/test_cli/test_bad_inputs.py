@@ -173,6 +173,7 @@ BAD = {
 
 USAGE = [  # what typer says of a number depends on its version
     (("--bogus",), "No such option: --bogus"),
+    (("--seed", "1", "--seed", "2"), "'--seed': give it once"),
     (("--test-cycles", "soon"), "Invalid value for '--test-cycles'"),
     (("--starts", "0"), "Invalid value for '--starts'"),
     (("--seed", "-1"), "Invalid value for '--seed'"),
