@@ -7,6 +7,7 @@ import numpy as np
 
 from hysteresis._escape import c_string, visible
 from hysteresis.laws._tree import Tree
+from hysteresis.records._units import named_unit
 
 from ..runtime._file import LONGEST
 from ..runtime._status import Status
@@ -161,6 +162,6 @@ def spent(document: Tree) -> str:
 
 
 def quantity(one: dict[str, str]) -> str:
-    """The name, with the unit where it does not have it, on one line."""
-    said = one["name"] if one["unit"] in one["name"] else f"{one['name']} in {one['unit']}"
-    return visible(said)
+    """The name, with the unit where there is one and the name does not have it, on one line."""
+    known = one["unit"] in ("", "1", named_unit(one["name"], None, None))
+    return visible(one["name"] if known else f"{one['name']} in {one['unit']}")

@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from compensate import Status, export_to
+from compensate import Quantity, Status, export_to
 from hysteresis import InputError, Preisach
 from hysteresis.preisach import GridDensity
 from tests.boards import on_avr, on_cortex_m4
@@ -40,6 +40,18 @@ def test_the_example_compiles(name: str, real: str, tmp_path: Path):
     command += ["-I", str(stub), "-I", str(out / "src"), str(example)]
     done = subprocess.run(command, capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_an_export_says_each_unit_once(tmp_path: Path):
+    """Also a unit whose letters are in the name; none where there is none."""
+    one = case("plays")
+    units = {"reading": Quantity("displacement", "m"), "estimate": Quantity("force (N)", "N")}
+    out = export_to("arduino", one.model, tmp_path / "sensor", one.y, **units).path
+    assert "\n| reading | displacement in m, from" in (out / "README.md").read_text()
+    assert "\n| estimate | force (N) |" in (out / "README.md").read_text()
+    assert "\n * reading: displacement in m, from" in (out / "src" / "sensor.h").read_text()
+    out = export_to("arduino", one.model, tmp_path / "sensor", one.y).path
+    assert "\n| reading | output, from" in (out / "README.md").read_text()
 
 
 def test_a_folder_is_replaced_only_where_an_export_wrote_it(tmp_path: Path):

@@ -23,6 +23,7 @@ from hysteresis._escape import c_comment, c_string, markup, visible
 from ...runtime._file import checksum
 from .._c99_header import STANDARD, header
 from .._export import Program
+from .._header_facts import quantity
 
 if TYPE_CHECKING:
     import jinja2
@@ -240,5 +241,5 @@ def _environment() -> "jinja2.Environment":
     )
     line: Callable[[Any], str] = lambda text: " ".join(visible(str(text)).split())  # noqa: E731
     made.filters |= {"c_string": c_string, "c_comment": c_comment, "markup": markup, "line": line}
-    made.filters |= {"json": json.dumps, "exact": repr}
+    made.filters |= {"json": json.dumps, "exact": repr, "quantity": quantity}
     return made

@@ -1,4 +1,4 @@
-// {{ title | c_comment }}: {{ estimate.name | c_comment }} ({{ estimate.unit | c_comment }}) from {{ reading.name | c_comment }} ({{ reading.unit | c_comment }}), 100 times a second, on the serial line.
+// {{ title | c_comment }}: {{ estimate | quantity | c_comment }} from {{ reading | quantity | c_comment }}, 100 times a second, on the serial line.
 
 #include <Arduino.h>
 
@@ -7,7 +7,7 @@
 static const unsigned long PERIOD = 10000; // microseconds
 static {{ stem }}_state state;
 
-// Put your sensor here: it has to give {{ reading.name | c_comment }} in {{ reading.unit | c_comment }}.
+// Put your sensor here: it has to give {{ reading | quantity | c_comment }}.
 static {{ stem }}_real read_sensor()
 {
     return ({{ stem }}_real)({{ limits[0] | exact }} + ({{ limits[1] | exact }} - {{ limits[0] | exact }}) * analogRead(A0) / 1023.0);

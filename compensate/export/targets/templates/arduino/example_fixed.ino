@@ -1,4 +1,4 @@
-// {{ title | c_comment }}: {{ estimate.name | c_comment }} ({{ estimate.unit | c_comment }}) from {{ reading.name | c_comment }} ({{ reading.unit | c_comment }}), 100 times a second, in integers.
+// {{ title | c_comment }}: {{ estimate | quantity | c_comment }} from {{ reading | quantity | c_comment }}, 100 times a second, in integers.
 
 #include <Arduino.h>
 
