@@ -493,6 +493,7 @@ MEMORY = "the estimate depends on the readings before"
 CHECKED = f"""
 import sys
 import numpy as np
+import pandas
 from sklearn.utils.estimator_checks import check_estimator
 from sensor import Compensator
 
@@ -504,6 +505,16 @@ assert len(made) > 30
 X = np.load("given.npy")
 one = Compensator(reading=1, time=0, condition=2, output="all").fit(X)
 np.save("found.npy", one.transform(X))
+named = pandas.DataFrame(X, columns=["t", "y", "c"])
+by_name = one.set_params(reading="y", time="t", condition="c").fit(named)
+np.testing.assert_array_equal(by_name.transform(named), np.load("found.npy"))
+for wrong, options, said in ((X[::-1], {{}}, "in row 1 of X"), (X, {{"reading": 3}}, "reading=3")):
+    try:
+        Compensator(**{{"reading": 1, "time": 0, **options}}).fit(wrong).predict(wrong)
+    except ValueError as error:
+        assert said in str(error)
+    else:
+        raise AssertionError(said)
 assert "jax" not in sys.modules and "compensate" not in sys.modules
 """
 
