@@ -106,7 +106,8 @@ def fit_feedback(
     raw, noise = spectra_of(tests)
     steady = steady_ones(raw, noise)
     kept = np.flatnonzero(steady)
-    in_units, data = in_own_units(raw.part(steady))
+    rms = np.sqrt(np.nan_to_num(noise[:, 1:] ** 2).mean(1))
+    in_units, data = in_own_units(raw.weighed(rms).part(steady))
     # The last test of each level of two or more.
     level = data.level
     out = np.array([k in level[:i] and k not in level[i + 1 :] for i, k in enumerate(level)])
@@ -198,12 +199,12 @@ class _Search:
         at = excited_lines(own.U)
         G, _, _ = linear_response(own.U, own.Y, at, 0)
         told = np.ones((len(at), 1)), G.reshape(len(at), -1)
-        model = chosen_modes(own, at, told, lambda model: rest.errors(model)[self.middle])
+        model = chosen_modes(own, at, told, rest.error)
         return self.told(f"{len(model.poles)} modes", model)
 
     def error(self, model: Feedback) -> float:
-        """The mean of the held-out errors."""
-        return float(np.mean([*self.test.errors(model).values()]))
+        """Of what is held out."""
+        return self.test.error(model)
 
     def with_group(self, model: Feedback, name: str) -> Feedback:
         """With one more group of channels, fitted in three stages."""

@@ -1,8 +1,9 @@
 """Gauss-Newton for a `Feedback` model: simulated steady states against measured spectra.
 
-The sum of |Y - Y^|^2 over lines, outputs and realisations, each output over its own size at its level, is
-decreased by steps damped in each unknown's own size (Levenberg, Marquardt). A pass takes every `thin`th
-line, another set each time, because a Jacobian costs more than the states do.
+The sum of |Y - Y^|^2 over lines, outputs and realisations, each output over its own size at its level, or
+over thirty times its noise where that is more, is decreased by steps damped in each unknown's own size
+(Levenberg, Marquardt). A pass takes every `thin`th line, another set each time, because a Jacobian costs
+more than the states do.
 """
 
 from typing import Any, NamedTuple
@@ -30,13 +31,17 @@ STRONG, PROBED = 0.5, 8
 part a step of Gauss-Newton then falls short. While it is less than half, each step leaves less than half of
 the way, and the exact tangents cost more than the steps that they save."""
 
+HEARD = 30.0
+"""How many times its noise an output counts for at least: one of noise alone would hide what others say."""
+
 LEFT = 1e-2
 """Part of the drives that a steady state may leave in a step that is taken."""
 
 
 class Spectra(NamedTuple):
     """Periodic records in their lines: inputs U (realisations, lines, inputs), outputs Y, which level each
-    realisation has, and the root mean square of each level's outputs (realisations, outputs)."""
+    realisation has, and what errors of outputs count in parts of (realisations, outputs): the root mean
+    square of the level's outputs, more where noise is `weighed`."""
 
     lines: Lines
     U: Any
@@ -52,11 +57,22 @@ class Spectra(NamedTuple):
     def finer(self, finer: int) -> "Spectra":
         return self._replace(lines=self.lines._replace(finer=finer))
 
+    def weighed(self, noise: np.ndarray) -> "Spectra":
+        """With sizes in which noise counts, too: its root mean square is (realisations, outputs)."""
+        return self._replace(size=np.hypot(self.size, HEARD * noise))
+
     def left(self, Y: Any) -> Any:
         """What outputs leave, over their sizes; without the constant one."""
         rest = (self.Y - Y) / self.size[:, None, :]
         rest[:, 0] = 0.0
         return rest
+
+    def error(self, model: Feedback) -> float:
+        """Root mean square of what outputs leave, over their sizes: the mean over levels, realisations and
+        outputs."""
+        left = self.left(simulated(model, self).output)[:, 1:]
+        e = np.sqrt((np.abs(left) ** 2).mean(1)).mean(1)
+        return float(np.mean([e[self.level == k].mean() for k in np.unique(self.level)]))
 
     def errors(self, model: Feedback) -> dict[int, float]:
         """Of each level: root mean square error over that of the output, the mean over realisations and

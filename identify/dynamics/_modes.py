@@ -27,7 +27,7 @@ from ._measured_motion import LEAST_NOISE, LEAST_ROWS
 from ._periodic_tests import excited_lines, input_sizes, periodic_test, spectra_of
 from ._vector_fitting import vector_fitted
 
-MOST_MODES = 30
+MANY, MOST_MODES = 20, 30
 WORTH = 0.98
 """More modes, or a group of channels, have to bring the error of what is held out below this part of it."""
 
@@ -76,17 +76,10 @@ def fit_modes(u: ArrayLike, y: ArrayLike, dt: float) -> Feedback:
             f"{rows} rows do not show modes.",
             fix=f"measure at least {LEAST_ROWS} rows.",
         )
-    in_units, data = in_own_units(spectra_of([periodic_test(u, y, dt, rows)])[0])
-    at, blow = excited_lines(data.U), np.full((1, data.lines.count, 1), data.size.mean())
-    data = data._replace(U=np.concatenate([data.U, blow], 2))
+    raw = spectra_of([periodic_test(u, y, dt, rows)])[0]
     # Half of the lines are held out: without inputs and outputs they are in no sum.
-    seen = np.random.default_rng(0).random(data.lines.count) < 0.5
-
-    def error(model: Feedback) -> float:
-        left, whole = (data.left(y)[:, ~seen] for y in (simulated(model, data).output, 0.0))
-        return float(np.hypot(np.linalg.norm(left) / np.linalg.norm(whole), LEAST_NOISE))
-
-    part = data._replace(U=data.U * seen[:, None], Y=data.Y * seen[:, None])
+    seen = np.random.default_rng(0).random(raw.lines.count) < 0.5
+    at = excited_lines(raw.U)
     at = at[seen[at]]
     if len(at) < LEAST_LINES:
         raise InputError(
@@ -94,11 +87,37 @@ def fit_modes(u: ArrayLike, y: ArrayLike, dt: float) -> Feedback:
             "the inputs have too few frequencies.",
             fix="excite with noise, a multisine or a sweep about the resonances.",
         )
+    in_units, data = _struck(raw.weighed(_noise(raw, at, seen)))
+
+    def error(model: Feedback) -> float:
+        left, whole = (data.left(y)[:, ~seen] for y in (simulated(model, data).output, 0.0))
+        return float(np.hypot(np.linalg.norm(left) / np.linalg.norm(whole), LEAST_NOISE))
+
+    part = data._replace(U=data.U * seen[:, None], Y=data.Y * seen[:, None])
     found = chosen_modes(part, at, (data.U[0, at], data.Y[0, at]), error)
     thin = max(1, data.lines.count // FEW)
     found = gauss_newton(found, data, Unknowns(), steps=20, thin=thin).model
     without = found.entries[:, :-1], found.direct[:, :-1]
     return in_units(replace(found, entries=without[0], direct=without[1]))
+
+
+def _struck(raw: Spectra) -> tuple[Callable[[Feedback], Feedback], Spectra]:
+    """`in_own_units` of a record, with the blow of its ends for an input more."""
+    in_units, data = in_own_units(raw)
+    blow = np.full((1, data.lines.count, 1), data.size.mean())
+    return in_units, data._replace(U=np.concatenate([data.U, blow], 2))
+
+
+def _noise(raw: Spectra, at: np.ndarray, seen: np.ndarray) -> np.ndarray:
+    """Root mean square of what many modes, found from the lines `at`, leave of each output in lines that
+    were not seen."""
+    data = _struck(raw)[1]
+    told = data.lines.s[at], data.U[0, at], data.Y[0, at]
+    model = modal(*told, MANY, 0.0, data.Y.shape[2], max(1, len(at) // FEW))
+    if not len(model.poles):
+        return 0 * raw.size
+    left = data.left(simulated(model, data).output)[:, ~seen]
+    return raw.size * np.sqrt((np.abs(left) ** 2).mean(1))
 
 
 def chosen_modes(
@@ -118,7 +137,7 @@ def chosen_modes(
 
     thin = max(1, len(at) // FEW)
     delays = np.arange(8) * 0.25 * data.lines.dt
-    errors = np.array([tried(20, d, thin)[0] for d in delays])
+    errors = np.array([tried(MANY, d, thin)[0] for d in delays])
     delay = delays[np.argmax(errors <= NEAR * errors.min())]
     least, best, found = np.inf, 1.0, None  # of no model 1 is left
     seen = {0}

@@ -220,6 +220,27 @@ def test_modes_are_found_from_any_record(excitation):
     assert (found.simulate(new, DT) - wanted).std() < 0.02 * wanted.std()
 
 
+def test_an_output_of_noise_alone_hides_no_mode():
+    """A sensor that is not connected: each output would count by its own size."""
+    truth, rng = two_modes(), np.random.default_rng(1)
+
+    def beside(y: np.ndarray) -> np.ndarray:
+        y = y + 1e-3 * y.std(0) * rng.normal(size=y.shape)
+        return np.column_stack([y, 1e-6 * rng.normal(size=(len(y), 2))])
+
+    u = rng.normal(size=(400, 1))
+    found = [fit_modes(u, beside(truth.simulate(u, DT)), DT)]
+    tests = []
+    for k in range(2):
+        u = multisine(k, 1.0, range(1, 120))
+        moved = np.tile(truth.steady(u, DT), (2, 1))
+        tests.append(periodic_test(np.tile(u, (2, 1)), beside(moved), DT, PERIOD))
+    found.append(fit_feedback(tests, groups=0).model)
+    for model in found:
+        for pole in truth.poles:
+            assert np.abs(model.poles - pole).min() < 2e-3 * abs(pole)
+
+
 def test_a_record_without_a_resonance_has_no_modes():
     rng = np.random.default_rng(0)
     for code, rows in (("nothing-fits", 500), ("too-few-rows", 20)):
