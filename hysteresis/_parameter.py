@@ -104,8 +104,9 @@ def check_bounds(model: eqx.Module) -> None:
 
 
 def check_increasing(name: str, value: Any) -> None:
-    """Raise `InputError` where numbers that are known do not increase."""
-    if is_concrete(value) and not np.all(np.diff(np.asarray(value, float)) > 0):
+    """Raise `InputError` where numbers that are known are not finite or do not increase."""
+    x = np.asarray(value, float) if is_concrete(value) else np.zeros(0)
+    if not (np.isfinite(x).all() and np.all(np.diff(x) > 0)):
         raise InputError(
             "parameter-out-of-bounds",
             f"{name} = {value}.",
@@ -113,16 +114,40 @@ def check_increasing(name: str, value: Any) -> None:
         )
 
 
-def check_lengths(least: int = 0, stacked: bool = True, /, **values: Any) -> None:
-    """Raise `InputError` where arrays are not of one shape of `least` or more, or not to be `stacked`."""
-    shapes = {name: getattr(value, "shape", None) for name, value in values.items()}
-    one = next(iter(shapes.values()))
-    if not one or one[-1] < least or len({*shapes.values()}) > 1 or (not stacked and one[1:]):
+def check_range(what: str, low: float, high: float) -> None:
+    """Raise `InputError` where `what` reaches from `low` to a `high` that is not above it."""
+    if not low < high:
         raise InputError(
-            "length-mismatch",
-            f"the shapes of {' and '.join(shapes)} are {' and '.join(map(str, shapes.values()))}.",
-            fix=f"give one-dimensional {' and '.join(shapes)} of one length, {least} or more.",
+            "zero-range",
+            f"{what} from {low:g} to {high:g}.",
+            fix="give low < high, enclosing the inputs the model will see.",
         )
+
+
+def check_shapes(least: int = 0, stacked: bool = True, /, **given: tuple[Any, str]) -> None:
+    """Raise `InputError` where arrays do not fit each other: (array, its axes), None for no array.
+
+    Axes are numbers, or words for lengths of `least` or more, the same in all arrays. Others may stand
+    before them, unless arrays are not to be `stacked`.
+    """
+    first: dict[str, tuple[str, int]] = {}
+    for name, (value, said) in given.items():
+        if value is None:
+            continue
+        shape, axes = np.shape(value), said.split()
+        own = shape[-len(axes) :]
+        for axis, n in zip(axes, own, strict=False):
+            first.setdefault(axis, (name, int(axis) if axis.isdigit() else max(n, least)))
+        wanted = tuple(first[axis][1] for axis in axes if axis in first)
+        if len(own) < len(axes) or own != wanted or (len(shape) > len(own) and not stacked):
+            names = dict.fromkeys([*(first[axis][0] for axis in axes if axis in first), name])
+            shapes = " and ".join(str(np.shape(given[one][0])) for one in names)
+            raise InputError(
+                "length-mismatch",
+                f"the shapes of {' and '.join(names)} are {shapes}.",
+                fix=f"give {', '.join(f'{one} ({given[one][1]})' for one in names)}"
+                f"{f', of {least} or more' if least else ''}.",
+            )
 
 
 def as_float(value: Any) -> Any:

@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 from .._errors import InputError
 from .._law_model import AbstractLawModel
 from .._model import Tree
-from .._parameter import NOT_NEGATIVE, POSITIVE, as_float, parameter
+from .._parameter import NOT_NEGATIVE, POSITIVE, as_float, check_shapes, parameter
 from .._registry import register
 from ..trees import node
 
@@ -61,15 +61,13 @@ class GeneralizedPlays(AbstractLawModel):
         self.values, self.knots = values.reshape(-1), tuple(int(k) for k in knots)
 
     def __check_init__(self) -> None:
-        plays = len(self.knots)
-        sizes = jnp.shape(self.radii), jnp.shape(self.reach), jnp.shape(self.values)
-        if sizes != ((plays,), (plays,), (sum(self.knots),)) or min(self.knots, default=2) < 2:
-            raise InputError(
-                "length-mismatch",
-                f"radii, reach and values have the shapes {', '.join(map(str, sizes))}, knots are"
-                f" {self.knots}.",
-                fix="give one radius, one reach and two values or more of each play.",
-            )
+        check_shapes(
+            0, False, knots=(self.knots, "plays"), radii=(self.radii, "plays"),
+            reach=(self.reach, "plays"), values=(self.values, f"{sum(self.knots)}"),
+        )  # fmt: skip
+        if min(self.knots, default=2) < 2:
+            mend = "give two values or more of each play."
+            raise InputError("length-mismatch", f"knots are {self.knots}.", fix=mend)
 
     @classmethod
     def joined(cls, plays: Sequence["GeneralizedPlays"]) -> "GeneralizedPlays":

@@ -3,14 +3,12 @@ itself."""
 
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._errors import InputError
 from .._law_model import AbstractLawModel
 from .._model import Tree
-from .._parameter import POSITIVE, as_float, parameter
+from .._parameter import POSITIVE, as_float, check_shapes, parameter
 from .._registry import register
 from ..trees import node
 
@@ -39,10 +37,7 @@ class StopsAndPowers(AbstractLawModel):
     """
 
     thresholds: Float[Array, " stops"] = parameter(
-        unit="input",
-        **POSITIVE,
-        fixed=True,
-        meaning="strain at which a stop slides",
+        unit="input", **POSITIVE, fixed=True, meaning="strain at which a stop slides"
     )
     weights: Float[Array, " stops"] = parameter(
         unit="output / input", meaning="stiffnesses of the stops"
@@ -54,13 +49,10 @@ class StopsAndPowers(AbstractLawModel):
         self.powers = as_float(powers)
 
     def __check_init__(self) -> None:
-        shapes = [jnp.shape(x) for x in (self.thresholds, self.weights, self.powers)]
-        if len(shapes[0]) != 1 or shapes[1:] != [shapes[0], (POWERS,)]:
-            raise InputError(
-                "length-mismatch",
-                f"thresholds, weights and powers have the shapes {', '.join(map(str, shapes))}.",
-                fix=f"give one weight a threshold, and {POWERS} powers.",
-            )
+        check_shapes(
+            0, False, thresholds=(self.thresholds, "stops"), weights=(self.weights, "stops"),
+            powers=(self.powers, f"{POWERS}"),
+        )  # fmt: skip
 
     def laws(self, eps: float, depth: int) -> Tree:
         stops = len(self.thresholds)

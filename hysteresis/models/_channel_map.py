@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from .._parameter import Scalar, as_float, check_increasing
+from .._parameter import Scalar, as_float, check_increasing, check_shapes
 from .._registry import register
 from ..numerics._input_memory import slow_states, stops
 
@@ -69,23 +69,14 @@ class ChannelMap(eqx.Module):
     )
 
     def __check_init__(self) -> None:
-        shapes = self.nodes.shape, self.values.shape
-        count = {len(self.names), len(self.units), *(shape[0] for shape in shapes)}
-        if shapes[0] != shapes[1] or shapes[0][-1] < 2 or len(count) > 1:
-            raise InputError(
-                "length-mismatch",
-                f"nodes {shapes[0]}, values {shapes[1]}, {len(self.names)} names,"
-                f" {len(self.units)} units.",
-                fix="give each channel a name, a unit and as many values as nodes, at least two.",
-            )
-        memories = len(self.radii) + len(self.times)
-        wanted = (shapes[0][0], memories) if memories else None
-        if (None if self.memory is None else self.memory.shape) != wanted:
-            raise InputError(
-                "length-mismatch",
-                f"memory of shape {None if self.memory is None else self.memory.shape}, not {wanted}.",
-                fix="give each channel a weight for every radius and time.",
-            )
+        count, memories = len(self.names), len(self.radii) + len(self.times)
+        memory = np.zeros((count, 0)) if self.memory is None else self.memory
+        check_shapes(
+            0, False, names=(self.names, "channels"), units=(self.units, "channels"),
+            nodes=(self.nodes, "channels nodes"), values=(self.values, "channels nodes"),
+            memory=(memory, f"{count} {memories}"),
+        )  # fmt: skip
+        check_shapes(2, nodes=(self.nodes[0], "nodes"))
         if min((*self.radii, *self.times), default=1.0) <= 0:
             raise InputError(
                 "parameter-out-of-bounds",

@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 
 from .._errors import InputError
 from .._model import AbstractModel, Series, Tree
-from .._parameter import array_module, is_concrete, parameter
+from .._parameter import array_module, check_increasing, check_shapes, is_concrete, parameter
 from .._registry import register
 from ..numerics._hats import hats
 from ..records._record import Record
@@ -80,23 +80,11 @@ class Conditioned(AbstractComposite[tuple[Any, ...], ConditionedInput]):
             )
         if self.axis not in AXES:
             raise InputError("bad-option", f"axis={self.axis!r}.", fix=f"one of {', '.join(AXES)}.")
-        if self.knots.shape[-1:] != (len(self.models),):
-            raise InputError(
-                "length-mismatch",
-                f"{len(self.models)} models and knots of shape {self.knots.shape}.",
-                fix="give one knot for each model.",
-            )
-        if not is_concrete(self.knots):
-            return
-        knots = np.asarray(self.knots)
-        above = self.axis == "linear" or np.all(knots > 0)
-        if not (np.isfinite(knots).all() and np.all(np.diff(knots) > 0) and above):
-            raise InputError(
-                "parameter-out-of-bounds",
-                f"knots = {knots}.",
-                fix="keep them finite and increasing"
-                + (f"; the {self.axis} axis needs them above 0." if not above else "."),
-            )
+        check_shapes(knots=(self.knots, f"{len(self.models)}"))
+        check_increasing("knots", self.knots)
+        if self.axis != "linear" and is_concrete(self.knots) and not np.all(self.knots > 0):
+            mend = f"the {self.axis} axis needs them above 0."
+            raise InputError("parameter-out-of-bounds", f"knots = {self.knots}.", fix=mend)
 
     def shares(self, c: Float[Array, "*samples"] | Any) -> Float[Array, "*samples knots"]:
         """h_1(c) ... h_K(c), see the class."""

@@ -4,13 +4,12 @@ import math
 from typing import Any
 
 import equinox as eqx
-import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
 from .._law_model import AbstractLawModel
 from .._model import Tree
-from .._parameter import POSITIVE, Scalar, check_increasing, parameter
+from .._parameter import POSITIVE, Scalar, check_increasing, check_shapes, parameter
 from .._registry import register
 from ..trees import node
 
@@ -68,12 +67,7 @@ class CyclicDrift(AbstractLawModel):
                 f"the input reaches from {self.low:g} to {self.high:g}, over paths of {self.length:g} from"
                 f" {self.least:g} to {self.most:g}.",
             )
-        if self.rates.shape[-1:] != (len(self.levels),):
-            raise InputError(
-                "length-mismatch",
-                f"{len(self.levels)} levels, but rates of shape {self.rates.shape}.",
-                fix=f"give ({len(self.levels)},) rates.",
-            )
+        check_shapes(levels=(self.levels, "K"), rates=(self.rates, "K"))
         check_increasing("levels", self.levels)
 
     def laws(self, eps: float, depth: int) -> Tree:
@@ -123,12 +117,7 @@ class TimeDrift(AbstractLawModel):
     most: float = eqx.field(default=math.inf, static=True, converter=float)
 
     def __check_init__(self) -> None:
-        if self.rates.shape[-1:] != np.shape(self.times)[-1:]:
-            raise InputError(
-                "length-mismatch",
-                f"{len(self.times)} times, but rates of shape {self.rates.shape}.",
-                fix=f"give ({len(self.times)},) rates.",
-            )
+        check_shapes(times=(self.times, "K"), rates=(self.rates, "K"))
         if not self.most >= 0:
             raise InputError("parameter-out-of-bounds", f"most={self.most:g} is a time below 0.")
 

@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 from .._errors import InputError
 from .._law_model import AbstractLawModel
 from .._model import Tree
-from .._parameter import POSITIVE, Scalar, check_lengths, is_concrete, parameter
+from .._parameter import POSITIVE, Scalar, check_shapes, is_concrete, parameter
 from .._registry import register
 from ..trees import node
 
@@ -57,7 +57,7 @@ class DuhemOperator(AbstractLawModel):
     offset: Scalar = parameter(0.0, unit="output", meaning="output at first, where u = 0")
 
     def __check_init__(self) -> None:
-        check_lengths(2, rising=self.rising, falling=self.falling)
+        check_shapes(2, rising=(self.rising, "knots"), falling=(self.falling, "knots"))
         ends = self.low, self.high
         if all(map(is_concrete, ends)) and not np.all(np.asarray(self.high) > np.asarray(self.low)):
             raise InputError(

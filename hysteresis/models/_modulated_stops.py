@@ -9,7 +9,15 @@ from jaxtyping import Array, Float
 
 from .._errors import InputError
 from .._model import Tree
-from .._parameter import NOT_NEGATIVE, POSITIVE, Scalar, check_increasing, parameter
+from .._parameter import (
+    NOT_NEGATIVE,
+    POSITIVE,
+    Scalar,
+    check_increasing,
+    check_range,
+    check_shapes,
+    parameter,
+)
 from .._registry import register
 from ..trees import AbstractSearchedModel, node
 
@@ -82,20 +90,13 @@ class ModulatedStops(AbstractSearchedModel):
     )
 
     def __check_init__(self) -> None:
-        if not self.low < self.high:
-            raise InputError("zero-range", f"the input reaches from {self.low:g} to {self.high:g}.")
+        check_range("the input reaches", self.low, self.high)
         if self.by not in ("position", "span"):
             raise InputError("bad-option", f"by={self.by!r}.", fix="give position or span.")
-        J, K = len(self.thresholds), len(self.levels)
-        plays = np.zeros((J, K)) if self.plays is None else self.plays
-        weights = self.slopes, plays, self.springs
-        if [w.shape[-2:] for w in weights[:2]] != [(J, K)] * 2 or self.springs.shape[-1:] != (K,):
-            raise InputError(
-                "length-mismatch",
-                f"{J} thresholds and {K} levels, but slopes of shape {self.slopes.shape}, plays of shape"
-                f" {plays.shape} and springs of shape {self.springs.shape}.",
-                fix=f"give ({J}, {K}) slopes and plays, and ({K},) springs.",
-            )
+        check_shapes(
+            thresholds=(self.thresholds, "J"), levels=(self.levels, "K"), slopes=(self.slopes, "J K"),
+            springs=(self.springs, "K"), plays=(self.plays, "J K"),
+        )  # fmt: skip
         for name in ("thresholds", "levels"):
             check_increasing(name, getattr(self, name))
 

@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 
 from .._errors import InputError
 from .._model import Tree
-from .._parameter import NOT_NEGATIVE, POSITIVE, Scalar, array_module, parameter
+from .._parameter import NOT_NEGATIVE, POSITIVE, Scalar, array_module, check_range, parameter
 from .._registry import register
 from ..trees import AbstractSearchedModel, node
 
@@ -80,11 +80,7 @@ class NonlinearMaxwell(AbstractSearchedModel):
     rest: float | None = eqx.field(default=None, static=True, kw_only=True)
 
     def __check_init__(self) -> None:
-        if not self.low < self.high:
-            raise InputError(
-                "zero-range", f"the springs reach from {self.low:g} to {self.high:g}.",
-                fix="give low < high, enclosing the inputs the model will see.",
-            )  # fmt: skip
+        check_range("the springs reach", self.low, self.high)
         given = enumerate((self.increments, self.strengths))
         shapes = {k: a.shape for k, a in given if a is not None}
         fits = (self.times.shape, (2, *self.times.shape))  # strengths may have two senses

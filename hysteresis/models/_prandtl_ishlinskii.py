@@ -16,7 +16,7 @@ from .._parameter import (
     POSITIVE,
     Scalar,
     check_increasing,
-    check_lengths,
+    check_shapes,
     is_concrete,
     parameter,
     parameters,
@@ -90,11 +90,11 @@ class PrandtlIshlinskii(AbstractLawModel):
     leading: bool = eqx.field(default=False, static=True)
 
     def __check_init__(self) -> None:
-        check_lengths(0, False, thresholds=self.thresholds, weights=self.weights)
-        if self.rates is not None:
-            check_lengths(0, False, thresholds=self.thresholds, rates=self.rates)
-        if self.bends is not None or self.bend_slopes is not None:
-            check_lengths(0, False, bends=self.bends, bend_slopes=self.bend_slopes)
+        bends, bend_slopes = (() if x is None else x for x in (self.bends, self.bend_slopes))
+        check_shapes(
+            0, False, thresholds=(self.thresholds, "plays"), weights=(self.weights, "plays"),
+            rates=(self.rates, "plays"), bends=(bends, "bends"), bend_slopes=(bend_slopes, "bends"),
+        )  # fmt: skip
         if all(is_concrete(value) for value in jax.tree.leaves(self)):
             self._check_values()
 

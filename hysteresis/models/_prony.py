@@ -7,14 +7,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from .._parameter import NOT_NEGATIVE, Scalar, array_module, check_lengths, is_concrete, parameter
+from .._parameter import NOT_NEGATIVE, Scalar, array_module, check_shapes, is_concrete, parameter
 from .._registry import register
-from ._viscoelastic import (
-    MODULUS,
-    STIFFNESS,
-    VISCOSITY,
-    AbstractViscoelastic,
-)
+from ._viscoelastic import MODULUS, STIFFNESS, VISCOSITY, AbstractViscoelastic
 from ._viscoelastic_chain import Chain, Hold
 
 Values = Float[Array, " branches"] | Any
@@ -60,7 +55,7 @@ class GeneralizedKelvinVoigt(AbstractViscoelastic):
     creeps: ClassVar[bool] = True
 
     def __check_init__(self) -> None:
-        check_lengths(E=self.E, eta=self.eta)
+        check_shapes(E=(self.E, "branches"), eta=(self.eta, "branches"))
         if self.leading and is_concrete(self.E0) and bool(jnp.isinf(self.E0).any()):
             raise InputError(
                 "not-invertible",
@@ -116,7 +111,7 @@ class GeneralizedMaxwell(AbstractViscoelastic):
     creeps: ClassVar[bool] = False
 
     def __check_init__(self) -> None:
-        check_lengths(E=self.E, tau=self.tau)
+        check_shapes(E=(self.E, "branches"), tau=(self.tau, "branches"))
 
     def chain(self) -> Chain:
         xp = array_module(self.E_inf, self.E, self.tau)

@@ -7,7 +7,7 @@ from jaxtyping import Array, Float
 
 from .._errors import InputError
 from .._model import Tree
-from .._parameter import Scalar, array_module, is_concrete, parameter
+from .._parameter import Scalar, array_module, check_range, is_concrete, parameter
 from .._registry import register
 from ..trees import AbstractSearchedModel, node
 
@@ -60,8 +60,7 @@ class Softening(AbstractSearchedModel):
     leading: bool = eqx.field(default=True, static=True, kw_only=True)
 
     def __check_init__(self) -> None:
-        if not self.low < self.high:
-            raise InputError("zero-range", f"cells reach from {self.low:g} to {self.high:g}.")
+        check_range("cells reach", self.low, self.high)
         if self.weights.ndim != 2 or self.weights.shape[0] != self.weights.shape[1]:
             raise InputError("wrong-shape", f"weights of shape {self.weights.shape}.")
         if is_concrete(self.weights) and np.triu(np.asarray(self.weights)).min() < 0:

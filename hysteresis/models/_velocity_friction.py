@@ -7,7 +7,7 @@ from jaxtyping import Array, Float
 
 from .._errors import InputError
 from .._model import Tree
-from .._parameter import NOT_NEGATIVE, POSITIVE, Scalar, check_increasing, parameter
+from .._parameter import NOT_NEGATIVE, POSITIVE, Scalar, check_increasing, check_shapes, parameter
 from .._registry import register
 from ..trees import AbstractSearchedModel, node
 
@@ -70,14 +70,10 @@ class VelocityFriction(AbstractSearchedModel):
                 "zero-range",
                 f"the input reaches from {self.low:g} to {self.high:g}, smoothed over {self.smoothing:g}.",
             )
-        J, K = len(self.speeds), len(self.levels)
-        if self.weights.shape[-2:] != (J, K) or self.viscous.shape[-1:] != (K,):
-            raise InputError(
-                "length-mismatch",
-                f"{J} speeds and {K} levels, but weights of shape {self.weights.shape} and viscous of shape"
-                f" {self.viscous.shape}.",
-                fix=f"give ({J}, {K}) weights and ({K},) viscous coefficients.",
-            )
+        check_shapes(
+            speeds=(self.speeds, "J"), levels=(self.levels, "K"), weights=(self.weights, "J K"),
+            viscous=(self.viscous, "K"),
+        )  # fmt: skip
         check_increasing("levels", self.levels)
 
     needs_time = True

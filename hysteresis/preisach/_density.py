@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from .._parameter import is_concrete, parameter
+from .._parameter import check_range, is_concrete, parameter
 from .._registry import register
 from .._type_variables import Pairs, Table
 from ._everett import EverettTable, GridPairs, everett_table, everett_terms
@@ -32,12 +32,7 @@ class AbstractDensity(eqx.Module, Generic[Pairs, Table]):
     high: eqx.AbstractVar[float]
 
     def __check_init__(self) -> None:
-        if not self.low < self.high:
-            raise InputError(
-                "zero-range",
-                f"the density reaches from {self.low:g} to {self.high:g}.",
-                fix="give low < high, enclosing the inputs the model will see.",
-            )
+        check_range("the density reaches", self.low, self.high)
 
     @abc.abstractmethod
     def pair(self, a: Any, b: Any) -> Pairs:

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from .._errors import InputError
 from .._model import AbstractModel, Series, Tree
-from .._parameter import NOT_NEGATIVE, Scalar, as_array, is_concrete, parameter
+from .._parameter import NOT_NEGATIVE, Scalar, as_array, check_shapes, is_concrete, parameter
 from .._registry import register
 from ..trees import looked_for
 from ._dead_band import play, play_step
@@ -154,7 +154,8 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
 
     def __check_init__(self) -> None:
         check_initial(self.initial, self.density.low, self.density.high)
-        self._check_reversible()
+        if isinstance(self.density, GridDensity):
+            check_shapes(reversible=(self.reversible, f"{self.density.cells}"))
         self._check_up()
         if self.capacity < 3:
             raise InputError(
@@ -165,17 +166,6 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
                 "bad-option",
                 f"half a dead band is {self.dead_band:g} wide.",
                 fix="give 0, or three times input_noise(u).",
-            )
-
-    def _check_reversible(self) -> None:
-        if self.reversible is None or not is_concrete(self.reversible):
-            return
-        grid = self.density
-        if isinstance(grid, GridDensity) and len(self.reversible) != grid.cells:
-            raise InputError(
-                "length-mismatch",
-                f"{len(self.reversible)} increments for {grid.cells} cells.",
-                fix="give the reversible part one increment per cell of the grid.",
             )
 
     def _check_up(self) -> None:

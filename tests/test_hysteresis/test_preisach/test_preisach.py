@@ -209,7 +209,7 @@ def test_densities_that_are_refused():
 
 def test_reversible_parts_that_are_refused():
     density = uniform(4)
-    refuses("length-mismatch", lambda: Preisach(density, np.ones(3)), "3 increments for 4 cells")
+    refuses("length-mismatch", lambda: Preisach(density, np.ones(3)), "(3,)", "reversible (4)")
     refuses("parameter-out-of-bounds", lambda: Preisach(density, np.array([1.0, -0.1, 1.0, 1.0])))
 
 
