@@ -3,6 +3,7 @@
 import abc
 from collections.abc import Callable, Iterable
 from functools import reduce
+from itertools import chain
 from operator import add
 from typing import Any
 
@@ -28,31 +29,6 @@ from ..trees import (
     series,
     widened,
 )
-
-
-def _given(models: tuple[Any, ...], parts: Iterable[Any]) -> tuple[Any, ...]:
-    """The parts of a composition: given one after the other, in one list, or by the field's name."""
-    one_list = len(models) == 1 and isinstance(models[0], list | tuple)
-    return tuple(models[0] if one_list else models or parts)
-
-
-def _flat(kind: type, parts: Iterable[AbstractModel]) -> tuple[AbstractModel, ...]:
-    """The parts, those of a part of the same kind in its place."""
-    return tuple(p for part in parts for p in (_parts(part) if isinstance(part, kind) else (part,)))
-
-
-def _parts(model: Any) -> tuple[AbstractModel, ...]:
-    return model.parts
-
-
-def _check_parts(parts: tuple[Any, ...]) -> None:
-    if not parts or not all(isinstance(part, AbstractModel) for part in parts):
-        raise InputError(
-            "bad-parts",
-            f"{len(parts)} parts, not all of them models.",
-            fix="give one model or more, as a list or tuple.",
-        )
-
 
 Over = Callable[[AbstractModel, Any, Any], tuple[Any, Any]]
 """A model, its input and its state, to the state after it and its output over a record."""
@@ -81,8 +57,34 @@ class AbstractComposite(AbstractFollowingModel[State, Prepared]):
         return self._over(run, u, state)[1]
 
 
+class AbstractParts(AbstractComposite[tuple[Any, ...], Prepared]):
+    """A composition of any number of models, whose state is a tuple of theirs."""
+
+    parts: eqx.AbstractVar[tuple[AbstractModel, ...]]
+
+    def _taken(self, models: tuple[Any, ...], parts: Iterable[Any]) -> tuple[Any, ...]:
+        """Models given one after the other, in one list, or by the field's name; those of one of its own
+        kind in its place."""
+        one_list = len(models) == 1 and isinstance(models[0], list | tuple)
+        given: Iterable[Any] = models[0] if one_list else models or parts
+        return tuple(
+            chain(*(one.parts if isinstance(one, type(self)) else (one,) for one in given))
+        )
+
+    def __check_init__(self) -> None:
+        if not self.parts or not all(isinstance(part, AbstractModel) for part in self.parts):
+            raise InputError(
+                "bad-parts",
+                f"{len(self.parts)} parts, not all of them models.",
+                fix="give one model or more, as a list or tuple.",
+            )
+
+    def init(self, t0: Any = None, u0: Any = None) -> tuple[Any, ...]:
+        return tuple(part.init(t0, u0) for part in self.parts)
+
+
 @register
-class Sum(AbstractComposite[tuple[Any, ...], tuple[Any, ...]]):
+class Sum(AbstractParts[tuple[Any, ...]]):
     """Models of one input side by side: y = sum of their outputs.
 
     State and prepared input are tuples of the parts'. It rises with its input where every part does.
@@ -102,13 +104,7 @@ class Sum(AbstractComposite[tuple[Any, ...], tuple[Any, ...]]):
     parts: tuple[AbstractModel, ...]
 
     def __init__(self, *models: Any, parts: Iterable[Any] = ()):
-        self.parts = _flat(Sum, _given(models, parts))
-
-    def __check_init__(self) -> None:
-        _check_parts(self.parts)
-
-    def init(self, t0: Any = None, u0: Any = None) -> tuple[Any, ...]:
-        return tuple(part.init(t0, u0) for part in self.parts)
+        self.parts = self._taken(models, parts)
 
     def _over(self, run: Over, u: Any, state: Any) -> tuple[Any, Any]:
         states = state or (None,) * len(self.parts)
@@ -179,12 +175,7 @@ class Scaled(AbstractComposite[Any, Any]):
         return state, self.offset + self.factor * y
 
     def prepare(
-        self,
-        t: Inputs | None,
-        u: Inputs,
-        state: Any = None,
-        *,
-        starts: tuple[int, ...] = (0,),
+        self, t: Inputs | None, u: Inputs, state: Any = None, *, starts: tuple[int, ...] = (0,)
     ) -> Any:
         return self.inner.prepare(t, u, state, starts=starts)
 
@@ -206,7 +197,7 @@ class SeriesInput(eqx.Module):
 
 
 @register
-class Series(AbstractComposite[tuple[Any, ...], SeriesInput]):
+class Series(AbstractParts[SeriesInput]):
     """Models one behind the other: the output of each stage is the input of the next.
 
     State is a tuple of the stages'. Every `evaluate` prepares the later stages anew.
@@ -226,13 +217,7 @@ class Series(AbstractComposite[tuple[Any, ...], SeriesInput]):
     parts: tuple[AbstractModel, ...]
 
     def __init__(self, *models: Any, parts: Iterable[Any] = ()):
-        self.parts = _flat(Series, _given(models, parts))
-
-    def __check_init__(self) -> None:
-        _check_parts(self.parts)
-
-    def init(self, t0: Any = None, u0: Any = None) -> tuple[Any, ...]:
-        return tuple(part.init(t0, u0) for part in self.parts)
+        self.parts = self._taken(models, parts)
 
     def _over(self, run: Over, u: Any, state: Any) -> tuple[Any, Any]:
         after = []

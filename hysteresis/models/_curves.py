@@ -1,7 +1,7 @@
 """Curves without memory: the contract they share, and the general ones."""
 
 import abc
-from typing import Any, NamedTuple
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -18,14 +18,9 @@ Values = Float[Array, " _"] | Any
 """A one-dimensional parameter: given as numbers, kept as an array."""
 
 
-class CurveInput(NamedTuple):
-    """The prepared input of a curve: the input itself."""
-
-    u: Array
-
-
-class AbstractCurve(AbstractFollowingModel[tuple[()], CurveInput]):
-    """A model without memory: y = curve(u), sample by sample. Its state is empty."""
+class AbstractCurve(AbstractFollowingModel[tuple[()], Array]):
+    """A model without memory: y = curve(u), sample by sample. Its state is empty, and the input itself is
+    the prepared one."""
 
     @abc.abstractmethod
     def curve(self, u: Float[Array, "*samples"]) -> Float[Array, "*samples"]:
@@ -37,7 +32,7 @@ class AbstractCurve(AbstractFollowingModel[tuple[()], CurveInput]):
     def follow(
         self, t: Series | None, u: Series, state: tuple[()] | None = None
     ) -> tuple[tuple[()], Float[Array, " samples"]]:
-        return (), evaluated(self, CurveInput(as_float(u)))
+        return (), evaluated(self, as_float(u))
 
     def prepare(
         self,
@@ -46,11 +41,11 @@ class AbstractCurve(AbstractFollowingModel[tuple[()], CurveInput]):
         state: tuple[()] | None = None,
         *,
         starts: tuple[int, ...] = (0,),
-    ) -> CurveInput:
-        return CurveInput(as_float(u))
+    ) -> Array:
+        return as_float(u)
 
-    def evaluate(self, prepared: CurveInput) -> Float[Array, " samples"]:
-        return self.curve(prepared.u)
+    def evaluate(self, prepared: Array) -> Float[Array, " samples"]:
+        return self.curve(prepared)
 
 
 class AbstractMonotoneCurve(AbstractCurve):

@@ -208,10 +208,6 @@ class StaircaseNetwork(AbstractFollowingModel[StaircaseState, Array]):
         return centre[-1] + spread[-1] * value[0]
 
 
-def _half_widths(model: StaircaseNetwork, dtype: Any) -> Float[Array, "channels plays"]:
-    return jnp.array(model.scale, dtype)[:, None] * jnp.array(model.thresholds, dtype)[None]
-
-
 @eqx.filter_jit
 def _inputs(
     model: StaircaseNetwork, t: Array, u: Array, state: StaircaseState, starts: tuple[int, ...]
@@ -222,7 +218,7 @@ def _inputs(
     u = u.reshape(samples, model.channels)
     columns = [u[..., None]]
     if plays:
-        r = _half_widths(model, u.dtype)[None]
+        r = jnp.array(model.scale, u.dtype)[:, None] * jnp.array(model.thresholds, u.dtype)
         low, high = (jnp.reshape(u[..., None] + s * r, (samples, -1)) for s in (-1, 1))
         columns.append(clamps(low, high, state.z.ravel(), start).reshape(samples, -1, plays))
     if lags:

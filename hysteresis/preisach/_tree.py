@@ -2,12 +2,12 @@
 band."""
 
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array
 
 from .._errors import InputError
 from .._model import Tree
@@ -15,54 +15,6 @@ from .._parameter import array_module, is_concrete
 from ..trees import node, series
 from ._everett import EverettTable
 from ._occupancy import occupancy_table
-from ._stack import OpenLoops
-
-
-class Branches(NamedTuple):
-    """What the branches of a model on a grid share: E, the reversible part R at the nodes, its rises over
-    the cells, and the outputs in saturation without the offset."""
-
-    table: EverettTable
-    begin: Float[Array, " nodes"]
-    increment: Float[Array, " cells"]
-    floor: Float[Array, ""]
-    ceiling: Float[Array, ""]
-
-
-class Branch(NamedTuple):
-    """The open loops, their levels outputs without the offset; input and output now; +1 or -1."""
-
-    loops: OpenLoops
-    u: Float[Array, ""]
-    z: Float[Array, ""]
-    rising: Int[Array, ""]
-
-
-def branches_of(model: Any) -> Branches:
-    """Of a `Preisach` model on a grid."""
-    table = model.density.tabulate()
-    none = model.reversible is None
-    increment = jnp.zeros(model.density.cells) if none else jnp.asarray(model.reversible)
-    begin = jnp.append(0.0, jnp.cumsum(increment))
-    mass = model.density.mass(table)
-    floor, ceiling = -model.orientation * mass, begin[-1] + model.orientation * mass
-    return Branches(table, begin, increment, floor, ceiling)
-
-
-def first_branch(model: Any, of: Branches) -> Branch:
-    """Where a model begins."""
-    past = model.init()
-    whole = _whole(model, of, past.loops.extremum, past.loops.level)
-    return Branch(
-        past.loops._replace(level=whole), past.u, _whole(model, of, past.u, past.y), past.rising
-    )
-
-
-@eqx.filter_jit
-def _whole(model: Any, of: Branches, u: Array, relays: Array) -> Array:
-    """The output of relays and reversible part."""
-    cell, fraction = model.density.locate(u)
-    return of.begin[cell] + fraction * of.increment[cell] + model.orientation * relays
 
 
 def grid_tree(model: Any, eps: float, depth: int) -> Tree:
@@ -70,32 +22,46 @@ def grid_tree(model: Any, eps: float, depth: int) -> Tree:
 
     Raises `InputError` where the first staircase alone is deeper than the stack.
     """
-    grid, of, depth = model.density, branches_of(model), depth or model.capacity
-    begin = first_branch(model, of)
-    held, n = begin.loops.depth, grid.cells
+    grid, state, depth = model.density, model.init(), depth or model.capacity
+    (extremum, levels, held, _), n = state.loops, grid.cells
     if is_concrete(held) and int(held) > depth:
         raise InputError(
             "bad-option",
             f"the first state alone has {held} reversals, and the stack holds {depth}.",
             fix=f"give a depth of {held} or more.",
         )
+    levels = jnp.append(levels, state.y)
+    table, begin, outputs = _outputs(model, jnp.append(extremum, state.u), levels)
+    floor = -model.orientation * grid.mass(table)
+    ceiling = begin[-1] - floor
     even = np.allclose(np.diff(grid.edges), (grid.high - grid.low) / n, rtol=1e-12)
     return node(
         "preisach",
         {
             "cells": n, "scale": n / (grid.high - grid.low) if even else 0.0, "edges": grid.edges,
-            "everett": of.table.node, "diagonal": of.table.diagonal,
-            "reversible": np.zeros(n + 1) if model.reversible is None else of.begin,
-            "orientation": float(model.orientation), "offset": model.offset, "floor": of.floor,
-            "ceiling": of.ceiling, "flat": max(1e-12, 64 * eps) * (of.ceiling - of.floor) / n,
-            "margin": 4 * eps * (of.ceiling - of.floor), "capacity": depth,
+            "everett": table.node, "diagonal": table.diagonal,
+            "reversible": np.zeros(n + 1) if model.reversible is None else begin,
+            "orientation": float(model.orientation), "offset": model.offset, "floor": floor,
+            "ceiling": ceiling, "flat": max(1e-12, 64 * eps) * (ceiling - floor) / n,
+            "margin": 4 * eps * (ceiling - floor), "capacity": depth,
         },
         {
-            "extremum": jnp.resize(begin.loops.extremum, (depth,)),
-            "level": jnp.resize(begin.loops.level, (depth,)), "depth": held, "forgotten": 0,
-            "rising": (begin.rising > 0).astype(int), "u": begin.u, "z": begin.z,
+            "extremum": jnp.resize(extremum, (depth,)), "level": jnp.resize(outputs[:-1], (depth,)),
+            "depth": held, "forgotten": 0, "rising": (state.rising > 0).astype(int), "u": state.u,
+            "z": outputs[-1],
         },
     )  # fmt: skip
+
+
+@eqx.filter_jit
+def _outputs(model: Any, u: Array, relays: Array) -> tuple[EverettTable, Array, Array]:
+    """E, the reversible part at the nodes, and the outputs without the offset where relays give so much."""
+    none = model.reversible is None
+    increment = jnp.zeros(model.density.cells) if none else jnp.asarray(model.reversible)
+    begin = jnp.append(0.0, jnp.cumsum(increment))
+    cell, fraction = model.density.locate(u)
+    reversible = begin[cell] + fraction * increment[cell]
+    return model.density.tabulate(), begin, reversible + model.orientation * relays
 
 
 def parts_of(model: Any, eps: float, depth: int) -> list[Tree]:
