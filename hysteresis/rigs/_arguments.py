@@ -29,20 +29,22 @@ def check_fields(
 
     Those `at_zero` may be 0; `other` ones are not looked at; some have to lie `below` a number.
     """
-    for name in (one.name for one in fields(rig)):
-        if name in other:
-            continue
-        value, least = (
-            np.asarray(getattr(rig, name), float),
-            "of 0 or more" if name in at_zero else "above 0",
-        )
-        high = below.get(name, np.inf)
+    for name in (one.name for one in fields(rig) if one.name not in other):
+        value, high = np.asarray(getattr(rig, name), float), below.get(name, np.inf)
+        least, above = "above 0", value > 0
+        if name in at_zero:
+            least, above = "of 0 or more", value >= 0
         require(
             type(rig).__name__,
-            bool(np.all(((value >= 0) if name in at_zero else (value > 0)) & (value < high))),
+            bool(np.all(above & (value < high))),
             f"{name} = {getattr(rig, name)} is out of range.",
             f"Give a finite number {least}{f' and below {high:g}' if high < np.inf else ''}.",
         )
+
+
+def check_step(rig: str, dt: float) -> None:
+    """Raises it where a time from sample to sample is not one."""
+    require(rig, bool(np.isfinite(dt) and dt > 0), f"dt = {dt} s.", "Give seconds > 0.")
 
 
 def check_lengths(rig: Any, *pairs: tuple[str, str]) -> None:

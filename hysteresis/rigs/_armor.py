@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy.typing import ArrayLike
 
-from ._arguments import check_fields, fault, require
+from ._arguments import check_fields, check_step, fault, require
 from ._foam_block import FoamBlock
 from ._force_sensors import ForceSensor, GaugeSensor
 from ._sponge import FORCE_LIMIT, SpongeRig, force_path
@@ -271,7 +271,7 @@ class ArmorRig:
         within = bool(np.all((force >= 0) & (force <= FORCE_LIMIT)))
         fix = "Stay where the rig is known to resemble the sponge."
         _require(within, f"a force is outside 0 to {FORCE_LIMIT:g} N.", fix)
-        _require(bool(np.isfinite(dt) and dt > 0), f"dt = {dt} s.", "Give seconds > 0.")
+        check_step("ArmorRig", dt)
         normal = INWARD[surface - 1]
         along = normal if direction is None else _unit(np.asarray(direction, float), normal)
         rng = np.random.default_rng([self.seed, 1, session])
@@ -280,10 +280,8 @@ class ArmorRig:
         contact = points[:, None] + d[..., None] * normal[:, None]
         pushed = force[..., None] * along[:, None]
         load = np.concatenate([pushed, np.cross(contact, pushed)], axis=2)
-        wrench, time = (
-            self.sensor.read(load, self.specimen, rng),
-            dt * np.arange(1, force.shape[1] + 1),
-        )
+        wrench = self.sensor.read(load, self.specimen, rng)
+        time = dt * np.arange(1, force.shape[1] + 1)
         return ArmorPresses(time, force, along, wrench, surface, points, contact, d, load)
 
     def calibrate(self, points: ArrayLike, surface: ArrayLike, *, session: int = 1) -> ArmorPresses:

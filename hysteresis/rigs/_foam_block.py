@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
 
-from ._arguments import check_fields, check_lengths, require
-from ._sponge import FORCE_LIMIT, SpongeCycles, five_cycles_of
+from ._arguments import check_fields, check_lengths, check_step, require
+from ._sponge import FORCE_LIMIT, AbstractBlock, SpongeCycles, checked_path
 
 _require = partial(require, "FoamBlock")
 
@@ -44,7 +44,7 @@ class _State(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class FoamBlock:
+class FoamBlock(AbstractBlock):
     """A block of soft open-cell foam that a round probe presses with a given force.
 
     The load spreads below the probe in a cone, which is cut into layers. Each layer i, with the area A_i
@@ -124,11 +124,7 @@ class FoamBlock:
 
         **Raises:** `InputError` outside these ranges.
         """
-        path = np.asarray(force, float)
-        _require(
-            path.ndim == 1, f"force has {path.ndim} dimensions.", "Give a sequence of numbers."
-        )
-        return self.follow_columns(path[None], dt)[0]
+        return self.follow_columns(checked_path(force)[None], dt)[0]
 
     def follow_columns(
         self,
@@ -148,7 +144,7 @@ class FoamBlock:
             f"force is not (columns, samples) within 0 to {FORCE_LIMIT:g} N.",
             "Stay where the rig is known to resemble the foam.",
         )
-        _require(bool(np.isfinite(dt) and dt > 0), f"dt = {dt} s.", "Give seconds > 0.")
+        check_step("FoamBlock", dt)
         columns = len(force)
         factor, support = (
             np.broadcast_to(np.asarray(v, float), (columns,))[:, None]
@@ -168,15 +164,6 @@ class FoamBlock:
                 state = self._yield(state, now / area, factor, radius, height, step)
             last, depth[:, n] = end, height * state.strain.sum(axis=1)
         return depth
-
-    def five_cycles(
-        self, peak: float = 20.0, step: float = 2.0, noise: float = 0.0, seed: int | None = None
-    ) -> SpongeCycles:
-        """The paper's test, as `SpongeRig.five_cycles`.
-
-        **Raises:** `InputError` if the steps do not make the peak, or the peak is out of range.
-        """
-        return five_cycles_of(self.follow, peak, step, noise, seed)
 
     def mixed_cycles(self, noise: float = 0.0, seed: int | None = None) -> SpongeCycles:
         """Cycles of which no two have the same peak, rate and rest (`MIXED_CYCLES`), every 0.5 s.

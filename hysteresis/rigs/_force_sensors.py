@@ -213,11 +213,8 @@ class GaugeSensor:
     ) -> Float[np.ndarray, "presses samples 8"]:
         """Outputs under histories of load, in parts of full scale, from rest."""
         g = parts @ strain.T
-        rub, out, before = (
-            np.zeros((len(g), 8, len(_SLIPS))),
-            np.empty_like(g),
-            np.zeros(g.shape[::2]),
-        )
+        rub, before = np.zeros((len(g), 8, len(_SLIPS))), np.zeros(g.shape[::2])
+        out = np.empty_like(g)
         for n in range(g.shape[1]):
             moved = (g[:, n] - before)[..., None]
             way = np.sign(moved)

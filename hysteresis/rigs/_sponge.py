@@ -6,8 +6,9 @@ real sponge are; its stops and branches are elements of ours, too. It is a plaus
 identification: it has more parameters than the paper prints statistics.
 """
 
+import abc
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
@@ -18,7 +19,7 @@ from jaxtyping import Float, Int
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
-from ._arguments import check_fields, check_lengths, fault, require
+from ._arguments import check_fields, check_lengths, check_step, fault, require
 
 _fault = partial(fault, "SpongeRig")
 _require = partial(require, "SpongeRig")
@@ -95,13 +96,9 @@ class SpongeCycles(NamedTuple):
             rising.append(up)
             falling.append(down)
         largest, at_force, at_cycle = max(gaps)
-        mean, lines = (
-            float(np.mean([gap for gap, _, _ in gaps])),
-            (rising, rising + falling, falling),
-        )
-        return SpongeStatistics(
-            mean, largest, at_force, at_cycle, *map(_line, lines), loss=np.array(loss)
-        )
+        mean = float(np.mean([gap for gap, _, _ in gaps]))
+        lines = map(_line, (rising, rising + falling, falling))
+        return SpongeStatistics(mean, largest, at_force, at_cycle, *lines, loss=np.array(loss))
 
 
 def _line(branches: list[tuple[np.ndarray, np.ndarray]]) -> Line:
@@ -120,8 +117,57 @@ class _State(NamedTuple):
     overstress: tuple[float, ...]
 
 
+class AbstractBlock(abc.ABC):
+    """A block of foam that a probe presses with a given force."""
+
+    @abc.abstractmethod
+    def follow(self, force: ArrayLike, dt: float = 6.0) -> Float[np.ndarray, " n"]:
+        """Displacement in mm under the given force in N."""
+
+    def five_cycles(
+        self, peak: float = 20.0, step: float = 2.0, noise: float = 0.0, seed: int | None = None
+    ) -> SpongeCycles:
+        """The paper's test: five times 0 to `peak` to 0 N, in steps of `step` N every 6 s.
+
+        **Arguments:**
+
+        - `peak`, `step`: N; a whole number of steps makes the peak.
+        - `noise`: standard deviation of one reading of the displacement, mm.
+        - `seed`: of the noise; None draws a fresh one.
+
+        **Raises:** `InputError` if the steps do not make the peak, or the peak is out of range.
+        """
+        _require(
+            noise >= 0, f"noise = {noise} mm is negative.", "Give a standard deviation, 0 or more."
+        )
+        steps = round(peak / step) if step > 0 else 0
+        _require(
+            steps >= 1 and math.isclose(steps * step, peak),
+            f"steps of {step} N do not make {peak} N.",
+            "Choose a positive step that divides the peak.",
+        )
+        ramp = np.linspace(0.0, peak, steps + 1)
+        force = np.concatenate([[0.0], np.tile(np.concatenate([ramp[1:], ramp[-2::-1]]), 5)])
+        cycle = np.concatenate([[1], np.repeat(np.arange(1, 6), 2 * steps)])
+        read = np.random.default_rng(seed).normal(0.0, noise, force.size)
+        return SpongeCycles(6.0 * np.arange(force.size), force, self.follow(force) + read, cycle)
+
+
+def checked_path(force: ArrayLike) -> Float[np.ndarray, " n"]:
+    """A force over time, within what the rigs are known for. Raises `InputError` `bad-option`."""
+    path = np.asarray(force, float)
+    _require(path.ndim == 1, f"force has {path.ndim} dimensions.", "Give a sequence of numbers.")
+    outside = np.flatnonzero(~((path >= 0) & (path <= FORCE_LIMIT)))
+    if outside.size:
+        raise _fault(
+            f"force[{outside[0]}] = {path[outside[0]]:g} N is outside 0 to {FORCE_LIMIT:g} N.",
+            "Stay where the rig is known to resemble the sponge.",
+        )
+    return path
+
+
 @dataclass(frozen=True, kw_only=True)
-class SpongeRig:
+class SpongeRig(AbstractBlock):
     """A block of soft urethane foam, a probe, a gauge and a stage.
 
     With the block's thickness h and displacement d, everything happens in x = 50 mm d/h:
@@ -201,21 +247,8 @@ class SpongeRig:
 
         **Raises:** `InputError` outside these ranges, or if the block is squashed flat.
         """
-        path = np.asarray(force, float)
-        _require(
-            path.ndim == 1, f"force has {path.ndim} dimensions.", "Give a sequence of numbers."
-        )
-        outside = np.flatnonzero(~((path >= 0) & (path <= FORCE_LIMIT)))
-        if outside.size:
-            raise _fault(
-                f"force[{outside[0]}] = {path[outside[0]]:g} N is outside 0 to {FORCE_LIMIT:g} N.",
-                "Stay where the rig is known to resemble the sponge.",
-            )
-        _require(
-            math.isfinite(dt) and dt > 0,
-            f"dt = {dt} s is not a positive time.",
-            "Give seconds > 0.",
-        )
+        path = checked_path(force)
+        check_step("SpongeRig", dt)
         _require(substeps >= 1, f"substeps = {substeps} is less than 1.", "Give 1 or more.")
         step = dt / substeps
         state, last, depth = self._virgin(), 0.0, np.empty(path.size)
@@ -224,21 +257,6 @@ class SpongeRig:
                 state = self._yield(state, last + (target - last) * k / substeps, step)
             last, depth[n] = target, state.depth
         return depth * self._scale
-
-    def five_cycles(
-        self, peak: float = 20.0, step: float = 2.0, noise: float = 0.0, seed: int | None = None
-    ) -> SpongeCycles:
-        """The paper's test: five times 0 to `peak` to 0 N, in steps of `step` N every 6 s.
-
-        **Arguments:**
-
-        - `peak`, `step`: N; a whole number of steps makes the peak.
-        - `noise`: standard deviation of one reading of the displacement, mm.
-        - `seed`: of the noise; None draws a fresh one.
-
-        **Raises:** `InputError` if the steps do not make the peak, or the peak is out of range.
-        """
-        return five_cycles_of(self.follow, peak, step, noise, seed)
 
     @property
     def _scale(self) -> float:
@@ -292,26 +310,6 @@ class SpongeRig:
         )
         depth: Any = brentq(excess, state.depth, end, xtol=_ROOT_TOLERANCE)
         return self._step(state, depth, dt)[0]
-
-
-def five_cycles_of(
-    follow: Callable[[np.ndarray], np.ndarray], peak: float, step: float, noise: float, seed: int | None
-) -> SpongeCycles:  # fmt: skip
-    """`SpongeRig.five_cycles` of any block."""
-    _require(
-        noise >= 0, f"noise = {noise} mm is negative.", "Give a standard deviation, 0 or more."
-    )
-    steps = round(peak / step) if step > 0 else 0
-    _require(
-        steps >= 1 and math.isclose(steps * step, peak),
-        f"steps of {step} N do not make {peak} N.",
-        "Choose a positive step that divides the peak.",
-    )
-    ramp = np.linspace(0.0, peak, steps + 1)
-    force = np.concatenate([[0.0], np.tile(np.concatenate([ramp[1:], ramp[-2::-1]]), 5)])
-    cycle = np.concatenate([[1], np.repeat(np.arange(1, 6), 2 * steps)])
-    read = np.random.default_rng(seed).normal(0.0, noise, force.size)
-    return SpongeCycles(6.0 * np.arange(force.size), force, follow(force) + read, cycle)
 
 
 def force_path(turns: Sequence[float], step: float = 1.0) -> Float[np.ndarray, " samples"]:
