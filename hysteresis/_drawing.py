@@ -9,28 +9,17 @@ from ._precision import in_own_precision
 
 @in_own_precision
 def html_of(thing: Any) -> str | None:
-    """The HTML by which a notebook shows one of our objects; None without hysid, and then it shows text.
-
-    **Arguments:**
-
-    - `thing`: a record, a fit, a posterior or a compensator.
-
-    **Raises:** `InputError` `no-picture` for anything else.
-    """
+    """The HTML by which a notebook shows a record, a fit, a posterior or a compensator; None without hysid,
+    and then it shows text. Raises `InputError` `no-picture` for anything else."""
     drawing = _drawing()
     return None if drawing is None else drawing.html(thing)
 
 
 @in_own_precision
 def plot_of(thing: Any, **options: Any) -> Any:
-    """The matplotlib `Figure` that `thing.plot()` gives back.
+    """The matplotlib `Figure` that `thing.plot(**options)` gives back.
 
-    **Arguments:**
-
-    - `thing`: a record, a fit, a posterior or a compensator.
-    - `options`: those of its `plot`.
-
-    **Raises:** `InputError` `missing-extra` without hysid or matplotlib, `no-picture` for anything else.
+    Raises `InputError` `missing-extra` without hysid or matplotlib, `no-picture` as `html_of` does.
     """
     drawing = _drawing()
     if drawing is None:

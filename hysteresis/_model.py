@@ -2,7 +2,7 @@
 
 import abc
 from functools import partial
-from typing import Any, ClassVar, Generic, NamedTuple, overload
+from typing import Any, ClassVar, Generic, NamedTuple
 
 import equinox as eqx
 import jax
@@ -260,10 +260,6 @@ def needed_time(name: str, time: Any, place: str = "") -> Any:
     return time
 
 
-@overload
-def time_steps(t: Array, t_before: Any, starts: tuple[int, ...]) -> Array: ...
-@overload
-def time_steps(t: np.ndarray, t_before: Any, starts: tuple[int, ...]) -> np.ndarray: ...
 def time_steps(
     t: Float[Array | np.ndarray, " samples"], t_before: Any, starts: tuple[int, ...]
 ) -> Float[Array | np.ndarray, " samples"]:

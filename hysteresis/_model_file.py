@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ._atomic_file import write_whole
-from ._errors import InputError
+from ._limits import damage_told
 from ._serialisation import described, rebuilt
 
 
@@ -40,22 +40,14 @@ def load_model(file: str | Path) -> Any:
         >>> hysteresis.load_model(place).b.item()
         1.5
     """
-    try:
-        document = json.loads(Path(file).read_text("utf-8"))
+    place = Path(file)
+    text = place.read_bytes()
+    with damage_told(f"The model {place.name}", place, "write it with hysteresis.save_model."):
+        document = json.loads(text)
         arrays = {name: _read(x) for name, x in document["arrays"].items()}
         if "class" not in document["structure"]:
-            raise KeyError("class")
+            raise ValueError("it is not a model")
         return rebuilt(document["structure"], arrays)
-    except InputError:
-        raise
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise InputError(
-            "damaged-file",
-            f"{Path(file).name} is not a model.",
-            place=str(file),
-            cause="it is another file, or was edited.",
-            fix="write it with hysteresis.save_model.",
-        ) from error
 
 
 def _written(x: Any) -> dict[str, Any]:

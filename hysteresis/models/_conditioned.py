@@ -127,12 +127,15 @@ class Conditioned(AbstractComposite[tuple[Any, ...], ConditionedInput]):
     def laws(self, eps: float, depth: int) -> Tree:
         """A sum of shares, which is looked for as a whole; turned where the models fall."""
         xp = array_module(self.knots)
-        knots, axis = xp.asarray(self.knots), AXES.index(self.axis)
-        at = knots if axis == 0 else xp.log(knots) if axis == 1 else -1 / knots
+        knots = xp.asarray(self.knots)
+        at = _on_axis(knots, self.axis, xp)
         around = jnp.asarray(xp.concatenate([at[:1] - 1, at, at[-1:] + 1]))
         factors = [x for one in self.models if (x := last_factor(one)) is not None]
         sign = {"factor": jnp.where(factors[0] < 0, -1.0, 1.0), "offset": 0.0} if factors else None
-        ends, parts = {"axis": axis, "low": self.knots[0], "high": self.knots[-1]}, []
+        ends, parts = (
+            {"axis": AXES.index(self.axis), "low": self.knots[0], "high": self.knots[-1]},
+            [],
+        )
         for k, one in enumerate(self.models):
             own = {"before": around[k], "at": around[k + 1], "after": around[k + 2]}
             inner = one.tree(eps, depth)
@@ -186,9 +189,9 @@ def _hat_functions(c: Array, knots: Array, axis: str) -> Float[Array, "*samples 
     return hats(*(_on_axis(jnp.clip(x, knots[0], knots[-1]), axis) for x in (c, knots)))
 
 
-def _on_axis(c: Array, axis: str) -> Array:
+def _on_axis(c: Array, axis: str, xp: Any = jnp) -> Array:
     if axis == "logarithmic":
-        return jnp.log(c)
+        return xp.log(c)
     return -1 / c if axis == "reciprocal" else c
 
 

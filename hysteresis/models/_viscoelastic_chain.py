@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jaxtyping import Array, Float
 
 from .._registry import register
@@ -97,27 +98,23 @@ class Chain(NamedTuple):
 
             sum of before_k / (1 + decay_k) = sum of drive_k dt/2 tanhc(rate_k dt/2) = direct,
 
-        tanhc(x) = tanh(x) / x. The left side grows with dt; the place is found by bisection.
+        tanhc(x) = tanh(x) / x. The left side grows with dt.
         """
         parts = self.direct, self.all_rates, self.all_drives
         direct, rates, drives = (np.asarray(part, float) for part in parts)
         still = rates == 0
         safe = np.where(still, 1.0, rates)
 
-        def stable(dt: float) -> bool:
-            halves = np.where(still, dt / 2, np.tanh(safe * dt / 2) / safe)
-            return bool(drives @ halves <= direct)
+        def beyond(dt: float) -> float:
+            return float(drives @ np.where(still, dt / 2, np.tanh(safe * dt / 2) / safe) - direct)
 
         bounded = not (drives * still).any() and (drives / safe).sum() <= direct
         if hold == "linear" or bounded:
             return float("inf")
-        low, high = 0.0, float(2 * direct / drives.sum())
-        while stable(high):
-            low, high = high, 2 * high
-        for _ in range(60):
-            middle = (low + high) / 2
-            low, high = (middle, high) if stable(middle) else (low, middle)
-        return low
+        high = float(2 * direct / drives.sum())
+        while beyond(high) <= 0:
+            high *= 2
+        return float(scipy.optimize.brentq(beyond, 0.0, high, xtol=1e-300, rtol=1e-15))
 
     def _sum(self, at: Array, answer: Callable[[Array, Array], Array]) -> Array:
         """Of every branch's answer, from its rate and its drive, of the shape of `at`."""

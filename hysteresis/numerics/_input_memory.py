@@ -6,13 +6,10 @@
 Source: Brokate and Sprekels, Hysteresis and Phase Transitions (1996), section 2.1.
 """
 
-from collections.abc import Iterator
-from itertools import pairwise
-
 import numpy as np
 from jaxtyping import Float
 
-from ._blocked_recurrences import relaxed
+from ._blocked_recurrences import clamped, relaxed
 
 
 def stops(
@@ -22,13 +19,8 @@ def stops(
 ) -> Float[np.ndarray, "rows stops"]:
     """Stop operators of these radii, which begin at rest."""
     found = np.empty((len(u), len(radii))) if out is None else out
-    play = np.repeat(u[:1, None], len(radii), axis=1)
-    for run in _monotone(u):
-        # On a monotone run the play of each row follows from the one before the run.
-        at = u[run, None]
-        reached = np.minimum(np.maximum(play, at - radii), at + radii)
-        found[run] = at - reached
-        play = reached[-1:]
+    for k, r in enumerate(radii):  # one after the other: each takes six columns of memory
+        found[:, k] = u - clamped(u[:, None] - r, u[:, None] + r, u[:1])[:, 0]
     return found
 
 
@@ -41,20 +33,9 @@ def slow_states(
     """The input less its exponential averages over these times, which begin at the first input."""
     found = np.empty((len(u), len(times))) if out is None else out
     step, rise = np.diff(t, prepend=t[0]), np.diff(u, prepend=u[0])
-    for k, time in enumerate(times):  # one after the other: each takes six columns of memory
+    for k, time in enumerate(times):  # as above
         keep = np.exp(-step / time)[:, None]
         # What is left over of each rise of the input.
         drive = (keep[:, 0] * rise)[:, None, None]
         found[:, k] = relaxed(keep, drive, np.zeros((1, 1)))[:, 0, 0]
     return found
-
-
-def _monotone(u: Float[np.ndarray, " rows"]) -> Iterator[slice]:
-    """Runs in which an input goes one way; each begins behind the end of the one before."""
-    step = np.sign(np.diff(u))
-    moves = np.flatnonzero(step)
-    turns = moves[1:][step[moves[1:]] != step[moves[:-1]]] if len(moves) else moves
-    edges = [0, *(turns + 1).tolist(), len(u)]
-    for begin, end in pairwise(edges):
-        if end > begin:
-            yield slice(begin, end)

@@ -20,7 +20,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from .._parameter import Scalar, is_concrete, parameter
+from .._parameter import POSITIVE, Scalar, is_concrete, parameter
 from .._registry import register
 from ._density import AbstractDensity
 
@@ -92,12 +92,16 @@ class AbstractCoerciveDensity(AbstractDensity[InputPairs, Float[Array, ""]]):
     Raises `InputError` for an empty range, a width or an order that is not positive.
     """
 
-    total: eqx.AbstractVar[Scalar]
-    coercivity: eqx.AbstractVar[Scalar]
-    coercivity_width: eqx.AbstractVar[Scalar]
-    bias: eqx.AbstractVar[Scalar]
-    bias_width: eqx.AbstractVar[Scalar]
-    order: eqx.AbstractVar[int]
+    low: float = eqx.field(static=True, converter=float)
+    high: float = eqx.field(static=True, converter=float)
+    total: Scalar = parameter(unit="output", **POSITIVE, meaning="half the output's range")
+    coercivity: Scalar = parameter(unit="input", **POSITIVE, meaning="centre of the coercivity")
+    coercivity_width: Scalar = parameter(
+        unit="input", **POSITIVE, meaning="width of the coercivity"
+    )
+    bias: Scalar = parameter(unit="input", meaning="centre of the bias")
+    bias_width: Scalar = parameter(unit="input", **POSITIVE, meaning="width of the bias")
+    order: int = eqx.field(default=24, static=True, kw_only=True)
 
     def __check_init__(self) -> None:
         for name in ("coercivity_width", "bias_width", "order"):
@@ -127,14 +131,6 @@ class AbstractCoerciveDensity(AbstractDensity[InputPairs, Float[Array, ""]]):
 
     def mass(self, table: Float[Array, ""]) -> Float[Array, ""]:
         return jnp.asarray(self.total)
-
-
-def _total() -> Any:
-    return parameter(unit="output", bounds=(0.0, float("inf")), meaning="half the output's range")
-
-
-def _positive(meaning: str, unit: str = "input") -> Any:
-    return parameter(unit=unit, bounds=(0.0, float("inf")), meaning=meaning)
 
 
 @register
@@ -170,15 +166,6 @@ class GaussianDensity(AbstractCoerciveDensity):
         >>> np.asarray(y).round(2).tolist()
         [-5.0, 5.0, 2.02, -5.0]
     """
-
-    low: float = eqx.field(static=True, converter=float)
-    high: float = eqx.field(static=True, converter=float)
-    total: Scalar = _total()
-    coercivity: Scalar = _positive("mean coercivity")
-    coercivity_width: Scalar = _positive("standard deviation of the coercivity")
-    bias: Scalar = parameter(unit="input", meaning="mean bias")
-    bias_width: Scalar = _positive("standard deviation of the bias")
-    order: int = eqx.field(default=24, static=True, kw_only=True)
 
     def integral(
         self, a: Float[Array, "*pairs"], b: Float[Array, "*pairs"]
@@ -239,15 +226,6 @@ class LorentzianDensity(AbstractCoerciveDensity):
         >>> np.asarray(y).round(2).tolist()
         [-5.0, 5.0, 2.29, -5.0]
     """
-
-    low: float = eqx.field(static=True, converter=float)
-    high: float = eqx.field(static=True, converter=float)
-    total: Scalar = _total()
-    coercivity: Scalar = _positive("most frequent coercivity")
-    coercivity_width: Scalar = _positive("half width of the coercivity")
-    bias: Scalar = parameter(unit="input", meaning="most frequent bias")
-    bias_width: Scalar = _positive("half width of the bias")
-    order: int = eqx.field(default=24, static=True, kw_only=True)
 
     def integral(
         self, a: Float[Array, "*pairs"], b: Float[Array, "*pairs"]

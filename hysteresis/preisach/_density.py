@@ -130,11 +130,9 @@ class GridDensity(AbstractDensity[GridPairs, EverettTable]):
 
     def locate(self, u: Any) -> tuple[Any, Any]:
         """Cell (integer) and fraction within it; beyond the grid, below 0 or above 1 in its end cell."""
-        xp = jnp if isinstance(u, jax.Array) else np
         if self.nodes is None:
-            position = (u - self.low) * (self.cells / (self.high - self.low))
-            cell = xp.clip(xp.floor(position), 0, self.cells - 1)
-            return cell.astype(np.int32), position - cell
+            return even_place(u, self.low, self.high, self.cells)
+        xp = jnp if isinstance(u, jax.Array) else np
         edges = xp.asarray(self.edges, u.dtype)
         cell = xp.clip(xp.searchsorted(edges, u, side="right") - 1, 0, self.cells - 1)
         return cell.astype(np.int32), (u - edges[cell]) / (edges[cell + 1] - edges[cell])
@@ -158,6 +156,14 @@ class GridDensity(AbstractDensity[GridPairs, EverettTable]):
 
     def mass(self, table: EverettTable) -> Float[Array, ""]:
         return table.node[-1, 0]
+
+
+def even_place(u: Any, low: float, high: float, cells: int) -> tuple[Any, Any]:
+    """`GridDensity.locate` for cells of one width."""
+    xp = jnp if isinstance(u, jax.Array) else np
+    position = (u - low) * (cells / (high - low))
+    cell = xp.clip(xp.floor(position), 0, cells - 1)
+    return cell.astype(np.int32), position - cell
 
 
 def check_weights(weights: Any, signed: bool = False) -> None:

@@ -14,7 +14,7 @@ from .._parameter import NOT_NEGATIVE, Scalar, as_array, check_shapes, is_concre
 from .._registry import register
 from ..trees import looked_for
 from ._dead_band import play, play_step
-from ._density import AbstractDensity, GridDensity
+from ._density import AbstractDensity, GridDensity, even_place
 from ._everett import bilinear, everett_terms, materialise, read, running_sum, tabulate_once
 from ._initial import Initial, check_initial, staircase, word_or_inputs
 from ._memory import MemoryTree
@@ -365,11 +365,7 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
             return None, None
         if isinstance(self.density, GridDensity):
             return self.density.locate(u)
-        n = self.reversible.shape[-1]
-        position = (u - self.density.low) * (n / (self.density.high - self.density.low))
-        xp = jnp if isinstance(u, jax.Array) else np
-        cell = xp.clip(xp.floor(position), 0, n - 1)
-        return cell.astype(np.int32), position - cell
+        return even_place(u, self.density.low, self.density.high, self.reversible.shape[-1])
 
     def _output(self, relays: Array, cell: Any, within: Any) -> Array:
         """y from the relays' part and the place on the reversible part."""
