@@ -76,7 +76,8 @@ def read_table(
     - `na_values`: texts that mean a missing value, besides the empty cell and NaN.
     - `dialects`: a TOML file of dialects, which go before those of `importers/dialects.toml`.
     - `table`: which of a file's tables with different headers, from 1; the longest if not given.
-    - `most`: of a text 32 times larger, read so many bytes from its head, and pieces of all the rest.
+    - `most`: of a text 32 times larger, read so many bytes from its head, and half a megabyte in pieces of
+      all the rest, if there is more.
 
     **Raises:** `InputError` `file-not-found`, `is-directory`, `permission-denied`, `empty-file`,
     `binary-file`, `no-rows`, `duplicate-column`, `no-header`, `ragged-line`, `decimal-comma`,

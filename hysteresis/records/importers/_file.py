@@ -72,8 +72,9 @@ def mapped(path: Path) -> mmap.mmap | None:
 def file_bytes(path: Path, most: int | None = None) -> tuple[bytes, int]:
     """What is in a file, and its size.
 
-    `most`: of a text that is `LARGE` times larger, an excerpt in whole lines: so many bytes from its head,
-    then pieces from all over it and its tail. Binary files are read whole.
+    `most`: of a text that is `LARGE` times larger, and than head and pieces together, an excerpt in whole
+    lines: so many bytes from its head, then pieces from all over it and its tail. Binary files are read
+    whole.
 
     Raises `InputError` `is-directory`, `file-not-found`, `permission-denied`, `unreadable-file`,
     `empty-file`.
@@ -86,7 +87,7 @@ def file_bytes(path: Path, most: int | None = None) -> tuple[bytes, int]:
             data = BAG + b"".join(one.read_bytes() for one in parts)
             return data, len(data)
         size = path.stat().st_size
-        if most is not None and size > LARGE * most:
+        if most is not None and size > max(LARGE * most, most + PIECES * PIECE):
             with path.open("rb") as file:
                 data = _excerpt(file, size, most)
         else:

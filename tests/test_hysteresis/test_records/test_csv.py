@@ -119,6 +119,15 @@ def test_27_dialects_read_alike(read, change):
 # selection
 
 
+@pytest.mark.parametrize("rows", [100, 12_000, 40_000])
+def test_an_excerpt_of_a_small_file_is_the_file(tmp_path, rows: int):
+    file = tmp_path / "rows.csv"
+    file.write_text("t,x\n" + "".join(f"{k},{k % 50}\n" for k in range(rows)))
+    table = read_table(file, most=10)
+    assert table.share == 1
+    np.testing.assert_array_equal(table.columns["t"], np.arange(rows))
+
+
 def test_groups_where_and_keep(read):
     rows = [(s, r, k, 2 * k, k % 3) for k in range(4) for s in "ab" for r in (1, 2, 10)]
     text = table(rows, "sample,run,x_mm,f_N,part")
