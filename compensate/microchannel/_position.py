@@ -89,10 +89,13 @@ class PositionEstimator(eqx.Module):
         self.weights = jax.scipy.linalg.cho_solve(factor, places - self.mean[None])
         self.precision = jax.scipy.linalg.cho_solve(factor, jnp.eye(len(places)))
 
-    @eqx.filter_jit
     def estimate(self, readings: ArrayLike) -> Position:
         """The positions behind readings (..., channels); one that is no number is INVALID, at the mean."""
-        readings = jnp.asarray(readings, self.mean.dtype)
+        # Numbers of Python's would be constants of the program: others compile another one.
+        return self._estimated(jnp.asarray(readings, self.mean.dtype))
+
+    @eqx.filter_jit
+    def _estimated(self, readings: Array) -> Position:
         leading = readings.shape[:-1]
         flat = readings.reshape(-1, readings.shape[-1])
         finite = jnp.isfinite(flat).all(-1)

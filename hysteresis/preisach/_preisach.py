@@ -190,9 +190,12 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
         state = PreisachState(loops, low, down, loops.depth, visited, held)
         return _settle(self, state, jnp.asarray(self._staircase(), float))
 
-    @eqx.filter_jit
     def step(self, state: PreisachState, t: Any, u: Any) -> tuple[PreisachState, Float[Array, ""]]:
-        u = jnp.asarray(u, state.u.dtype)
+        # A number of Python's would be a constant of the program: each compiles another one.
+        return self._stepped(state, jnp.asarray(u, state.u.dtype))
+
+    @eqx.filter_jit
+    def _stepped(self, state: PreisachState, u: Array) -> tuple[PreisachState, Array]:
         held = None if state.held is None else play_step(u, self.dead_band, state.held)
         state = state._replace(held=held)
         table = self.density.tabulate()

@@ -3,6 +3,7 @@
 from functools import cache
 from typing import Any
 
+import jax
 import numpy as np
 import pytest
 
@@ -63,3 +64,11 @@ def test_faults_say_what_to_do():
     refuses("not-finite", lambda: fit_positions(bad, places), "exclude that row")
     with pytest.raises(InputError, match="one place a reading"):
         type(learnt())(bad, places[:4], learnt().kernel)
+
+
+def test_plain_readings_are_compiled_once(caplog):
+    sensor = learnt()
+    sensor.estimate([1.0] * 9)
+    with jax.log_compiles():
+        sensor.estimate([2.0] * 9)
+    assert not caplog.records

@@ -173,6 +173,14 @@ def forgotten_loops(u: np.ndarray, capacity: int) -> np.ndarray:
     return np.array(found)
 
 
+def test_steps_of_plain_numbers_are_compiled_once(caplog):
+    model = Preisach(uniform(5))
+    state, _ = model.step(model.init(), None, 0.25)
+    with jax.log_compiles():
+        model.step(state, None, 0.75)
+    assert not caplog.records
+
+
 @settings(max_examples=15)
 @given(u=histories(0.0, 1.0), noise=seeds)
 def test_a_full_stack_forgets_the_smallest_loop(u: np.ndarray, noise: int):
