@@ -12,6 +12,7 @@ from ._errors import InputError
 from ._model import AbstractFollowingModel, Series, needed_time
 from ._once import once
 from ._parameter import array_module, as_array, as_float
+from ._type_variables import Output, Starts, Times
 from .running import Numbers, numbers_of, outputs
 
 OWN = 0
@@ -53,12 +54,7 @@ class AbstractLawModel(AbstractFollowingModel[LawState, LawInput]):
         return LawState(as_float(self._numbers.state), t)
 
     def prepare(
-        self,
-        t: Series | None,
-        u: Series,
-        state: LawState | None = None,
-        *,
-        starts: tuple[int, ...] = (0,),
+        self, t: Times, u: Series, state: LawState | None = None, *, starts: Starts = (0,)
     ) -> LawInput:
         if t is None and self.needs_time:
             needed_time(type(self).__name__, t)
@@ -81,9 +77,7 @@ class AbstractLawModel(AbstractFollowingModel[LawState, LawInput]):
     def evaluate(self, prepared: LawInput) -> Float[Array, " samples"]:
         return self._run(*prepared)[0]
 
-    def follow(
-        self, t: Series | None, u: Series, state: LawState | None = None
-    ) -> tuple[LawState, Float[Array, " samples"]]:
+    def follow(self, t: Times, u: Series, state: LawState | None = None) -> tuple[LawState, Output]:
         y, after = self._run(*self.prepare(t, u, state))
         if t is None or not len(y):
             return LawState(after, self.init().t if state is None else state.t), y

@@ -15,10 +15,7 @@ from ._parameter import array_module, check_bounds
 from ._precision import in_own_precision, keep_precision
 from ._quantities import Units, as_range, as_units
 from ._show import one_line, table
-from ._type_variables import Prepared, State
-
-Series = Float[Array, " samples"] | Any
-"""A time series on the way in: anything `jnp.asarray` takes, one-dimensional."""
+from ._type_variables import Output, Prepared, Series, Starts, State, Times
 
 Tree = dict[str, Any]
 """A node of a tree of laws: `kind`, `parameters`, `state`, and `parts` where it has some."""
@@ -72,12 +69,7 @@ class AbstractModel(eqx.Module, Generic[State, Prepared]):
 
     @abc.abstractmethod
     def prepare(
-        self,
-        t: Series | None,
-        u: Series,
-        state: State | None = None,
-        *,
-        starts: tuple[int, ...] = (0,),
+        self, t: Times, u: Series, state: State | None = None, *, starts: Starts = (0,)
     ) -> Prepared:
         """Everything that depends on the input alone, computed once for many `evaluate`.
 
@@ -97,12 +89,7 @@ class AbstractModel(eqx.Module, Generic[State, Prepared]):
 
     @in_own_precision
     def simulate(
-        self,
-        t: Series | None,
-        u: Series,
-        state: State | None = None,
-        *,
-        starts: tuple[int, ...] = (0,),
+        self, t: Times, u: Series, state: State | None = None, *, starts: Starts = (0,)
     ) -> Float[Array, " samples"]:
         """`evaluate(prepare(t, u, state, starts=starts))`, compiled."""
         same_samples(t, u)
@@ -141,7 +128,7 @@ class AbstractModel(eqx.Module, Generic[State, Prepared]):
         return laws(eps, depth)
 
     @in_own_precision
-    def state_from(self, t: Series | None, u: Series, y: Series) -> State:
+    def state_from(self, t: Times, u: Series, y: Series) -> State:
         """The state after some rows of which the output is known too, whatever was before them.
 
         The known inputs leave what they have reached. What was there before is estimated: the inputs that
@@ -191,9 +178,7 @@ class AbstractModel(eqx.Module, Generic[State, Prepared]):
         return one_line(self)
 
     @in_own_precision
-    def stream(
-        self, t: Series | None, u: Series, state: State | None = None
-    ) -> tuple[State, Float[Array, " samples"]]:
+    def stream(self, t: Times, u: Series, state: State | None = None) -> tuple[State, Output]:
         """`step` over all samples: (state after the last one, outputs). Slower than `simulate`, but for
         models that run their laws."""
         if (follow := getattr(self, "follow", None)) is not None:
@@ -222,9 +207,7 @@ class AbstractFollowingModel(AbstractModel[State, Prepared]):
     """A model that takes all samples at once, with the state after them: a step is a series of one."""
 
     @abc.abstractmethod
-    def follow(
-        self, t: Series | None, u: Series, state: State | None = None
-    ) -> tuple[State, Float[Array, " samples"]]:
+    def follow(self, t: Times, u: Series, state: State | None = None) -> tuple[State, Output]:
         """All samples at once: (state after the last one, outputs)."""
 
     def step(self, state: State, t: Any, u: Any) -> tuple[State, Float[Array, ""]]:
@@ -261,7 +244,7 @@ def needed_time(name: str, time: Any, place: str = "") -> Any:
 
 
 def time_steps(
-    t: Float[Array | np.ndarray, " samples"], t_before: Any, starts: tuple[int, ...]
+    t: Float[Array | np.ndarray, " samples"], t_before: Any, starts: Starts
 ) -> Float[Array | np.ndarray, " samples"]:
     """Time since the sample before; 0 where a sequence starts without a past (t_before NaN).
 
@@ -280,7 +263,7 @@ def time_steps(
 
 
 @partial(jax.jit, static_argnames=("samples", "starts"))
-def is_start(samples: int, starts: tuple[int, ...]) -> Float[Array, " samples"]:
+def is_start(samples: int, starts: Starts) -> Float[Array, " samples"]:
     """1 where an independent sequence begins, else 0."""
     return jnp.zeros(samples).at[jnp.asarray(starts)].set(1)
 
@@ -305,12 +288,7 @@ class AbstractSteppedModel(AbstractModel[State, SteppedInput]):
     """
 
     def prepare(
-        self,
-        t: Series | None,
-        u: Series,
-        state: State | None = None,
-        *,
-        starts: tuple[int, ...] = (0,),
+        self, t: Times, u: Series, state: State | None = None, *, starts: Starts = (0,)
     ) -> SteppedInput:
         before: Any = jax.tree.map(jnp.asarray, self.init() if state is None else state)
         leaves = jax.tree.leaves(before)

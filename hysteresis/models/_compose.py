@@ -18,7 +18,7 @@ from .._model import AbstractFollowingModel, AbstractModel, Tree
 from .._model import Series as Inputs
 from .._parameter import Scalar, array_module, as_array, is_concrete, parameter
 from .._registry import register
-from .._type_variables import Prepared, State
+from .._type_variables import Output, Prepared, Starts, State, Times
 from ..trees import (
     common_range,
     input_range,
@@ -41,13 +41,11 @@ class AbstractComposite(AbstractFollowingModel[State, Prepared]):
     def _over(self, run: Over, u: Any, state: Any) -> tuple[Any, Any]:
         """State and output of what `run` does of each model; of no state where it is None."""
 
-    def follow(
-        self, t: Inputs | None, u: Inputs, state: State | None = None
-    ) -> tuple[State, Float[Array, " samples"]]:
+    def follow(self, t: Times, u: Inputs, state: State | None = None) -> tuple[State, Output]:
         return self._over(lambda model, v, own: model.stream(t, v, own), u, state)
 
     def simulated(
-        self, t: Inputs | None, u: Inputs, state: State | None, starts: tuple[int, ...]
+        self, t: Times, u: Inputs, state: State | None, starts: Starts
     ) -> Float[Array, " samples"]:
         """What `simulate` gives."""
 
@@ -114,12 +112,7 @@ class Sum(AbstractParts[tuple[Any, ...]]):
         return tuple(own for own, _ in found), as_array(reduce(add, map(xp.asarray, outputs)))
 
     def prepare(
-        self,
-        t: Inputs | None,
-        u: Inputs,
-        state: tuple[Any, ...] | None = None,
-        *,
-        starts: tuple[int, ...] = (0,),
+        self, t: Times, u: Inputs, state: tuple[Any, ...] | None = None, *, starts: Starts = (0,)
     ) -> tuple[Any, ...]:
         states = (None,) * len(self.parts) if state is None else state
         pairs = zip(self.parts, states, strict=True)
@@ -174,9 +167,7 @@ class Scaled(AbstractComposite[Any, Any]):
         state, y = run(self.inner, u, state)
         return state, self.offset + self.factor * y
 
-    def prepare(
-        self, t: Inputs | None, u: Inputs, state: Any = None, *, starts: tuple[int, ...] = (0,)
-    ) -> Any:
+    def prepare(self, t: Times, u: Inputs, state: Any = None, *, starts: Starts = (0,)) -> Any:
         return self.inner.prepare(t, u, state, starts=starts)
 
     def evaluate(self, prepared: Any) -> Float[Array, " samples"]:
@@ -193,7 +184,7 @@ class SeriesInput(eqx.Module):
     first: Any
     t: Array | None
     states: tuple[Any, ...]
-    starts: tuple[int, ...] = eqx.field(static=True)
+    starts: Starts = eqx.field(static=True)
 
 
 @register
@@ -227,12 +218,7 @@ class Series(AbstractParts[SeriesInput]):
         return tuple(after), u
 
     def prepare(
-        self,
-        t: Inputs | None,
-        u: Inputs,
-        state: tuple[Any, ...] | None = None,
-        *,
-        starts: tuple[int, ...] = (0,),
+        self, t: Times, u: Inputs, state: tuple[Any, ...] | None = None, *, starts: Starts = (0,)
     ) -> SeriesInput:
         states = (None,) * len(self.parts) if state is None else state
         first = self.parts[0].prepare(t, u, states[0], starts=starts)

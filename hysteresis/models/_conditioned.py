@@ -13,6 +13,7 @@ from .._errors import InputError
 from .._model import AbstractModel, Series, Tree
 from .._parameter import array_module, check_increasing, check_shapes, is_concrete, parameter
 from .._registry import register
+from .._type_variables import Starts, Times
 from ..numerics._hats import hats
 from ..records._record import Record
 from ..trees import common_range, input_range, looked_for, node, reach_of
@@ -102,12 +103,7 @@ class Conditioned(AbstractComposite[tuple[Any, ...], ConditionedInput]):
         return tuple(own for own, _ in found), y
 
     def prepare(
-        self,
-        t: Series | None,
-        u: Series,
-        state: tuple[Any, ...] | None = None,
-        *,
-        starts: tuple[int, ...] = (0,),
+        self, t: Times, u: Series, state: tuple[Any, ...] | None = None, *, starts: Starts = (0,)
     ) -> ConditionedInput:
         """See `AbstractModel.prepare`; `u`: (samples, 2), the input and the condition.
 

@@ -12,6 +12,7 @@ from .._errors import InputError
 from .._model import AbstractFollowingModel, Series, Tree, evaluated
 from .._parameter import NOT_NEGATIVE, Scalar, as_float, check_increasing, is_concrete, parameter
 from .._registry import register
+from .._type_variables import Output, Starts, Times
 from ..trees import ROUNDING, curve, node
 
 Values = Float[Array, " _"] | Any
@@ -30,17 +31,12 @@ class AbstractCurve(AbstractFollowingModel[tuple[()], Array]):
         return ()
 
     def follow(
-        self, t: Series | None, u: Series, state: tuple[()] | None = None
-    ) -> tuple[tuple[()], Float[Array, " samples"]]:
+        self, t: Times, u: Series, state: tuple[()] | None = None
+    ) -> tuple[tuple[()], Output]:
         return (), evaluated(self, as_float(u))
 
     def prepare(
-        self,
-        t: Series | None,
-        u: Series,
-        state: tuple[()] | None = None,
-        *,
-        starts: tuple[int, ...] = (0,),
+        self, t: Times, u: Series, state: tuple[()] | None = None, *, starts: Starts = (0,)
     ) -> Array:
         return as_float(u)
 

@@ -17,6 +17,7 @@ from .._model import AbstractModel, Tree
 from .._model import Series as Inputs
 from .._parameter import KEPT, NOT_NEGATIVE, Scalar, parameter
 from .._registry import register
+from .._type_variables import Starts, Times
 from ..trees import common_range, looked_for, part_tree, search_range
 from ._compose import AbstractComposite, Over, Scaled, Sum
 from ._curves import Values
@@ -71,12 +72,7 @@ class Mixture(AbstractComposite[tuple[Any, ...], Float[Array, "samples models"]]
         return self.whole._over(run, u, state)
 
     def prepare(
-        self,
-        t: Inputs | None,
-        u: Inputs,
-        state: tuple[Any, ...] | None = None,
-        *,
-        starts: tuple[int, ...] = (0,),
+        self, t: Times, u: Inputs, state: tuple[Any, ...] | None = None, *, starts: Starts = (0,)
     ) -> Float[Array, "samples models"]:
         states = (None,) * len(self.models) if state is None else state
         pairs = zip(self.models, states, strict=True)

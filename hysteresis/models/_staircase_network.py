@@ -13,6 +13,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 from .._errors import InputError
 from .._model import AbstractFollowingModel, Series, evaluated, is_start, time_steps
 from .._registry import register
+from .._type_variables import Output, Starts, Times
 from ..numerics._clamps import clamps
 
 
@@ -164,8 +165,8 @@ class StaircaseNetwork(AbstractFollowingModel[StaircaseState, Array]):
         )
 
     def follow(
-        self, t: Series | None, u: Series, state: StaircaseState | None = None
-    ) -> tuple[StaircaseState, Float[Array, " samples"]]:
+        self, t: Times, u: Series, state: StaircaseState | None = None
+    ) -> tuple[StaircaseState, Output]:
         before = self.init() if state is None else state
         x = self.prepare(t, u, before)
         if not len(x):
@@ -176,12 +177,7 @@ class StaircaseNetwork(AbstractFollowingModel[StaircaseState, Array]):
         return after, evaluated(self, x)
 
     def prepare(
-        self,
-        t: Series | None,
-        u: Series,
-        state: StaircaseState | None = None,
-        *,
-        starts: tuple[int, ...] = (0,),
+        self, t: Times, u: Series, state: StaircaseState | None = None, *, starts: Starts = (0,)
     ) -> Float[Array, "samples inputs"]:
         """The network's inputs x: all that depends on the record; u (samples,) or (samples, channels)."""
         if t is None and self.times:
@@ -210,7 +206,7 @@ class StaircaseNetwork(AbstractFollowingModel[StaircaseState, Array]):
 
 @eqx.filter_jit
 def _inputs(
-    model: StaircaseNetwork, t: Array, u: Array, state: StaircaseState, starts: tuple[int, ...]
+    model: StaircaseNetwork, t: Array, u: Array, state: StaircaseState, starts: Starts
 ) -> Array:
     samples, plays, lags = len(u), len(model.thresholds), len(model.times)
     start = is_start(samples, starts) > 0

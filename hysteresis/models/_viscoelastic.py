@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 
 from .._model import AbstractModel, Series, Tree, is_start, needed_time, time_steps
 from .._parameter import POSITIVE, Scalar, array_module, as_array, is_concrete
+from .._type_variables import Starts, Times
 from ..numerics._even_clock import even_step
 from ..numerics._recurrence import Rows, even_recurrence, linear_recurrence
 from ..running import numbers_of, outputs, place_of
@@ -101,12 +102,7 @@ class AbstractViscoelastic(AbstractModel[ViscoelasticState, ViscoelasticInput]):
         return after, self.output(after) + jnp.asarray(self.offset)
 
     def prepare(
-        self,
-        t: Series | None,
-        u: Series,
-        state: ViscoelasticState | None = None,
-        *,
-        starts: tuple[int, ...] = (0,),
+        self, t: Times, u: Series, state: ViscoelasticState | None = None, *, starts: Starts = (0,)
     ) -> ViscoelasticInput:
         state = self.init() if state is None else state
         # Known times and inputs are prepared by NumPy: no program is compiled for every number of rows.

@@ -12,6 +12,7 @@ from .._errors import InputError
 from .._model import AbstractModel, Series, Tree
 from .._parameter import NOT_NEGATIVE, Scalar, as_array, check_shapes, is_concrete, parameter
 from .._registry import register
+from .._type_variables import Starts, Times
 from ..trees import looked_for
 from ._dead_band import play, play_step
 from ._density import AbstractDensity, GridDensity, even_place
@@ -222,17 +223,12 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
     # Batch
 
     def prepare(
-        self,
-        t: Series | None,
-        u: Series,
-        state: PreisachState | None = None,
-        *,
-        starts: tuple[int, ...] = (0,),
+        self, t: Times, u: Series, state: PreisachState | None = None, *, starts: Starts = (0,)
     ) -> PreisachInput:
         return jax.tree.map(_to_device, self.located(u, state, starts=starts))
 
     def located(
-        self, u: Series, state: PreisachState | None = None, *, starts: tuple[int, ...] = (0,)
+        self, u: Series, state: PreisachState | None = None, *, starts: Starts = (0,)
     ) -> PreisachInput:
         """`prepare`, with NumPy arrays for inputs in NumPy: nothing is compiled, and nothing copied."""
         past = self._past(state)
@@ -346,7 +342,7 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
             return np.array([self.density.low, *self._staircase()])
         return past_inputs(state.loops, state.u)
 
-    def _seen(self, u: Any, state: PreisachState | None, starts: tuple[int, ...]) -> Any:
+    def _seen(self, u: Any, state: PreisachState | None, starts: Starts) -> Any:
         """What the relays see of the inputs: behind the dead band, within the bounds."""
         xp = jnp if isinstance(u, jax.Array) else np
         if self.dead_band:
