@@ -26,6 +26,7 @@ from ..running import Numbers, numbers_of, run
 from ..trees import node
 from ._feedback_in_time import in_time
 
+Outputs = Float[np.ndarray, "samples outputs"]
 Matrix = Any
 
 CLOSE, STEPS, MIXED, FAILED = 1e-5, 25, 6, 6
@@ -291,9 +292,7 @@ class Feedback(eqx.Module):
         flat = {k: np.ravel(x) if np.ndim(x) else x for k, x in known.items()}
         return node("feedback", flat, state, [x.tree(eps, depth) for x in self.channels])
 
-    def steady(
-        self, u: ArrayLike, dt: float, finer: int = 4
-    ) -> Float[np.ndarray, "samples outputs"]:
+    def steady(self, u: ArrayLike, dt: float, finer: int = 4) -> Outputs:
         """The outputs of one period in steady state.
 
         - `u`: (samples, inputs), one period on an even clock, which is taken as limited to its band.
@@ -317,9 +316,7 @@ class Feedback(eqx.Module):
             )
         return lines.signal(found.output)
 
-    def simulate(
-        self, u: ArrayLike, dt: float, finer: int = 16
-    ) -> Float[np.ndarray, "samples outputs"]:
+    def simulate(self, u: ArrayLike, dt: float, finer: int = 16) -> Outputs:
         """The outputs from rest, at the samples of `u` (samples, inputs) on an even clock.
 
         Between samples the input is limited to its band, and straight between `finer` fine steps of each.

@@ -16,6 +16,10 @@ LAGS, LEARNT = 48, 2000
 """A record is continued by so many lags of linear prediction, learnt from so many rows at its end."""
 
 
+Samples = Float[np.ndarray, " samples"]
+Fine = Float[np.ndarray, " fine"]
+
+
 def clock(count: int, h: float) -> Float[np.ndarray, " rows"]:
     """Times since the row before, of an even clock that begins."""
     return np.append(np.nan, np.full(count - 1, h))
@@ -31,9 +35,7 @@ def stages_of(factor: int) -> tuple[int, ...]:
     return tuple(found)
 
 
-def decimated(
-    fine: Float[np.ndarray, " fine"], stages: tuple[int, ...], periodic: bool = False
-) -> Float[np.ndarray, " samples"]:
+def decimated(fine: Fine, stages: tuple[int, ...], periodic: bool = False) -> Samples:
     """The samples that a recorder keeps of a fine signal: low-passed and thinned, stage by stage.
 
     The delay of the filter is taken out. A signal that is not `periodic` is continued beyond its ends by
@@ -60,11 +62,8 @@ def decimated(
 
 
 def interpolated(
-    samples: Float[np.ndarray, " samples"],
-    factor: int,
-    between: str = "band-limited",
-    periodic: bool = False,
-) -> Float[np.ndarray, " fine"]:
+    samples: Samples, factor: int, between: str = "band-limited", periodic: bool = False
+) -> Fine:
     """The force at `factor` fine steps a sample; a periodic one ends a step before its first sample comes
     again, another one with its last sample.
 

@@ -13,6 +13,9 @@ from .._parameter import Scalar, as_float, check_increasing, check_shapes
 from .._registry import register
 from ..numerics._input_memory import slow_states, stops
 
+Channels = Float[Array, "samples channels"] | Any
+Column = Float[np.ndarray, " samples"]
+
 
 @register
 class ChannelMap(eqx.Module):
@@ -85,42 +88,33 @@ class ChannelMap(eqx.Module):
             )
         check_increasing("nodes", self.nodes)
 
-    def __call__(
-        self,
-        x: Float[Array, "samples channels"] | Any,
-        time: Float[np.ndarray, " samples"] | None = None,
-    ) -> Float[Array, " samples"]:
+    def __call__(self, x: Channels, time: Column | None = None) -> Float[Array, " samples"]:
         """The scalar at every sample of one sequence; `time` is needed where there are `times`.
 
         Raises `InputError` `no-time` where they are and it is not given.
         """
         return self.curves(x) if self.memory is None else self.curves(x) + self.left(x, time)
 
-    def curves(self, x: Float[Array, "samples channels"] | Any) -> Float[Array, " samples"]:
+    def curves(self, x: Channels) -> Float[Array, " samples"]:
         """The offset and the curves' part of the scalar; a function of JAX."""
         each = jax.vmap(jnp.interp, in_axes=(1, 0, 0))
         return self.offset + each(jnp.asarray(x, float), self.nodes, self.values).sum(0)
 
-    def left(
-        self, x: Float[Array, "samples channels"] | Any, time: Float[np.ndarray, " samples"] | None
-    ) -> Float[np.ndarray, " samples"]:
+    def left(self, x: Channels, time: Column | None) -> Column:
         """What the channels of one sequence leave behind, in NumPy: no part of a JAX program."""
         found = np.zeros(len(x))
         for v, weights in zip(self.parts_of_range(x).T, np.asarray(self.memory), strict=True):
             found += memory_columns(v, time, self.radii, self.times) @ weights
         return found
 
-    def parts_of_range(self, x: Float[Array, "samples channels"] | Any) -> np.ndarray:
+    def parts_of_range(self, x: Channels) -> np.ndarray:
         """The channels in parts of the range of their nodes."""
         low, high = np.asarray(self.nodes)[:, 0], np.asarray(self.nodes)[:, -1]
         return (np.asarray(x) - low) / (high - low)
 
 
 def memory_columns(
-    v: Float[np.ndarray, " samples"],
-    time: Float[np.ndarray, " samples"] | None,
-    radii: tuple[float, ...],
-    times: tuple[float, ...],
+    v: Column, time: Column | None, radii: tuple[float, ...], times: tuple[float, ...]
 ) -> Float[np.ndarray, "samples memories"]:
     """What one sequence of a channel leaves behind: its stops, then its slow states."""
     found = [stops(v, np.array(radii))] if radii else []

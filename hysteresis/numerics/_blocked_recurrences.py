@@ -10,6 +10,8 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Float
 
+Columns = Float[np.ndarray, "rows columns"]
+
 
 def relaxed(
     decay: Float[np.ndarray, "rows times"],
@@ -31,11 +33,7 @@ def relaxed(
     return x.reshape(-1, *drive.shape[1:])[:rows]
 
 
-def clamped(
-    low: Float[np.ndarray, "rows columns"],
-    high: Float[np.ndarray, "rows columns"],
-    state: Float[np.ndarray, " columns"],
-) -> Float[np.ndarray, "rows columns"]:
+def clamped(low: Columns, high: Columns, state: Float[np.ndarray, " columns"]) -> Columns:
     """z_k = clip(z_(k-1), low_k, high_k), with z before the first row = `state`.
 
     Two clamps one after the other are one clamp. The upper end counts where `low` is above it.

@@ -11,12 +11,11 @@ from jaxtyping import Float
 
 from ._blocked_recurrences import clamped, relaxed
 
+Rows = Float[np.ndarray, " rows"]
+Columns = Float[np.ndarray, "rows columns"]
 
-def stops(
-    u: Float[np.ndarray, " rows"],
-    radii: Float[np.ndarray, " stops"],
-    out: Float[np.ndarray, "rows stops"] | None = None,
-) -> Float[np.ndarray, "rows stops"]:
+
+def stops(u: Rows, radii: Float[np.ndarray, " stops"], out: Columns | None = None) -> Columns:
     """Stop operators of these radii, which begin at rest."""
     found = np.empty((len(u), len(radii))) if out is None else out
     for k, r in enumerate(radii):  # one after the other: each takes six columns of memory
@@ -25,11 +24,8 @@ def stops(
 
 
 def slow_states(
-    u: Float[np.ndarray, " rows"],
-    t: Float[np.ndarray, " rows"],
-    times: Float[np.ndarray, " states"],
-    out: Float[np.ndarray, "rows states"] | None = None,
-) -> Float[np.ndarray, "rows states"]:
+    u: Rows, t: Rows, times: Float[np.ndarray, " states"], out: Columns | None = None
+) -> Columns:
     """The input less its exponential averages over these times, which begin at the first input."""
     found = np.empty((len(u), len(times))) if out is None else out
     step, rise = np.diff(t, prepend=t[0]), np.diff(u, prepend=u[0])

@@ -27,6 +27,8 @@ from ._density import AbstractDensity
 # The distribution function of two correlated normal numbers.
 
 
+Each = Float[Array, "*pairs"]
+
 ROUND = 2 * np.pi
 
 
@@ -39,9 +41,7 @@ def normal_below(x: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
 
 
 @partial(jax.custom_jvp, nondiff_argnums=(0,))
-def opposed_normal(
-    order: int, x: Float[Array, "*pairs"], y: Float[Array, "*pairs"], v: Float[Array, ""]
-) -> Float[Array, "*pairs"]:
+def opposed_normal(order: int, x: Each, y: Each, v: Float[Array, ""]) -> Each:
     """P(X < x, Y < y) of standard normal numbers whose correlation is -tanh v, |v| up to 3 and more:
 
         F(x) F(y) - 1/(2 pi) * integral over 0 <= w <= v of
@@ -82,8 +82,8 @@ def _slopes(order: int, at: tuple[Array, Array, Array], moved: tuple[Array, Arra
 class InputPairs(NamedTuple):
     """Pairs (a, b) of inputs as they are."""
 
-    a: Float[Array, "*pairs"]
-    b: Float[Array, "*pairs"]
+    a: Each
+    b: Each
 
 
 class AbstractCoerciveDensity(AbstractDensity[InputPairs, Float[Array, ""]]):
@@ -112,9 +112,7 @@ class AbstractCoerciveDensity(AbstractDensity[InputPairs, Float[Array, ""]]):
                 )
 
     @abc.abstractmethod
-    def integral(
-        self, a: Float[Array, "*pairs"], b: Float[Array, "*pairs"]
-    ) -> Float[Array, "*pairs"]:
+    def integral(self, a: Each, b: Each) -> Each:
         """I(a, b) for b <= a, up to a constant factor."""
 
     def pair(self, a: Any, b: Any) -> InputPairs:
@@ -125,7 +123,7 @@ class AbstractCoerciveDensity(AbstractDensity[InputPairs, Float[Array, ""]]):
         low, high = (jnp.full_like(self.total, u) for u in (self.low, self.high))
         return self.total / self.integral(high, low)
 
-    def everett(self, table: Float[Array, ""], pairs: InputPairs) -> Float[Array, "*pairs"]:
+    def everett(self, table: Float[Array, ""], pairs: InputPairs) -> Each:
         a, b = jnp.maximum(pairs.a, pairs.b), jnp.minimum(pairs.a, pairs.b)
         return table * self.integral(a, b)
 
@@ -167,9 +165,7 @@ class GaussianDensity(AbstractCoerciveDensity):
         [-5.0, 5.0, 2.02, -5.0]
     """
 
-    def integral(
-        self, a: Float[Array, "*pairs"], b: Float[Array, "*pairs"]
-    ) -> Float[Array, "*pairs"]:
+    def integral(self, a: Each, b: Each) -> Each:
         centre, width, bias_width = map(
             jnp.asarray, (self.coercivity, self.coercivity_width, self.bias_width)
         )
@@ -227,9 +223,7 @@ class LorentzianDensity(AbstractCoerciveDensity):
         [-5.0, 5.0, 2.29, -5.0]
     """
 
-    def integral(
-        self, a: Float[Array, "*pairs"], b: Float[Array, "*pairs"]
-    ) -> Float[Array, "*pairs"]:
+    def integral(self, a: Each, b: Each) -> Each:
         half = (a - b) / 2
         step = jnp.clip(jnp.minimum(a - self.bias, self.bias - b), 0.0, half)
         begin, jump, end = (

@@ -17,6 +17,11 @@ from ._foam_block import FoamBlock
 from ._force_sensors import ForceSensor, GaugeSensor
 from ._sponge import FORCE_LIMIT, SpongeRig, force_path
 
+Points = Float[np.ndarray, "presses 3"]
+Sides = Float[np.ndarray, "presses 2"]
+Numbers = Int[np.ndarray, " presses"]
+"""In space and on a surface, and the numbers of surfaces."""
+
 # The frame below a cover: plates that sag where they are pressed, in many modes.
 
 
@@ -50,10 +55,7 @@ class PlateFrame:
         check_fields(self, below={"poisson": 0.5})
 
     def compliance(
-        self,
-        place: Float[np.ndarray, "presses 2"],
-        half: Float[np.ndarray, "presses 2"],
-        wall: Bool[np.ndarray, " presses"],
+        self, place: Sides, half: Sides, wall: Bool[np.ndarray, " presses"]
     ) -> Float[np.ndarray, " presses"]:
         """w/F in mm/N at places in m from the middle of plates with these half widths.
 
@@ -102,9 +104,9 @@ class BoxSize(NamedTuple):
 class ArmorPoints(NamedTuple):
     """Where to press."""
 
-    points: Float[np.ndarray, "presses 3"]
+    points: Points
     """P^i in m, on the undeformed surface"""
-    surface: Int[np.ndarray, " presses"]
+    surface: Numbers
     """1 to 5"""
 
 
@@ -115,13 +117,13 @@ class ArmorPresses(NamedTuple):
     """s"""
     force: Float[np.ndarray, "presses samples"]
     """N, of the gauge, along its direction"""
-    direction: Float[np.ndarray, "presses 3"]
+    direction: Points
     """u, of length 1"""
     wrench: Float[np.ndarray, "presses samples 6"]
     """what the sensor reads: F in N, then M in N m, exerted by the load about P_o"""
-    surface: Int[np.ndarray, " presses"]
+    surface: Numbers
     """1 to 5"""
-    touched: Float[np.ndarray, "presses 3"]
+    touched: Points
     """P^i in m: where the undeformed surface was touched"""
     contact: Float[np.ndarray, "presses samples 3"]
     """P^e in m: where the load is, P^e = P^i + d n with the inward normal n"""
@@ -323,22 +325,18 @@ class ArmorRig:
         stiffness = np.exp(self.uneven * density) / self.sheet
         return cover.follow_columns(force, dt, stiffness, supported)
 
-    def _half_widths(self, surface: Int[np.ndarray, " presses"]) -> Float[np.ndarray, "presses 2"]:
+    def _half_widths(self, surface: Numbers) -> Sides:
         """Of each surface, along its two axes: x then y then z, without the normal's."""
         dx, dy, dz1, dz2 = self.size
         high = (dz1 - dz2) / 2
         return np.array([(dx, dy), (dx, high), (dx, high), (dy, high), (dy, high)])[surface - 1]
 
-    def _from_the_middle(
-        self, points: Float[np.ndarray, "presses 3"], surface: Int[np.ndarray, " presses"]
-    ) -> Float[np.ndarray, "presses 2"]:
+    def _from_the_middle(self, points: Points, surface: Numbers) -> Sides:
         lateral = INWARD[surface - 1] == 0
         middle = np.array([0.0, 0.0, (self.size.dz1 + self.size.dz2) / 2])
         return (points - middle)[lateral].reshape(-1, 2)
 
-    def _place(
-        self, surface: np.ndarray, u: np.ndarray, v: np.ndarray
-    ) -> Float[np.ndarray, "presses 3"]:
+    def _place(self, surface: np.ndarray, u: np.ndarray, v: np.ndarray) -> Points:
         """Points at (u, v) from the middle of their surface."""
         dx, dy, dz1, dz2 = self.size
         normal = INWARD[surface - 1]
@@ -377,7 +375,7 @@ def _followed(cover: SpongeRig, force: bytes, dt: float) -> Float[np.ndarray, " 
     return cover.follow(np.frombuffer(force), dt=dt)
 
 
-def _unit(direction: np.ndarray, normal: np.ndarray) -> Float[np.ndarray, "presses 3"]:
+def _unit(direction: np.ndarray, normal: np.ndarray) -> Points:
     _require(
         direction.shape == normal.shape and bool(np.all(np.sum(direction * normal, axis=1) > 0)),
         "a direction does not push on its surface.",

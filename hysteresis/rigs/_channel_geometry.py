@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ._arguments import require
-from ._skin_presses import AbstractSkinRig, lag
+from ._skin_presses import AbstractSkinRig, Forces, Placed, Readings, lag
 
 _require = partial(require, "ChannelGeometryRig")
 
@@ -77,12 +77,7 @@ class ChannelGeometryRig(AbstractSkinRig):
         """X and Y of each press by a finger."""
         return rng.normal(size=(presses, 2)) * [self.miss_along_mm, self.miss_across_mm]
 
-    def _changes(
-        self,
-        force: Float[np.ndarray, "*sequences samples locations"],
-        dt: float,
-        placement: Float[np.ndarray, "*placed"],
-    ) -> Float[np.ndarray, "*sequences samples layers"]:
+    def _changes(self, force: Forces, dt: float, placement: Placed) -> Readings:
         """c: the relative change of each layer, behind the low-pass."""
         locations = force.shape[-1]
         place = np.broadcast_to(placement, (*force.shape[:-1], 2, locations))
@@ -121,9 +116,7 @@ class ChannelGeometryRig(AbstractSkinRig):
         r = np.cbrt(3e3 * force * self.finger_mm / (4 * self.modulus_kpa))
         return r, np.where(r > 0, 1.5e3 * force / (np.pi * np.maximum(r, 1e-9) ** 2), 0)
 
-    def _footprint(
-        self, force: Float[np.ndarray, "*sequences samples locations"], dt: float
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _footprint(self, force: Forces, dt: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """r, P and the flow q in the middle, for every sample."""
         F = np.moveaxis(force, -2, 0)
         hertz, _ = self._hertz(F)

@@ -9,6 +9,11 @@ from jaxtyping import Float
 
 from ._arguments import check_fields, require
 
+Loads = Float[np.ndarray, "presses samples 6"]
+"""Histories of wrenches, or of readings, N and N m."""
+
+Matrix = Float[np.ndarray, "6 6"]
+
 _require = partial(require, "ForceSensor")
 
 
@@ -67,19 +72,14 @@ class ForceSensor:
             "Keep it below twice the travel.",
         )
 
-    def specimen(self, rng: np.random.Generator) -> Float[np.ndarray, "6 6"]:
+    def specimen(self, rng: np.random.Generator) -> Matrix:
         """I + G of one sensor."""
         G = rng.normal(0.0, self.crosstalk, (6, 6))
         G[:3, 3:] /= self.crosstalk_arm_m
         G[3:, :3] *= self.crosstalk_arm_m
         return np.eye(6) + G
 
-    def read(
-        self,
-        load: Float[np.ndarray, "presses samples 6"],
-        specimen: Float[np.ndarray, "6 6"],
-        rng: np.random.Generator,
-    ) -> Float[np.ndarray, "presses samples 6"]:
+    def read(self, load: Loads, specimen: Matrix, rng: np.random.Generator) -> Loads:
         """Readings in N and N m under histories of load that start from no load."""
         full_scale = np.repeat([self.full_scale_n, self.full_scale_nm], 3)
         travel = self.travel * full_scale
@@ -106,7 +106,7 @@ _LEVELS: Final = np.concatenate(
 class Gauges(NamedTuple):
     """One specimen: what its maker could not see."""
 
-    mounting: Float[np.ndarray, "6 6"]
+    mounting: Matrix
     """from the load about P_o to that in the sensor's own axes"""
     strain: Float[np.ndarray, "8 6"]
     """of each bridge for full scale of each axis"""
@@ -192,12 +192,7 @@ class GaugeSensor:
         decoupling = np.linalg.lstsq(bridges, meant, rcond=None)[0].T
         return Gauges(mounting, strain, bend, decoupling)
 
-    def read(
-        self,
-        load: Float[np.ndarray, "presses samples 6"],
-        specimen: Gauges,
-        rng: np.random.Generator,
-    ) -> Float[np.ndarray, "presses samples 6"]:
+    def read(self, load: Loads, specimen: Gauges, rng: np.random.Generator) -> Loads:
         """Readings in N and N m under histories of load that start from no load."""
         parts = load / self.full_scale @ specimen.mounting.T
         bridges = self._bridges(parts, specimen.strain, specimen.bend)
@@ -206,10 +201,7 @@ class GaugeSensor:
         return reading + noise * rng.normal(size=load.shape)
 
     def _bridges(
-        self,
-        parts: Float[np.ndarray, "presses samples 6"],
-        strain: Float[np.ndarray, "8 6"],
-        bend: Float[np.ndarray, "8 2"],
+        self, parts: Loads, strain: Float[np.ndarray, "8 6"], bend: Float[np.ndarray, "8 2"]
     ) -> Float[np.ndarray, "presses samples 8"]:
         """Outputs under histories of load, in parts of full scale, from rest."""
         g = parts @ strain.T
@@ -227,7 +219,7 @@ class GaugeSensor:
 
 def _moved(
     degrees: float, millimetres: float, full: Float[np.ndarray, " 6"], rng: np.random.Generator
-) -> Float[np.ndarray, "6 6"]:
+) -> Matrix:
     """Wrenches, in parts of full scale, seen from axes that are a little turned and moved."""
     a, b, c = np.deg2rad(degrees) * rng.normal(size=3)
     x, y, z = 1e-3 * millimetres * rng.normal(size=3)

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ._arguments import require
-from ._skin_presses import AbstractSkinRig, lag
+from ._skin_presses import AbstractSkinRig, Forces, Placed, Readings, lag
 
 _require = partial(require, "MicrochannelRig")
 
@@ -94,19 +94,12 @@ class MicrochannelRig(AbstractSkinRig):
         """The placement of a press in the middle of its location."""
         return np.ones(self.gains.shape[0])
 
-    def _changes(
-        self,
-        force: Float[np.ndarray, "*sequences samples locations"],
-        dt: float,
-        placement: Float[np.ndarray, "*placed"],
-    ) -> Float[np.ndarray, "*sequences samples layers"]:
+    def _changes(self, force: Forces, dt: float, placement: Placed) -> Readings:
         """c: the relative change of each layer, behind the low-pass."""
         pressed = self._closing(force, dt)[..., None, :]
         return np.sum(self.gains * placement * pressed, axis=-1)
 
-    def _closing(
-        self, force: Float[np.ndarray, "*sequences samples locations"], dt: float
-    ) -> Float[np.ndarray, "*sequences samples locations"]:
+    def _closing(self, force: Forces, dt: float) -> Forces:
         """v behind the low-pass, in N: both are linear, and the order of linear stages is free."""
         _require(
             bool(np.all(force < self.closing_force_n)),

@@ -14,6 +14,11 @@ from numpy.typing import ArrayLike
 
 from ._arguments import check_fields, require
 
+Forces = Float[np.ndarray, "*sequences samples locations"]
+Readings = Float[np.ndarray, "*sequences samples layers"]
+Placed = Float[np.ndarray, "*placed"]
+"""In N; in V or as relative changes; where a press is on its location."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class ResistiveReadout:
@@ -158,17 +163,12 @@ class AbstractSkinRig(abc.ABC):
         """The placement of each press by a finger."""
 
     @abc.abstractmethod
-    def _changes(
-        self,
-        force: Float[np.ndarray, "*sequences samples locations"],
-        dt: float,
-        placement: Float[np.ndarray, "*placed"],
-    ) -> Float[np.ndarray, "*sequences samples layers"]:
+    def _changes(self, force: Forces, dt: float, placement: Placed) -> Readings:
         """c: the relative change of each layer, behind the low-pass."""
 
     def follow(
         self, force: ArrayLike, dt: float = 0.02, placement: ArrayLike | None = None
-    ) -> Float[np.ndarray, "*sequences samples layers"]:
+    ) -> Readings:
         """Readings in V, without noise.
 
         **Arguments:**
