@@ -67,9 +67,7 @@ class ChannelMap(eqx.Module):
     trained: tuple[float, float] | None = eqx.field(default=None, static=True)
     radii: tuple[float, ...] = eqx.field(default=(), static=True)
     times: tuple[float, ...] = eqx.field(default=(), static=True)
-    memory: Float[Array, "channels memories"] | None = eqx.field(
-        default=None, converter=lambda x: None if x is None else as_float(x)
-    )
+    memory: Float[Array, "channels memories"] | None = eqx.field(default=None, converter=as_float)
 
     def __check_init__(self) -> None:
         count, memories = len(self.names), len(self.radii) + len(self.times)

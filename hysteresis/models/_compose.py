@@ -13,22 +13,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from .. import trees
 from .._errors import InputError
 from .._model import AbstractFollowingModel, AbstractModel, Tree
 from .._model import Series as Inputs
 from .._parameter import Scalar, array_module, as_array, is_concrete, parameter
 from .._registry import register
 from .._type_variables import Output, Prepared, Starts, State, Times
-from ..trees import (
-    common_range,
-    input_range,
-    looked_for,
-    node,
-    part_tree,
-    reach_of,
-    series,
-    widened,
-)
 
 Over = Callable[[AbstractModel, Any, Any], tuple[Any, Any]]
 """A model, its input and its state, to the state after it and its output over a record."""
@@ -125,13 +116,13 @@ class Sum(AbstractParts[tuple[Any, ...]]):
     def laws(self, eps: float, depth: int) -> Tree:
         if len(self.parts) == 1:
             return self.parts[0].tree(eps, depth)
-        parts = [part_tree(part, eps, depth) for part in self.parts]
-        return looked_for(self, parts, eps)
+        parts = [trees.part_tree(part, eps, depth) for part in self.parts]
+        return trees.looked_for(self, parts, eps)
 
     def search_range(self) -> tuple[Any, Any]:
         """Where the ranges of all parts are, as far as they have some, and a little beyond."""
-        ends = [found for part in self.parts if (found := input_range(part)) is not None]
-        return widened(*common_range(ends)) if ends else reach_of(self)
+        ends = [found for part in self.parts if (found := trees.input_range(part)) is not None]
+        return trees.widened(*trees.common_range(ends)) if ends else trees.reach_of(self)
 
 
 @register
@@ -175,7 +166,7 @@ class Scaled(AbstractComposite[Any, Any]):
 
     def laws(self, eps: float, depth: int) -> Tree:
         parameters = {"factor": self.factor, "offset": self.offset}
-        return node("scaled", parameters, parts=[self.inner.tree(eps, depth)])
+        return trees.node("scaled", parameters, parts=[self.inner.tree(eps, depth)])
 
 
 class SeriesInput(eqx.Module):
@@ -235,4 +226,4 @@ class Series(AbstractParts[SeriesInput]):
         return y
 
     def laws(self, eps: float, depth: int) -> Tree:
-        return series(*(part.tree(eps, depth) for part in self.parts))
+        return trees.series(*(part.tree(eps, depth) for part in self.parts))

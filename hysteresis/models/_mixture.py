@@ -15,6 +15,7 @@ from jaxtyping import Array, Float
 from .._errors import InputError
 from .._model import AbstractModel, Tree
 from .._model import Series as Inputs
+from .._once import once
 from .._parameter import KEPT, NOT_NEGATIVE, Scalar, parameter
 from .._registry import register
 from .._type_variables import Starts, Times
@@ -58,7 +59,7 @@ class Mixture(AbstractComposite[tuple[Any, ...], Float[Array, "samples models"]]
                 fix="give one weight for each model.",
             )
 
-    @property
+    @once
     def whole(self) -> Sum:
         """The same as a sum of scaled models."""
         count = len(self.models)
