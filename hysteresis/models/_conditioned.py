@@ -185,7 +185,7 @@ def _hat_functions(c: Array, knots: Array, axis: str) -> Float[Array, "*samples 
     return hats(*(_on_axis(jnp.clip(x, knots[0], knots[-1]), axis) for x in (c, knots)))
 
 
-def _on_axis(c: Array, axis: str, xp: Any = jnp) -> Array:
+def _on_axis(c: Any, axis: str, xp: Any = jnp) -> Any:
     if axis == "logarithmic":
         return xp.log(c)
     return -1 / c if axis == "reciprocal" else c
