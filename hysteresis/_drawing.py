@@ -23,11 +23,8 @@ def plot_of(thing: Any, **options: Any) -> Any:
     """
     drawing = _drawing()
     if drawing is None:
-        raise InputError(
-            "missing-extra",
-            "Figures are drawn by hysid with matplotlib, and one of them cannot be imported.",
-            fix="pip install hysid",
-        )
+        said = "Figures are drawn by hysid with matplotlib, and one of them cannot be imported."
+        raise InputError("missing-extra", said, fix="pip install hysid")
     return drawing.plot(thing, **options)
 
 

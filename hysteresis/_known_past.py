@@ -126,11 +126,8 @@ class _Search:
     ) -> None:  # fmt: skip
         self.outputs, self.u, self.rows = outputs, u, np.flatnonzero(np.isfinite(y))
         if not len(self.rows):
-            raise InputError(
-                "no-rows",
-                "no output is known from which the past could be told.",
-                fix="give some rows with an output.",
-            )
+            said = "no output is known from which the past could be told."
+            raise InputError("no-rows", said, fix="give some rows with an output.")
         own = u if u.ndim == 1 else u[:, 0]
         self.y, self.t = y[self.rows], None if t is None else np.asarray(t, float)
         self.low, self.span = low, (high - low) or 1.0

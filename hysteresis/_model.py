@@ -234,12 +234,9 @@ def same_samples(t: Any, values: Any) -> None:
 def needed_time(name: str, time: Any, place: str = "") -> Any:
     """The time of a record; raise `InputError` where a model that depends on the rate is given none."""
     if time is None:
-        raise InputError(
-            "no-time",
-            f"{name} depends on the rate, and this record has no time.",
-            place=place,
-            fix="name the time column (--time COL) or the sampling step (--dt SECONDS).",
-        )
+        said = f"{name} depends on the rate, and this record has no time."
+        mend = "name the time column (--time COL) or the sampling step (--dt SECONDS)."
+        raise InputError("no-time", said, place=place, fix=mend)
     return time
 
 

@@ -107,21 +107,16 @@ def check_increasing(name: str, value: Any) -> None:
     """Raise `InputError` where numbers that are known are not finite or do not increase."""
     x = np.asarray(value, float) if is_concrete(value) else np.zeros(0)
     if not (np.isfinite(x).all() and np.all(np.diff(x) > 0)):
-        raise InputError(
-            "parameter-out-of-bounds",
-            f"{name} = {value}.",
-            fix=f"keep {name} finite and increasing.",
-        )
+        said = f"{name} = {value}."
+        raise InputError("parameter-out-of-bounds", said, fix=f"keep {name} finite and increasing.")
 
 
 def check_range(what: str, low: float, high: float) -> None:
     """Raise `InputError` where `what` reaches from `low` to a `high` that is not above it."""
     if not low < high:
-        raise InputError(
-            "zero-range",
-            f"{what} from {low:g} to {high:g}.",
-            fix="give low < high, enclosing the inputs the model will see.",
-        )
+        said = f"{what} from {low:g} to {high:g}."
+        mend = "give low < high, enclosing the inputs the model will see."
+        raise InputError("zero-range", said, fix=mend)
 
 
 def check_shapes(least: int = 0, stacked: bool = True, /, **given: tuple[Any, str]) -> None:

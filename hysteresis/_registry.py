@@ -65,11 +65,9 @@ class Registered:
             )
         start = self.guess(record)
         if not isinstance(start, self.kind):
-            raise InputError(
-                "no-start-values",
-                f"the guess of {self.name} returned a {type(start).__name__}.",
-                fix=f"return a {self.kind.__name__} from the function given to register(guess=...).",
-            )
+            said = f"the guess of {self.name} returned a {type(start).__name__}."
+            mend = f"return a {self.kind.__name__} from the function given to register(guess=...)."
+            raise InputError("no-start-values", said, fix=mend)
         return start
 
 
@@ -142,11 +140,9 @@ def register(
         return lambda kind: register(kind, guess, name, law)
     has_fields = inspect.isclass(model) and (is_dataclass(model) or hasattr(model, "_fields"))
     if not has_fields or inspect.isabstract(model):
-        raise InputError(
-            "not-a-model",
-            f"{model!r} cannot be registered.",
-            fix="register a class that is not abstract, of a model or of a part with fields.",
-        )
+        said = f"{model!r} cannot be registered."
+        mend = "register a class that is not abstract, of a model or of a part with fields."
+        raise InputError("not-a-model", said, fix=mend)
     key = class_key(model)
     if key.partition(":")[0] not in OURS:
         _load_ours()

@@ -69,17 +69,13 @@ def described(
     if kind is dict and all(isinstance(key, str) for key in value):
         return {"dict": {key: inside(part, key) for key, part in value.items()}}, arrays
     if not (is_dataclass(kind) or hasattr(kind, "_fields")):
-        raise InputError(
-            "not-storable",
-            f"{name or 'this'} is a {kind.__name__}, which cannot be kept in a file.",
-            fix="keep arrays, numbers, strings, and registered classes made of them as fields.",
-        )
+        said = f"{name or 'this'} is a {kind.__name__}, which cannot be kept in a file."
+        mend = "keep arrays, numbers, strings, and registered classes made of them as fields."
+        raise InputError("not-storable", said, fix=mend)
     if for_file and registered(kind) is None:
-        raise InputError(
-            "unregistered-class",
-            f"{kind.__name__} is not registered, so a file with it could not be loaded.",
-            fix=f"call hysteresis.register({kind.__name__}) in the module that defines it.",
-        )
+        said = f"{kind.__name__} is not registered, so a file with it could not be loaded."
+        mend = f"call hysteresis.register({kind.__name__}) in the module that defines it."
+        raise InputError("unregistered-class", said, fix=mend)
     given = {field: getattr(value, field) for field in _fields(kind)}
     for name_of_field in ("units", "trained"):  # of models; they are not written where not known
         if given.get(name_of_field, value) is None:

@@ -328,22 +328,17 @@ class Feedback(eqx.Module):
         solution.
         """
         if self.levels.any() and not np.isfinite(self.memory):
-            raise InputError(
-                "bad-option",
-                "memory is infinite, and from rest the mean amplitude of a drive has to begin.",
-                fix="give the model's time constant: dataclasses.replace(model, memory=SECONDS).",
-            )
+            said = "memory is infinite, and from rest the mean amplitude of a drive has to begin."
+            mend = "give the model's time constant: dataclasses.replace(model, memory=SECONDS)."
+            raise InputError("bad-option", said, fix=mend)
         return in_time(self, self._checked(u, dt, finer), dt, finer)
 
     def _checked(self, u: ArrayLike, dt: float, finer: int) -> Float[np.ndarray, "samples inputs"]:
         """Inputs that can be simulated."""
         u = np.asarray(u, float)
         if u.ndim != 2 or not len(u) or u.shape[1] != self.inputs:
-            raise InputError(
-                "length-mismatch",
-                f"inputs of the shape {u.shape} for a model of {self.inputs}.",
-                fix="give (samples, inputs).",
-            )
+            said = f"inputs of the shape {u.shape} for a model of {self.inputs}."
+            raise InputError("length-mismatch", said, fix="give (samples, inputs).")
         if not np.isfinite(u).all():
             raise InputError("not-finite", "an input is not a number.", fix="give finite inputs.")
         if not (dt > 0 and finer >= 1):

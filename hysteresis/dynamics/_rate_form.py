@@ -104,11 +104,9 @@ class DuhemForce(AbstractLawModel):
         shapes = jnp.shape(self.rising), jnp.shape(self.falling)
         count = shapes[0][-1] if shapes[0] else 0
         if shapes[0] != shapes[1] or count < 3 or count % 2 == 0:
-            raise InputError(
-                "length-mismatch",
-                f"slopes of shapes {shapes[0]} and {shapes[1]}.",
-                fix="give as many rising as falling slopes, an odd number of at least 3.",
-            )
+            said = f"slopes of shapes {shapes[0]} and {shapes[1]}."
+            mend = "give as many rising as falling slopes, an odd number of at least 3."
+            raise InputError("length-mismatch", said, fix=mend)
 
     def laws(self, eps: float, depth: int) -> Tree:
         return _law(**self.slopes())

@@ -51,11 +51,8 @@ def decimated(fine: Fine, stages: tuple[int, ...], periodic: bool = False) -> Sa
     x, ends = np.asarray(fine, float), "wrap" if periodic else "antireflect"
     for factor in stages:
         if len(x) <= TAPS // 2:
-            raise InputError(
-                "too-few-rows",
-                f"{len(x)} steps cannot be low-passed by a filter of {TAPS} taps.",
-                fix="give a longer record.",
-            )
+            said = f"{len(x)} steps cannot be low-passed by a filter of {TAPS} taps."
+            raise InputError("too-few-rows", said, fix="give a longer record.")
         taps = scipy.signal.firwin(TAPS, 1 / factor)
         x = scipy.signal.resample_poly(x, 1, factor, window=taps, padtype=ends)
     return x

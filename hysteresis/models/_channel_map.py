@@ -79,11 +79,8 @@ class ChannelMap(eqx.Module):
         )  # fmt: skip
         check_shapes(2, nodes=(self.nodes[0], "nodes"))
         if min((*self.radii, *self.times), default=1.0) <= 0:
-            raise InputError(
-                "parameter-out-of-bounds",
-                f"radii = {self.radii}, times = {self.times}.",
-                fix="keep them above 0.",
-            )
+            said = f"radii = {self.radii}, times = {self.times}."
+            raise InputError("parameter-out-of-bounds", said, fix="keep them above 0.")
         check_increasing("nodes", self.nodes)
 
     def __call__(self, x: Channels, time: Column | None = None) -> Float[Array, " samples"]:

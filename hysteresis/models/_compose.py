@@ -62,11 +62,8 @@ class AbstractParts(AbstractComposite[tuple[Any, ...], Prepared]):
 
     def __check_init__(self) -> None:
         if not self.parts or not all(isinstance(part, AbstractModel) for part in self.parts):
-            raise InputError(
-                "bad-parts",
-                f"{len(self.parts)} parts, not all of them models.",
-                fix="give one model or more, as a list or tuple.",
-            )
+            said = f"{len(self.parts)} parts, not all of them models."
+            raise InputError("bad-parts", said, fix="give one model or more, as a list or tuple.")
 
     def init(self, t0: Any = None, u0: Any = None) -> tuple[Any, ...]:
         return tuple(part.init(t0, u0) for part in self.parts)

@@ -74,11 +74,8 @@ class Conditioned(AbstractComposite[tuple[Any, ...], ConditionedInput]):
     def __check_init__(self) -> None:
         kinds = {type(model) for model in self.models}
         if len(kinds) != 1 or not issubclass(min(kinds, key=str), AbstractModel):
-            raise InputError(
-                "bad-parts",
-                f"{len(self.models)} parts of {len(kinds)} types.",
-                fix="give one model or more, all of one type.",
-            )
+            said = f"{len(self.models)} parts of {len(kinds)} types."
+            raise InputError("bad-parts", said, fix="give one model or more, all of one type.")
         if self.axis not in AXES:
             raise InputError("bad-option", f"axis={self.axis!r}.", fix=f"one of {', '.join(AXES)}.")
         check_shapes(knots=(self.knots, f"{len(self.models)}"))
@@ -151,11 +148,9 @@ def _columns(u: Any, condition: str) -> tuple[Any, Any]:
     """Input and condition of a sample or of a record."""
     u = u if isinstance(u, np.ndarray) else jnp.asarray(u)
     if np.shape(u)[-1:] != (2,):
-        raise InputError(
-            "wrong-shape",
-            f"inputs of shape {np.shape(u)} for a model of an input and {condition!r}.",
-            fix="give both as the columns of an array (samples, 2).",
-        )
+        said = f"inputs of shape {np.shape(u)} for a model of an input and {condition!r}."
+        mend = "give both as the columns of an array (samples, 2)."
+        raise InputError("wrong-shape", said, fix=mend)
     return u[..., 0], u[..., 1]
 
 
@@ -206,12 +201,9 @@ def condition_column(record: Record, name: str) -> np.ndarray:
     Raises `InputError` `no-condition` where the record does not have it.
     """
     if name not in record.columns:
-        raise InputError(
-            "no-condition",
-            f"the model depends on {name!r}, and the record has no such column.",
-            place=record.source,
-            fix=f"name it: --condition {name!r}, or condition={name!r}.",
-        )
+        said = f"the model depends on {name!r}, and the record has no such column."
+        mend = f"name it: --condition {name!r}, or condition={name!r}."
+        raise InputError("no-condition", said, place=record.source, fix=mend)
     return np.asarray(record.columns[name], float)
 
 

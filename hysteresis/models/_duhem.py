@@ -60,11 +60,9 @@ class DuhemOperator(AbstractLawModel):
         check_shapes(2, rising=(self.rising, "knots"), falling=(self.falling, "knots"))
         ends = self.low, self.high
         if all(map(is_concrete, ends)) and not np.all(np.asarray(self.high) > np.asarray(self.low)):
-            raise InputError(
-                "parameter-out-of-bounds",
-                f"knots from {self.low} to {self.high}.",
-                fix="give a high end above the low one.",
-            )
+            said = f"knots from {self.low} to {self.high}."
+            mend = "give a high end above the low one."
+            raise InputError("parameter-out-of-bounds", said, fix=mend)
 
     def laws(self, eps: float, depth: int) -> Tree:
         """Both directions' slopes, one after the other."""

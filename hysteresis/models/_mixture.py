@@ -53,11 +53,8 @@ class Mixture(AbstractComposite[tuple[Any, ...], Float[Array, "samples models"]]
     def __check_init__(self) -> None:
         _ = self.whole  # which checks the models
         if self.weights.shape != (len(self.models),):
-            raise InputError(
-                "bad-parts",
-                f"{self.weights.size} weights for {len(self.models)} models.",
-                fix="give one weight for each model.",
-            )
+            said = f"{self.weights.size} weights for {len(self.models)} models."
+            raise InputError("bad-parts", said, fix="give one weight for each model.")
 
     @once
     def whole(self) -> Sum:

@@ -144,8 +144,6 @@ class PrandtlIshlinskii(AbstractLawModel):
             return
         d, s = np.asarray(self.bends), np.asarray(self.bend_slopes)
         if min(1 + np.append(s[d >= 0].cumsum(), s[d < 0][::-1].cumsum())) <= 0:
-            raise InputError(
-                "output-falls",
-                f"with bend_slopes = {s} the output's curve does not rise everywhere.",
-                fix="from 0 outwards, keep 1 + the sum of the bend slopes passed above 0.",
-            )
+            said = f"with bend_slopes = {s} the output's curve does not rise everywhere."
+            mend = "from 0 outwards, keep 1 + the sum of the bend slopes passed above 0."
+            raise InputError("output-falls", said, fix=mend)

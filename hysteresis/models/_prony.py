@@ -57,11 +57,9 @@ class GeneralizedKelvinVoigt(AbstractViscoelastic):
     def __check_init__(self) -> None:
         check_shapes(E=(self.E, "branches"), eta=(self.eta, "branches"))
         if self.leading and is_concrete(self.E0) and bool(jnp.isinf(self.E0).any()):
-            raise InputError(
-                "not-invertible",
-                "without a spring (E0 infinite) no force follows from a displacement.",
-                fix="give a finite E0, or run it force -> displacement.",
-            )
+            said = "without a spring (E0 infinite) no force follows from a displacement."
+            mend = "give a finite E0, or run it force -> displacement."
+            raise InputError("not-invertible", said, fix=mend)
 
     def chain(self) -> Chain:
         xp = array_module(self.E0, self.E, self.eta, self.eta0 if self.eta0 is not None else 0.0)

@@ -141,11 +141,9 @@ class StaircaseNetwork(AbstractFollowingModel[StaircaseState, Array]):
         """
         kinds = {jax.tree.structure(network) for network in networks}
         if len(kinds) != 1:
-            raise InputError(
-                "bad-parts",
-                f"a mean of {len(networks)} networks of {len(kinds)} kinds.",
-                fix="give networks of the same layers, thresholds, times and scales.",
-            )
+            said = f"a mean of {len(networks)} networks of {len(kinds)} kinds."
+            mend = "give networks of the same layers, thresholds, times and scales."
+            raise InputError("bad-parts", said, fix=mend)
         layers = zip(*(network.matrices for network in networks), strict=True)
         first, *later = layers
         matrices = [jnp.concatenate(first), *(jax.scipy.linalg.block_diag(*W) for W in later)]
@@ -184,11 +182,9 @@ class StaircaseNetwork(AbstractFollowingModel[StaircaseState, Array]):
             raise InputError("no-time", "delayed inputs need the times.", fix="give t, or lags=().")
         u = jnp.asarray(u, float)
         if u.shape[1:] != (() if self.channels == 1 else (self.channels,)):
-            raise InputError(
-                "wrong-channels",
-                f"inputs of shape {u.shape} for a network of {self.channels} channels.",
-                fix="give (samples,) of one channel, (samples, channels) of several.",
-            )
+            said = f"inputs of shape {u.shape} for a network of {self.channels} channels."
+            mend = "give (samples,) of one channel, (samples, channels) of several."
+            raise InputError("wrong-channels", said, fix=mend)
         t = jnp.zeros(len(u), u.dtype) if t is None else jnp.asarray(t, float)
         return _inputs(self, t, u, self.init() if state is None else state, starts)
 

@@ -54,9 +54,6 @@ def input_noise(u: Float[Array, " samples"] | np.ndarray) -> float:
     """
     u = np.asarray(u, float)
     if len(u) < 3:
-        raise InputError(
-            "too-few-rows",
-            f"noise cannot be told from {len(u)} samples.",
-            fix="give at least three.",
-        )
+        said = f"noise cannot be told from {len(u)} samples."
+        raise InputError("too-few-rows", said, fix="give at least three.")
     return float(1.4826 * np.median(np.abs(np.diff(u, 2))) / np.sqrt(6))

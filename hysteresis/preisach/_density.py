@@ -101,11 +101,9 @@ class GridDensity(AbstractDensity[GridPairs, EverettTable]):
         if self.nodes is None:
             return
         if len(self.nodes) != self.cells + 1:
-            raise InputError(
-                "length-mismatch",
-                f"{len(self.nodes)} nodes for {self.cells} cells.",
-                fix="give one node more than cells: low, what lies between the cells, high.",
-            )
+            said = f"{len(self.nodes)} nodes for {self.cells} cells."
+            mend = "give one node more than cells: low, what lies between the cells, high."
+            raise InputError("length-mismatch", said, fix=mend)
         if (self.nodes[0], self.nodes[-1]) != (self.low, self.high):
             raise InputError(
                 "out-of-range",
@@ -169,11 +167,9 @@ def even_place(u: Any, low: float, high: float, cells: int) -> tuple[Any, Any]:
 def check_weights(weights: Any, signed: bool = False) -> None:
     """Raise `InputError` unless (n, n) finite numbers, none of those used negative unless `signed`."""
     if weights.ndim != 2 or weights.shape[0] != weights.shape[1]:
-        raise InputError(
-            "wrong-shape",
-            f"the weights have shape {weights.shape}.",
-            fix="give an (n, n) table; row i is the alpha cell, column j <= i the beta cell.",
-        )
+        said = f"the weights have shape {weights.shape}."
+        mend = "give an (n, n) table; row i is the alpha cell, column j <= i the beta cell."
+        raise InputError("wrong-shape", said, fix=mend)
     if not is_concrete(weights):
         return
     used = np.tril(np.asarray(weights))

@@ -21,11 +21,9 @@ def check_initial(initial: Initial, low: float, high: float) -> None:
     """Raises `InputError` for an unknown word, or an input outside [low, high]."""
     if isinstance(initial, str):
         if initial not in WORDS:
-            raise InputError(
-                "bad-option",
-                f"no initial state {initial!r}.",
-                fix=f"give one of {', '.join(WORDS)}, or a tuple of inputs.",
-            )
+            said = f"no initial state {initial!r}."
+            mend = f"give one of {', '.join(WORDS)}, or a tuple of inputs."
+            raise InputError("bad-option", said, fix=mend)
         return
     for u in initial:
         if not low <= u <= high:

@@ -78,8 +78,5 @@ def check_up(up: Any, weights: Any) -> None:
     wrong = ~((up >= -rounding) & (up <= weights + rounding))
     if wrong.any():
         i, j = np.argwhere(wrong)[0]
-        raise InputError(
-            "bad-state",
-            f"in cell ({i}, {j}) a mass of {up[i, j]:g} is up, of {weights[i, j]:g}.",
-            fix="give masses between 0 and the cell's weight.",
-        )
+        said = f"in cell ({i}, {j}) a mass of {up[i, j]:g} is up, of {weights[i, j]:g}."
+        raise InputError("bad-state", said, fix="give masses between 0 and the cell's weight.")

@@ -163,11 +163,8 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
                 "bad-option", f"{self.capacity} reversals hold no loop.", fix="give 3 or more."
             )
         if not 0 <= self.dead_band < float("inf"):
-            raise InputError(
-                "bad-option",
-                f"half a dead band is {self.dead_band:g} wide.",
-                fix="give 0, or three times input_noise(u).",
-            )
+            said = f"half a dead band is {self.dead_band:g} wide."
+            raise InputError("bad-option", said, fix="give 0, or three times input_noise(u).")
 
     def _check_up(self) -> None:
         if self.up is None:

@@ -25,11 +25,8 @@ def grid_tree(model: Any, eps: float, depth: int) -> Tree:
     grid, state, depth = model.density, model.init(), depth or model.capacity
     (extremum, levels, held, _), n = state.loops, grid.cells
     if is_concrete(held) and int(held) > depth:
-        raise InputError(
-            "bad-option",
-            f"the first state alone has {held} reversals, and the stack holds {depth}.",
-            fix=f"give a depth of {held} or more.",
-        )
+        said = f"the first state alone has {held} reversals, and the stack holds {depth}."
+        raise InputError("bad-option", said, fix=f"give a depth of {held} or more.")
     levels = jnp.append(levels, state.y)
     table, begin, outputs = _outputs(model, jnp.append(extremum, state.u), levels)
     floor = -model.orientation * grid.mass(table)

@@ -35,24 +35,18 @@ def with_known(record: Record, known: Any) -> Record:
     else:
         counts = np.full(len(record.starts), float(name) if name.isdecimal() else np.nan)
     if not (np.isfinite(counts) & (counts >= 0) & (counts == np.floor(counts))).all():
-        raise InputError(
-            "bad-option",
-            f"{name!r} is neither a number of rows nor a column of such numbers.",
-            place=record.source,
-            fix="Say how many rows of each sequence are known: --known 100, or --known COL.",
-        )
+        problem = f"{name!r} is neither a number of rows nor a column of such numbers."
+        mend = "Say how many rows of each sequence are known: --known 100, or --known COL."
+        raise InputError("bad-option", problem, place=record.source, fix=mend)
     sizes = np.diff([*record.starts, len(record)])
     rows = np.arange(len(record)) - np.repeat(record.starts, sizes) < np.repeat(counts, sizes)
     mask = record.mask & ~rows
     if not rows.any():
         return record
     if not mask.any():
-        raise InputError(
-            "no-rows",
-            "All rows are known: none is left to predict.",
-            place=record.source,
-            fix="Give fewer known rows (--known N).",
-        )
+        problem = "All rows are known: none is left to predict."
+        mend = "Give fewer known rows (--known N)."
+        raise InputError("no-rows", problem, place=record.source, fix=mend)
     said = f"The first states are told from {rows.sum()} known rows, which do not count."
     return record.noted("known-rows", said, mask=mask, columns={**record.columns, KNOWN: rows})
 
@@ -76,12 +70,9 @@ def turned(record: Record, names: str | Sequence[str]) -> Record:
             changes[roles[name]] = -getattr(record, roles[name])
         elif name not in (*record.channels, *record.conditions):
             have = ", ".join(map(repr, (*roles, *record.channels, *record.conditions)))
-            raise InputError(
-                "no-column",
-                f"{name!r} is not used, so its sign cannot be turned; have {have}.",
-                place=record.source,
-                fix="Name the input, the output, a channel or a condition (--turn COL).",
-            )
+            said = f"{name!r} is not used, so its sign cannot be turned; have {have}."
+            mend = "Name the input, the output, a channel or a condition (--turn COL)."
+            raise InputError("no-column", said, place=record.source, fix=mend)
         if name in record.columns:
             changes["columns"][name] = -record.columns[name]
         note = Note("turned", f"Turned the sign of {name!r}.")
@@ -121,11 +112,9 @@ def read_jump(text: str) -> tuple[int, float]:
     except ValueError:
         size = np.nan
     if match is None or not np.isfinite(size):
-        raise InputError(
-            "bad-option",
-            f"{text!r} is not a line and the size of a jump.",
-            fix="Write the line of the first row behind it and the size: --rezero 232:-13.7.",
-        )
+        said = f"{text!r} is not a line and the size of a jump."
+        mend = "Write the line of the first row behind it and the size: --rezero 232:-13.7."
+        raise InputError("bad-option", said, fix=mend)
     return int(match[1]), size
 
 

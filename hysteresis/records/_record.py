@@ -343,11 +343,9 @@ class Record(AbstractRecord):
     def split_tail(self, fraction: float) -> "tuple[Record, Record]":
         """`(train, test)`: the last `fraction` of the rows of each sequence is held out."""
         if not 0 < fraction < 1:
-            raise InputError(
-                "bad-option",
-                f"A tail of {fraction:g} of the rows cannot be held out.",
-                fix="a fraction between 0 and 1 (--test-tail 0.2).",
-            )
+            said = f"A tail of {fraction:g} of the rows cannot be held out."
+            mend = "a fraction between 0 and 1 (--test-tail 0.2)."
+            raise InputError("bad-option", said, fix=mend)
         ends = np.append(self.starts[1:], len(self))
         first = ends - np.ceil(fraction * (ends - self.starts)).astype(int)
         test = np.arange(len(self)) >= np.repeat(first, ends - self.starts)

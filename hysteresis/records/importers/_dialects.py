@@ -73,20 +73,14 @@ def dialects_in(file: Path) -> tuple[Dialect, ...]:
     try:
         return _dialects(file.read_text("utf-8"))
     except OSError as error:
-        raise InputError(
-            "unreadable-file",
-            f"The dialects cannot be read: {error.strerror or error}.",
-            place=str(file),
-            fix="Name a TOML file (--dialects FILE).",
-        ) from None
+        said = f"The dialects cannot be read: {error.strerror or error}."
+        mend = "Name a TOML file (--dialects FILE)."
+        raise InputError("unreadable-file", said, place=str(file), fix=mend) from None
     except (re.error, TypeError, ValueError) as error:  # of UTF-8 and of TOML, too
         where = f" in {error.pattern!r}" if isinstance(error, re.error) else ""
-        raise InputError(
-            "bad-config",
-            f"This is not TOML of dialects: {error}{where}.",
-            place=str(file),
-            fix='Write dialects = [{name = "a rig file", signature = "^RIG"}], a line each.',
-        ) from None
+        said = f"This is not TOML of dialects: {error}{where}."
+        mend = 'Write dialects = [{name = "a rig file", signature = "^RIG"}], a line each.'
+        raise InputError("bad-config", said, place=str(file), fix=mend) from None
 
 
 @cache
