@@ -41,13 +41,9 @@ class Verdict(NamedTuple):
     def document(self) -> dict[str, Any]:
         """Plain data for JSON: level, reasons with code, text and values, and the best baseline or None."""
         notes = map(Note.of, self.reasons)
-        return {
-            "level": self.level,
-            "reasons": [
-                {"code": note.code, "text": note.text, "values": note.values} for note in notes
-            ],
-            "best_baseline": self.best_baseline or None,
-        }
+        reasons = [{"code": x.code, "text": x.text, "values": x.values} for x in notes]
+        best = self.best_baseline or None
+        return {"level": self.level, "reasons": reasons, "best_baseline": best}
 
     @classmethod
     def of(cls, document: Mapping[str, Any]) -> "Verdict":

@@ -72,13 +72,8 @@ def _widened(model: Preisach, low: float, high: float) -> Preisach:
     first, last = edges[1] - edges[0], edges[-1] - edges[-2]
     below = max(0, int(np.ceil((edges[0] - low) / first)))
     above = max(0, int(np.ceil((high - edges[-1]) / last)))
-    nodes = np.concatenate(
-        [
-            edges[0] - first * np.arange(below, 0, -1),
-            edges,
-            edges[-1] + last * np.arange(1, above + 1),
-        ]
-    )
+    lower = edges[0] - first * np.arange(below, 0, -1)
+    nodes = np.concatenate([lower, edges, edges[-1] + last * np.arange(1, above + 1)])
     old = np.tril(np.asarray(density.weights))
     i, j = np.indices((below + n + above,) * 2) - below
     apart = np.clip(i - j, 0, n - 1)

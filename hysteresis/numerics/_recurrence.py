@@ -78,11 +78,9 @@ def _even_derivative(primals: Any, tangents: Any) -> tuple[Array, Array]:
 
 
 def _filled(tangent: Any) -> Array:
-    return (
-        jnp.zeros(tangent.shape, str(tangent.dtype))
-        if isinstance(tangent, SymbolicZero)
-        else tangent
-    )
+    if isinstance(tangent, SymbolicZero):
+        return jnp.zeros(tangent.shape, str(tangent.dtype))
+    return tangent
 
 
 def _responses(step: Numbers, inputs: Rows, goes_on: Array) -> Rows:

@@ -61,13 +61,8 @@ def memory_tree(path: Float[np.ndarray, " samples"]) -> MemoryTree:
     # reversal, which belongs to the branch that it ends. The root's branch also holds the root itself.
     begin = np.append(turning + 1, len(path))
     begin[0] = 0
-    passed = _first_beyond(
-        path,
-        rising[branch] * value[parent[top]],
-        rising[branch],
-        begin[branch],
-        begin[branch + 1] - 1,
-    )
+    sign, last = rising[branch], begin[branch + 1] - 1
+    passed = _first_beyond(path, sign * value[parent[top]], sign, begin[branch], last)
 
     # Merge the two kinds of events, both sorted by branch. Each branch pushes its anchor and then pops, so
     # before the push of branch k come k pushes and all pops of the branches before it.
@@ -132,13 +127,12 @@ def _wipe_outs(
     return tuple(integers)  # type: ignore[return-value]
 
 
+Wipes = Int[np.ndarray, " wipes"]
+
+
 def _first_beyond(
-    path: Float[np.ndarray, " samples"],
-    level: Float[np.ndarray, " wipes"],
-    sign: Int[np.ndarray, " wipes"],
-    first: Int[np.ndarray, " wipes"],
-    last: Int[np.ndarray, " wipes"],
-) -> Int[np.ndarray, " wipes"]:
+    path: np.ndarray, level: Float[np.ndarray, " wipes"], sign: Wipes, first: Wipes, last: Wipes
+) -> Wipes:
     """First sample in first..last with sign * path >= level, by one bisection for all at once.
 
     The path is monotone there, and its last sample is known to be beyond. White noise wipes out a loop

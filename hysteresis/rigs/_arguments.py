@@ -34,12 +34,9 @@ def check_fields(
         least, above = "above 0", value > 0
         if name in at_zero:
             least, above = "of 0 or more", value >= 0
-        require(
-            type(rig).__name__,
-            bool(np.all(above & (value < high))),
-            f"{name} = {getattr(rig, name)} is out of range.",
-            f"Give a finite number {least}{f' and below {high:g}' if high < np.inf else ''}.",
-        )
+        said = f"{name} = {getattr(rig, name)} is out of range."
+        mend = f"Give a finite number {least}{f' and below {high:g}' if high < np.inf else ''}."
+        require(type(rig).__name__, bool(np.all(above & (value < high))), said, mend)
 
 
 def check_step(rig: str, dt: float) -> None:

@@ -265,11 +265,9 @@ class ArmorRig:
         self._check_points(points, surface)
         force = np.asarray(force, float)
         force = np.tile(force, (len(points), 1)) if force.ndim == 1 else force
-        _require(
-            force.ndim == 2 and len(force) == len(points) and force.shape[1] > 0,
-            f"force has the shape {force.shape} for {len(points)} points.",
-            "Give (samples,) or (presses, samples).",
-        )
+        said = f"force has the shape {force.shape} for {len(points)} points."
+        mend = "Give (samples,) or (presses, samples)."
+        _require(force.ndim == 2 and len(force) == len(points) and force.shape[1] > 0, said, mend)
         within = bool(np.all((force >= 0) & (force <= FORCE_LIMIT)))
         fix = "Stay where the rig is known to resemble the sponge."
         _require(within, f"a force is outside 0 to {FORCE_LIMIT:g} N.", fix)

@@ -66,11 +66,8 @@ class ForceSensor:
 
     def __post_init__(self) -> None:
         check_fields(self, ("crosstalk", "hysteresis", "noise_n", "noise_nm"))
-        _require(
-            self.hysteresis < 2 * self.travel,
-            f"hysteresis = {self.hysteresis} eats up the travel of {self.travel}.",
-            "Keep it below twice the travel.",
-        )
+        said = f"hysteresis = {self.hysteresis} eats up the travel of {self.travel}."
+        _require(self.hysteresis < 2 * self.travel, said, "Keep it below twice the travel.")
 
     def specimen(self, rng: np.random.Generator) -> Matrix:
         """I + G of one sensor."""

@@ -101,11 +101,9 @@ class MicrochannelRig(AbstractSkinRig):
 
     def _closing(self, force: Forces, dt: float) -> Forces:
         """v behind the low-pass, in N: both are linear, and the order of linear stages is free."""
-        _require(
-            bool(np.all(force < self.closing_force_n)),
-            "a force is not below the closing force.",
-            f"Stay below {self.closing_force_n:g} N.",
-        )
+        said = "a force is not below the closing force."
+        mend = f"Stay below {self.closing_force_n:g} N."
+        _require(bool(np.all(force < self.closing_force_n)), said, mend)
         F = np.moveaxis(force, -2, 0)
         dF = np.diff(F, axis=0, prepend=0.0)
         Z = np.zeros_like(F)

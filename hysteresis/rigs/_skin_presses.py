@@ -116,14 +116,7 @@ class AbstractSkinRig(abc.ABC):
     """Two stacked layers of five serial channel sections A to E, and what presses them.
 
     A subclass says how a press changes the resistance of the layers (`_changes`), and how a finger misses
-    the middle of a location (`_placement`).
-
-    **Arguments:**
-
-    - `seed`: of the specimen and of its readings.
-    - `sensitivity`: S, (layers, locations). `sensitivity_per_n`: k, 1/N.
-    - `fabrication`: standard deviation of ln S from specimen to specimen; 0: every one as designed.
-    - `readout`: from changes to V.
+    the middle of a location (`_placement`). `MicrochannelRig` says what its fields are.
     """
 
     seed: int = 0
@@ -181,11 +174,9 @@ class AbstractSkinRig(abc.ABC):
         **Raises:** `InputError` outside these ranges.
         """
         force = np.asarray(force, float)
-        _require(
-            force.ndim >= 2 and force.shape[-1] == self.gains.shape[1],
-            f"force has the shape {force.shape}.",
-            f"Give (samples, {self.gains.shape[1]}), one column for each location.",
-        )
+        said = f"force has the shape {force.shape}."
+        mend = f"Give (samples, {self.gains.shape[1]}), one column for each location."
+        _require(force.ndim >= 2 and force.shape[-1] == self.gains.shape[1], said, mend)
         _require(
             bool(np.all(np.isfinite(force) & (force >= 0))) and bool(np.isfinite(dt) and dt > 0),
             f"a force is not 0 N or more, or dt = {dt} s.",
@@ -204,11 +195,9 @@ class AbstractSkinRig(abc.ABC):
         """
         layers, locations = self.gains.shape
         each = [counts] * locations if isinstance(counts, int) else list(counts)
-        _require(
-            len(each) == locations and min(each) >= 0 and sum(each) > 0,
-            f"counts = {counts}.",
-            f"Give {locations} numbers of presses, one for each location.",
-        )
+        said = f"counts = {counts}."
+        mend = f"Give {locations} numbers of presses, one for each location."
+        _require(len(each) == locations and min(each) >= 0 and sum(each) > 0, said, mend)
         rng = self._rng(1, session)
         location = np.repeat(np.arange(locations), each)
         peak = rng.uniform(*_FINGER_FORCE, len(location))
@@ -226,11 +215,9 @@ class AbstractSkinRig(abc.ABC):
         Each contact is placed by itself; 0 N is none.
         """
         force = np.asarray(force, float)
-        _require(
-            force.ndim == 2 and force.shape[1] == self.gains.shape[1],
-            f"force has the shape {force.shape}.",
-            f"Give (presses, {self.gains.shape[1]}).",
-        )
+        said = f"force has the shape {force.shape}."
+        mend = f"Give (presses, {self.gains.shape[1]})."
+        _require(force.ndim == 2 and force.shape[1] == self.gains.shape[1], said, mend)
         rng = self._rng(5, session)
         placed = self._placement(rng, force.size).reshape(*force.shape, -1).swapaxes(1, 2)
         reading = self.follow(force[:, None] * _RISE[:, None], 0.05, placed[:, None])[:, -1]
@@ -279,11 +266,9 @@ class AbstractSkinRig(abc.ABC):
         A press rises and falls as half a sine does, by at most 0.4 N a sample, and differs in length,
         force and placement; with `finger` = False it is centred as a machine's is.
         """
-        _require(
-            presses > 0 and samples >= 80 * presses,
-            f"{presses} presses in {samples} samples.",
-            "Give each press 80 samples or more.",
-        )
+        said = f"{presses} presses in {samples} samples."
+        mend = "Give each press 80 samples or more."
+        _require(presses > 0 and samples >= 80 * presses, said, mend)
         rng = self._rng(4, session)
         slot = samples // presses
         pressed = {}
@@ -312,11 +297,8 @@ class AbstractSkinRig(abc.ABC):
         force = np.zeros((samples, locations))
         place = np.tile(self._middle[:, None], (samples, 1, locations))
         for location, (values, placement) in presses.items():
-            _require(
-                0 <= location < locations,
-                f"location {location} is none of this sensor's.",
-                f"Number them 0 to {locations - 1}.",
-            )
+            said = f"location {location} is none of this sensor's."
+            _require(0 <= location < locations, said, f"Number them 0 to {locations - 1}.")
             force[:, location], place[..., location] = values, placement
         reading = self.follow(force, dt, place)
         reading += self.readout.noise * rng.normal(size=reading.shape)

@@ -141,11 +141,9 @@ class AbstractBlock(abc.ABC):
             noise >= 0, f"noise = {noise} mm is negative.", "Give a standard deviation, 0 or more."
         )
         steps = round(peak / step) if step > 0 else 0
-        _require(
-            steps >= 1 and math.isclose(steps * step, peak),
-            f"steps of {step} N do not make {peak} N.",
-            "Choose a positive step that divides the peak.",
-        )
+        said = f"steps of {step} N do not make {peak} N."
+        mend = "Choose a positive step that divides the peak."
+        _require(steps >= 1 and math.isclose(steps * step, peak), said, mend)
         ramp = np.linspace(0.0, peak, steps + 1)
         force = np.concatenate([[0.0], np.tile(np.concatenate([ramp[1:], ramp[-2::-1]]), 5)])
         cycle = np.concatenate([[1], np.repeat(np.arange(1, 6), 2 * steps)])
@@ -159,10 +157,8 @@ def checked_path(force: ArrayLike) -> Float[np.ndarray, " n"]:
     _require(path.ndim == 1, f"force has {path.ndim} dimensions.", "Give a sequence of numbers.")
     outside = np.flatnonzero(~((path >= 0) & (path <= FORCE_LIMIT)))
     if outside.size:
-        raise _fault(
-            f"force[{outside[0]}] = {path[outside[0]]:g} N is outside 0 to {FORCE_LIMIT:g} N.",
-            "Stay where the rig is known to resemble the sponge.",
-        )
+        said = f"force[{outside[0]}] = {path[outside[0]]:g} N is outside 0 to {FORCE_LIMIT:g} N."
+        raise _fault(said, "Stay where the rig is known to resemble the sponge.")
     return path
 
 
@@ -225,11 +221,9 @@ class SpongeRig(AbstractBlock):
     def __post_init__(self) -> None:
         check_fields(self, below={"friction_gain": 1, "conditioning": 1})
         check_lengths(self, ("strut_travel_mm", "strut_share"), ("overstress", "relaxation_s"))
-        _require(
-            math.isclose(sum(self.strut_share), 1, abs_tol=1e-9),
-            f"strut_share sums to {sum(self.strut_share)}, not 1.",
-            "Divide the shares by their sum.",
-        )
+        said = f"strut_share sums to {sum(self.strut_share)}, not 1."
+        mend = "Divide the shares by their sum."
+        _require(math.isclose(sum(self.strut_share), 1, abs_tol=1e-9), said, mend)
 
     def follow(
         self, force: ArrayLike, dt: float = 6.0, substeps: int = 4
@@ -303,11 +297,8 @@ class SpongeRig(AbstractBlock):
         there = excess(end)
         if here >= 0 and there >= 0:
             return self._step(state, end, dt)[0]
-        _require(
-            there > 0 or here >= 0,
-            f"{force:g} N squashes the block of {self.thickness_mm:g} mm flat.",
-            "Lower the force or take a thicker block.",
-        )
+        said = f"{force:g} N squashes the block of {self.thickness_mm:g} mm flat."
+        _require(there > 0 or here >= 0, said, "Lower the force or take a thicker block.")
         depth: Any = brentq(excess, state.depth, end, xtol=_ROOT_TOLERANCE)
         return self._step(state, depth, dt)[0]
 
@@ -322,12 +313,8 @@ def force_path(turns: Sequence[float], step: float = 1.0) -> Float[np.ndarray, "
         >>> hysteresis.internal.force_path([0.0, 3.0, 1.0])
         array([1., 2., 3., 2., 1.])
     """
-    require(
-        "ArmorRig",
-        len(turns) > 0 and step > 0,
-        "no turn, or no step.",
-        "Give forces, and a step > 0.",
-    )
+    said = "no turn, or no step."
+    require("ArmorRig", len(turns) > 0 and step > 0, said, "Give forces, and a step > 0.")
     pieces = [
         np.linspace(a, b, max(int(np.ceil(abs(b - a) / step - 1e-9)), 1) + 1)[1:]
         for a, b in pairwise(turns)
