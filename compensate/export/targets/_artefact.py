@@ -22,7 +22,7 @@ from hysteresis._escape import c_comment, c_string, markup, visible
 
 from ...runtime._file import checksum
 from .._c99_header import STANDARD, header
-from .._export import Program
+from .._export import Exported, Program
 from .._header_facts import quantity
 
 if TYPE_CHECKING:
@@ -49,42 +49,21 @@ class Artefact:
         document = self.program.document(np.float32 if self.real == "float" else np.float64)
         document = {**document, "checksum": checksum(document)}
         self.document = document
-        self.words |= {
+        golden, guard = document["golden"], document["guard"]
+        steps = sorted(golden["dt"][1:])
+        own = ("rates", "condition", "reading", "estimate", "title", "limits", "start", "checksum")
+        self.words |= {name: document[name] for name in own} | {
             "stem": self.stem,
             "upper": self.stem.upper(),
             "real": self.real,
-            "rates": document["rates"],
-            "condition": document["condition"],
-            "reading": document["reading"],
-            "estimate": document["estimate"],
-            "title": document["title"],
-            "limits": document["limits"],
-            "start": document["start"],
-            "trained": self.trained,
+            "trained": guard and (guard["parameters"]["low"], guard["parameters"]["high"]),
             "origin": document["origin"] or {"verdict": "", "codes": [], "date": "", "sha256": ""},
-            "checksum": document["checksum"],
-            "golden": len(document["golden"]["reading"]),
-            "per_second": self.per_second,
+            "golden": len(golden["reading"]),
+            "step": steps[len(steps) // 2] if steps else 0.0,  # the median, in the model's time
+            "per_second": _per_second(self.program.time_unit) if document["rates"] else 1.0,
             "time_unit": self.program.time_unit,
             "hysid": version("hysid"),
         }
-
-    @property
-    def trained(self) -> tuple[float, float] | None:
-        """The trained inputs, None where the model is not guarded."""
-        guard = self.document["guard"]
-        return guard and (guard["parameters"]["low"], guard["parameters"]["high"])
-
-    @property
-    def per_second(self) -> float:
-        """How much of the model's time passes in a second; 1 where its unit is not known."""
-        return _per_second(self.program.time_unit) if self.document["rates"] else 1.0
-
-    @property
-    def usual_step(self) -> float:
-        """The median step of the golden readings, in the model's unit of time."""
-        steps = sorted(self.document["golden"]["dt"][1:])
-        return steps[len(steps) // 2] if steps else 0.0
 
     def add_header(self, path: str) -> None:
         """The C99 header, the same that `hysid export --to c` writes."""
@@ -97,6 +76,16 @@ class Artefact:
     def add_template(self, template: str, path: str) -> None:
         """A file made from templates/`template`."""
         self.files[path] = _environment().get_template(template).render(**self.words)
+
+    def add_templates(self, folder: str, paths: Mapping[str, str]) -> None:
+        """All files of a folder of templates: under their names, or the `paths` given for them."""
+        for file in sorted(TEMPLATES.joinpath(folder).iterdir()):
+            self.add_template(f"{folder}/{file.name}", paths.get(file.name, file.name))
+
+    def written(self, out: Path) -> Exported:
+        """The files and the runtime's as a folder, with what there is to mind."""
+        self.add_runtime()
+        return Exported(self.write_folder(out), (*self.program.notes, *self.notes))
 
     def write_folder(self, out: Path) -> Path:
         """All files below `out`, which replaces a folder that an earlier export wrote.
@@ -142,25 +131,24 @@ class Artefact:
                 archive.writestr(entry, content)
         return out
 
-    def compiled(
-        self, sources: Mapping[str, str | bytes], unit: str, *options: str
-    ) -> bytes | None:
-        """The shared library of one of some C sources; None, with a note, without a C compiler."""
+    def add_compiled(self, path: str, unit: str, *options: str) -> None:
+        """The shared library of `unit`, one of the C sources; only a note without a C compiler."""
         compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
         if compiler is None:
             self.notes.append("There is no C compiler here, so only sources were written.")
-            return None
+            return
         with tempfile.TemporaryDirectory() as place:
-            for path, content in sources.items():
-                _put(Path(place, path), content)
+            for source, content in self.files.items():
+                if source.endswith((".c", ".h")):
+                    _put(Path(place, source), content)
             library = Path(place, "built.so")
             command = [compiler, *COMPILE, unit, *options, "-s", "-o", str(library), "-lm"]
             done = subprocess.run(command, cwd=place, capture_output=True, text=True)
             if done.returncode:
                 said = visible((done.stderr.strip().splitlines() or ["no message"])[0])
                 self.notes.append(f"The C compiler failed, so only sources were written: {said}")
-                return None
-            return library.read_bytes()
+            else:
+                self.files[path] = library.read_bytes()
 
 
 USED = frozenset({
@@ -173,19 +161,14 @@ USED = frozenset({
 def name_in_c(out: Path, *, lower: bool = False, used: frozenset[str] = USED) -> str:
     """The name of an export, from its file's or folder's. Raises `InputError` `bad-name`."""
     stem = out.stem if out.suffix in (".fmu", ".onnx", ".h") else out.name
-    pattern, what = r"[A-Za-z][A-Za-z0-9_]*", "letters, digits and _, a letter first."
-    if lower:
-        pattern, what = (
-            r"[a-z](_?[a-z0-9])*",
-            "lower-case letters, digits and single _, a letter first.",
-        )
-    if not re.fullmatch(pattern, stem):
-        raise InputError("bad-name", f"{stem!r} cannot be the name of this export.", fix=what)
-    if stem.lower() in used:
-        said, fix = (
-            f"{stem!r} is the name of something that exports use.",
-            "give another name (--out).",
-        )
+    said, fix = f"{stem!r} cannot be the name of this export.", ""
+    if not re.fullmatch(r"[a-z](_?[a-z0-9])*" if lower else r"[A-Za-z][A-Za-z0-9_]*", stem):
+        kinds = "lower-case letters, digits and single _" if lower else "letters, digits and _"
+        fix = f"{kinds}, a letter first."
+    elif stem.lower() in used:
+        said = f"{stem!r} is the name of something that exports use."
+        fix = "give another name (--out)."
+    if fix:
         raise InputError("bad-name", said, fix=fix)
     return stem
 
@@ -212,15 +195,14 @@ def _put(file: Path, content: str | bytes) -> None:
 
 @cache
 def _per_second(unit: str) -> float:
+    """How much of the model's time passes in a second; 1 where its unit is not known."""
     if unit in ("", "1", "s"):
         return 1.0
     import pint  # takes 0.3 s to load
 
     try:
         return float(pint.Quantity(1.0, "s").to(unit).magnitude)
-    except (
-        Exception
-    ) as error:  # pint raises its own, tokenizer's and arithmetic errors for odd text
+    except Exception as error:  # pint's own, the tokenizer's, and arithmetic errors for odd text
         raise InputError(
             "unknown-unit",
             f"{unit!r}, the unit of the model's times, is not a time.",

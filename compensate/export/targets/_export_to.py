@@ -5,6 +5,7 @@ import platform
 import sys
 import uuid
 from collections.abc import Callable
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -28,13 +29,11 @@ def ros2(program: Program, out: Path, real: str) -> Exported:
     """Write a package that colcon builds."""
     made = Artefact(program, name_in_c(out, lower=True), real)
     made.add_header(f"src/{made.stem}.h")
-    made.add_template("ros2/filter.cpp", "src/filter.cpp")
-    for name in ("plugins.xml", "package.xml", "CMakeLists.txt", "README.md"):
-        made.add_template(f"ros2/{name}", name)
-    made.add_template("ros2/filters.yaml", "config/filters.yaml")
-    made.add_template("ros2/ci.yml", ".github/workflows/build.yml")
-    made.add_runtime()
-    return Exported(made.write_folder(out), (*program.notes, *made.notes))
+    made.add_templates("ros2", {
+        "filter.cpp": "src/filter.cpp", "filters.yaml": "config/filters.yaml",
+        "ci.yml": ".github/workflows/build.yml",
+    })  # fmt: skip
+    return made.written(out)
 
 
 # An Arduino and PlatformIO library: the header, its tables in flash, and an example.
@@ -47,13 +46,8 @@ def arduino(program: Program, out: Path, real: str) -> Exported:
         add_fixed_point(made, f"src/{made.stem}.h")
     else:
         made.add_header(f"src/{made.stem}.h")
-    made.add_template("arduino/library.properties", "library.properties")
-    made.add_template("arduino/library.json", "library.json")
-    example = "arduino/example_fixed.ino" if real == "fixed" else "arduino/example.ino"
-    made.add_template(example, "examples/Compensate/Compensate.ino")
-    made.add_template("arduino/README.md", "README.md")
-    made.add_runtime()
-    return Exported(made.write_folder(out), (*program.notes, *made.notes))
+    made.add_templates("arduino", {"example.ino": "examples/Compensate/Compensate.ino"})
+    return made.written(out)
 
 
 # An engine plugin for MuJoCo: a sensor and an actuator, compiled where MuJoCo's package is installed.
@@ -63,26 +57,21 @@ def mujoco(program: Program, out: Path, real: str) -> Exported:
     """Write the plugin's source, how it is built, an example, and the library for this machine."""
     made = Artefact(program, name_in_c(out), real)
     made.words["predicts"] = program.predicts
+    source = f"{made.stem}_plugin.c"
     made.add_header(f"{made.stem}.h")
-    made.add_template("mujoco/plugin.c", f"{made.stem}_plugin.c")
-    sources = dict(made.files)
-    for name in ("CMakeLists.txt", "example.xml", "README.md"):
-        made.add_template(f"mujoco/{name}", name)
-    made.add_runtime()
+    made.add_templates("mujoco", {"plugin.c": source})
     package = find_spec("mujoco")
     folder = Path(package.origin).parent if package and package.origin else None
     libraries = sorted(folder.glob("libmujoco.so*")) if folder else []
     if folder and libraries:
         options = (f"-I{folder / 'include'}", str(libraries[-1]))
-        binary = made.compiled(sources, f"{made.stem}_plugin.c", *options)
-        if binary:
-            made.files[f"lib{made.stem}.so"] = binary
+        made.add_compiled(f"lib{made.stem}.so", source, *options)
     else:
         made.notes.append(
             "MuJoCo's Python package for Linux is not installed, so only sources were written; README.md"
             " says how they are built."
         )
-    return Exported(made.write_folder(out), (*program.notes, *made.notes))
+    return made.written(out)
 
 
 # A Python package with an estimator for scikit-learn, and the runtime in plain Python that it runs.
@@ -97,9 +86,7 @@ def sklearn(program: Program, out: Path, real: str) -> Exported:
     """Write a package that imports scikit-learn and NumPy, and nothing of hysid."""
     # A package named json would be imported in place of Python's own.
     made = Artefact(program, name_in_c(out, used=USED | sys.stdlib_module_names), real)
-    made.words["step"] = made.usual_step
-    made.add_template("sklearn/__init__.py.txt", "__init__.py")
-    made.add_template("sklearn/README.md", "README.md")
+    made.add_templates("sklearn", {"__init__.py.txt": "__init__.py"})
     begin = '"""As much of compensate.runtime as a compensator needs."""\n'
     kinds = {node["kind"] for node in nodes_of(made.document["tree"])}
     for kind in kinds.intersection(laws.announced()):
@@ -110,8 +97,7 @@ def sklearn(program: Program, out: Path, real: str) -> Exported:
         name = file.name if file.parent == RUNTIME else f"laws/{file.name}"
         text = file.read_text("utf-8").replace("from hysteresis.laws", "from .laws")
         made.files[f"runtime/{name}"] = text
-    made.add_runtime()
-    return Exported(made.write_folder(out), (*program.notes, *made.notes))
+    return made.written(out)
 
 
 # A functional mock-up unit of FMI 2.0 or 3.0 for co-simulation: its sources, and a binary.
@@ -124,40 +110,21 @@ BINARIES = {
 """Folders of binaries, by version of FMI and machine."""
 
 
-def fmu2(program: Program, out: Path, real: str) -> Exported:
-    """Write an FMU of FMI 2.0."""
-    return _fmu(program, out, real, 2)
-
-
-def fmu3(program: Program, out: Path, real: str) -> Exported:
-    """Write an FMU of FMI 3.0."""
-    return _fmu(program, out, real, 3)
-
-
-def _fmu(program: Program, out: Path, real: str, version: int) -> Exported:
+def fmu(program: Program, out: Path, real: str, version: int) -> Exported:
+    """Write an FMU of a version of FMI."""
     made = Artefact(program, name_in_c(out), real)
-    token = str(
-        uuid.uuid5(uuid.NAMESPACE_OID, f"{made.stem} {version} {made.document['checksum']}")
-    )
-    made.words |= {
-        "token": f"{{{token}}}",
-        "version": version,
-        "step": made.usual_step / made.per_second,
-    }
+    token = uuid.uuid5(uuid.NAMESPACE_OID, f"{made.stem} {version} {made.document['checksum']}")
+    made.words |= {"token": f"{{{token}}}", "version": version}
+    source = f"sources/{made.stem}_fmu.c"
     made.add_template("fmu/modelDescription.xml", "modelDescription.xml")
     made.add_header(f"sources/{made.stem}.h")
-    made.add_template("fmu/fmu.c", f"sources/{made.stem}_fmu.c")
+    made.add_template("fmu/fmu.c", source)
     if version == 3:
         made.add_template("fmu/buildDescription.xml", "sources/buildDescription.xml")
     made.add_runtime("resources/hysid-export.json")
     made.add_template("fmu/index.html", "documentation/index.html")
-    folder = BINARIES[version].get(platform.machine())
-    binary = folder and made.compiled(
-        {path: text for path, text in made.files.items() if path.startswith("sources/")},
-        f"sources/{made.stem}_fmu.c",
-    )
-    if binary:
-        made.files[f"binaries/{folder}/{made.stem}.so"] = binary
+    if folder := BINARIES[version].get(platform.machine()):
+        made.add_compiled(f"binaries/{folder}/{made.stem}.so", source)
     return Exported(made.write_archive(out), (*program.notes, *made.notes))
 
 
@@ -169,8 +136,8 @@ TARGETS: dict[str, tuple[Callable[[Program, Path, str], Exported], tuple[str, ..
     "mujoco": (mujoco, ("double",)),
     "sklearn": (sklearn, ("double",)),
     "onnx": (onnx, ("double",)),
-    "fmu": (fmu2, ("double",)),
-    "fmu3": (fmu3, ("double",)),
+    "fmu": (partial(fmu, version=2), ("double",)),
+    "fmu3": (partial(fmu, version=3), ("double",)),
 }
 """What writes a target, and the numbers that it can have, the default first."""
 

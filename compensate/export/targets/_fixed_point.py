@@ -38,7 +38,7 @@ def add_fixed_point(made: Artefact, path: str) -> None:
             fix='Use float, or beyond="limit".',
         )
     made.words |= _tables(made, p, tree["state"])
-    made.add_template("arduino/fixed.h", path)
+    made.add_template("fixed.h", path)
 
 
 def _tables(made: Artefact, p: dict[str, Any], state: dict[str, Any]) -> dict[str, Any]:
