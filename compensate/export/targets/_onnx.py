@@ -15,9 +15,10 @@ from hysteresis.laws._tree import around
 
 from ...runtime._status import Status
 from .._export import Exported, Program
+from .._python_to_c99 import element
 from ._artefact import Artefact, name_in_c
 from ._onnx_graph import Graph, Value
-from ._python_to_onnx import Frame, Part, Translator, part_of
+from ._python_to_onnx import Frame, Part, Translator
 
 if TYPE_CHECKING:
     from onnx import ModelProto
@@ -57,53 +58,40 @@ class _Step:
         self.document, self.graph, self.write = document, graph, Translator(graph)
         self.initial: list[float] = []
         self._places: list[tuple[tuple[Any, ...], str, int, int]] = []
-        self.parts: list[Part] = []
+        self.count = 0
         self.nodes: list[Node] = []
         self.around = self._node(around(document))
 
     # The model
 
-    def model(self, name: str) -> "ModelProto":
+    def model(self, title: str) -> "ModelProto":
         """The graph around the step."""
         graph, helper = self.graph, self.graph.onnx.helper
-        given = {n: Value(n, "real") for n in ("reading", "dt", "condition")}
-        state = Value("state", "reals")
-        self._unpack(state)
-        condition = (
-            given["condition"] if self.document["condition"] else graph.constant(0.0, "real")
-        )
+        inputs = [Value(n, "real") for n in ("dt", "reading", "condition")]
+        self._unpack(Value("state", "reals"))
+        condition = inputs[2]
+        if not self.document["condition"]:
+            condition = graph.constant(0.0, "real")
+            del inputs[2]
         step = f"step_{self.around.number}"
-        estimate = self._called(step, None, given["dt"], given["reading"], condition)
-        status, deviation = (
-            graph.variables["state", self.around.of.key, name] for name in ("status", "deviation")
-        )
-        outputs = [("estimate", estimate), ("deviation", deviation)]
-        outputs += [("status", status), ("next_state", self._packed())]
+        outputs = {"estimate": self._called(step, None, *inputs[:2], condition)}
+        for name in ("deviation", "status"):
+            outputs[name] = graph.variables["state", self.around.of.key, name]
+        outputs["next_state"] = self._packed()
         found = []
-        for label, value in outputs:
+        for label, value in outputs.items():
             node = helper.make_node("Identity", [graph.name(value)], [label])
             graph.blocks[0].append(node)
             found.append(graph.information(Value(label, value.type)))
-        inputs = [given["dt"], given["reading"]]
-        inputs += [given["condition"]] if self.document["condition"] else []
-        constants = [
-            self.graph.onnx.numpy_helper.from_array(array, key)
-            for key, array in graph.constants.values()
-        ]
-        size = len(self.initial)
-        vector = helper.make_tensor_value_info("state", self.graph.onnx.TensorProto.DOUBLE, [size])
-        whole = helper.make_graph(
-            graph.blocks[0], name, [*map(graph.information, inputs), vector], found, constants
-        )
+        from_array, double = graph.onnx.numpy_helper.from_array, graph.onnx.TensorProto.DOUBLE
+        constants = [from_array(array, key) for key, array in graph.constants.values()]
+        vector = helper.make_tensor_value_info("state", double, [len(self.initial)])
+        given = [*map(graph.information, inputs), vector]
+        whole = helper.make_graph(graph.blocks[0], title, given, found, constants)
         opsets = [helper.make_opsetid("", OPSET)]
         return helper.make_model(whole, opset_imports=opsets, ir_version=IR, producer_name="hysid")
 
     # The state
-
-    def _remember(self, part: int, name: str, kind: str, value: float | list[float] | None) -> None:
-        values = value if isinstance(value, list) else [value]
-        self._places.append((("state", part, name), kind, len(self.initial), len(values)))
-        self.initial += [float("nan") if v is None else float(v) for v in values]
 
     def _unpack(self, state: Value) -> None:
         graph = self.graph
@@ -129,14 +117,14 @@ class _Step:
 
     def _part(self, tree: Tree) -> Part:
         known = {k: float("nan") if v is None else v for k, v in tree["parameters"].items()}
-        part = part_of(tree["kind"], known, len(self.parts))
-        self.parts.append(part)
-        kinds = {"Reals": "reals", "int": "int", "real": "real"}
+        part = Part(element(tree["kind"], "x", False), known, self.count)
+        self.count += 1
         for name, kind in part.home.structures["State"].items():
             value = tree["state"][name]
-            self._remember(
-                part.key, name, kinds[kind], (value or [0.0]) if kind == "Reals" else value
-            )
+            values = (value or [0.0]) if kind == "Reals" else [value]
+            place = ("state", part.key, name), kind.lower(), len(self.initial), len(values)
+            self._places.append(place)
+            self.initial += [float("nan") if v is None else float(v) for v in values]
         return part
 
     def _node(self, tree: Tree) -> Node:

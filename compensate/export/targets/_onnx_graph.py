@@ -54,6 +54,10 @@ class Graph:
         )
         return made
 
+    def real(self, operation: str, *inputs: Value) -> Value:
+        """A node that gives a real."""
+        return self.node(operation, list(inputs), "real")
+
     def name(self, value: Value) -> str:
         """The name of a value; one that is known becomes an initializer."""
         if value.known is None:

@@ -12,7 +12,7 @@ import numpy as np
 from hysteresis import InputError
 from hysteresis.running._law import MATHS
 
-from .._python_to_c99 import Element, Function, element
+from .._python_to_c99 import Element, Function
 from ._onnx_graph import TYPES, Graph, Value
 
 OPERATORS: dict[type, tuple[str, Callable[[Any, Any], Any]]] = {
@@ -22,39 +22,40 @@ OPERATORS: dict[type, tuple[str, Callable[[Any, Any], Any]]] = {
     ast.Gt: ("Greater", operator.gt), ast.GtE: ("GreaterOrEqual", operator.ge),
     ast.Eq: ("Equal", operator.eq), ast.NotEq: ("Equal", operator.ne),
 }  # fmt: skip
-MATHEMATICS = {"sqrt": "Sqrt", "exp": "Exp", "log": "Log", "fabs": "Abs", "tanh": "Tanh"}
+MATHEMATICS = {
+    "sqrt": "Sqrt",
+    "exp": "Exp",
+    "log": "Log",
+    "fabs": "Abs",
+    "tanh": "Tanh",
+    "pow": "Pow",
+}
 
 
 def _asinh(graph: Graph, x: Value) -> Value:
     """log(|x| + sqrt(x^2 + 1)), with the sign of x: ONNX has it for float only."""
-    size, sign = graph.node("Abs", [x], "real"), graph.node("Sign", [x], "real")
-    one = graph.constant(1.0, "real")
-    square = graph.node("Mul", [x, x], "real")
-    root = graph.node("Sqrt", [graph.node("Add", [square, one], "real")], "real")
-    whole = graph.node("Log", [graph.node("Add", [size, root], "real")], "real")
-    return graph.node("Mul", [sign, whole], "real")
+    made, one = graph.real, graph.constant(1.0, "real")
+    root = made("Sqrt", made("Add", made("Mul", x, x), one))
+    return made("Mul", made("Sign", x), made("Log", made("Add", made("Abs", x), root)))
 
 
 def _log1p(graph: Graph, x: Value) -> Value:
     """log(u) x / (u - 1) with u = 1 + x as rounded: the rounding of u cancels (Kahan)."""
-    one = graph.constant(1.0, "real")
-    u = graph.node("Add", [one, x], "real")
-    whole = graph.node("Mul", [graph.node("Log", [u], "real"), x], "real")
-    return _over_unless_zero(graph, whole, graph.node("Sub", [u, one], "real"), x)
+    made, one = graph.real, graph.constant(1.0, "real")
+    u = made("Add", one, x)
+    return _over_unless_zero(graph, made("Mul", made("Log", u), x), made("Sub", u, one), x)
 
 
 def _expm1(graph: Graph, x: Value) -> Value:
     """(u - 1) x / log(u) with u = exp(x) as rounded: the rounding of u cancels (Kahan)."""
-    one = graph.constant(1.0, "real")
-    u = graph.node("Exp", [x], "real")
-    whole = graph.node("Mul", [graph.node("Sub", [u, one], "real"), x], "real")
-    return _over_unless_zero(graph, whole, graph.node("Log", [u], "real"), x)
+    made, u = graph.real, graph.real("Exp", x)
+    above = made("Mul", made("Sub", u, graph.constant(1.0, "real")), x)
+    return _over_unless_zero(graph, above, made("Log", u), x)
 
 
 def _over_unless_zero(graph: Graph, above: Value, below: Value, otherwise: Value) -> Value:
     none = graph.node("Equal", [below, graph.constant(0.0, "real")], "bool")
-    quotient = graph.node("Div", [above, below], "real")
-    return graph.node("Where", [none, otherwise, quotient], "real")
+    return graph.real("Where", none, otherwise, graph.real("Div", above, below))
 
 
 COMPOSED = {"asinh": _asinh, "log1p": _log1p, "expm1": _expm1}
@@ -83,12 +84,8 @@ class Translator:
     def __init__(self, graph: Graph):
         self.graph, self.frames = graph, 0
 
-    def call(self, part: Part, name: str, *given: "Given") -> Value:
-        """The value that a function of an element returns; `given` after parameters and state."""
-        return self.run(part, part.home, name, [part, part, *given])
-
     def run(self, part: Part, home: Element, name: str, given: "list[Given]") -> Value:
-        """The same, of a function that takes just what is given."""
+        """The value that a function of an element returns."""
         owner = home if name in home.functions else home.borrowed(name)
         node = owner.functions[name]
         functions = {
@@ -102,13 +99,12 @@ class Translator:
         self.frames += 1
         frame.number, types = self.frames, frame.types
         for argument, value in zip(node.args.args, given, strict=True):
-            if isinstance(value, Value) and types[argument.arg] in ("real", "int"):
-                value = self.graph.cast(value, types[argument.arg])
-                self.graph.variables[self.frames, argument.arg] = value
-            elif isinstance(value, Value):
-                self.graph.variables[self.frames, argument.arg] = value
+            name, kind = argument.arg, types[argument.arg]
+            if isinstance(value, Value):
+                value = self.graph.cast(value, kind) if kind in ("real", "int") else value
+                self.graph.variables[self.frames, name] = value
             else:
-                frame.bound[argument.arg] = value
+                frame.bound[name] = value
         frame.block(node.body[bool(ast.get_docstring(node)) :])
         returned = self.graph.variables.get((frame.number, "return"))
         self.graph.variables = {
@@ -134,9 +130,6 @@ class Frame:
     def graph(self) -> Graph:
         """Into which it is written."""
         return self.translator.graph
-
-    def _get(self, name: str) -> Value:
-        return self.graph.variables[self.number, name]
 
     def _set(self, name: str, value: Value) -> None:
         self.graph.variables[self.number, name] = value
@@ -186,21 +179,18 @@ class Frame:
                 value=value,
             ):
                 key = ("state", self.part.key, self.arrays.get(name, name))
-                one = np.array([1])
-                places = graph.node(
-                    "Reshape", [self.value(index), graph.constant(one, "int")], "int"
-                )
+                row = graph.constant(np.array([1]), "int")
+                places = graph.node("Reshape", [self.value(index), row], "int")
                 real = graph.cast(self.value(value), "real")
-                update = graph.node("Reshape", [real, graph.constant(one, "int")], "reals")
+                update = graph.node("Reshape", [real, row], "reals")
                 graph.variables[key] = graph.node(
                     "ScatterElements", [graph.variables[key], places, update], "reals", axis=0
                 )
             case ast.Return(value=value):
                 if value is not None:
                     made = self.value(value)
-                    self._set(
-                        "return", graph.cast(made, "int" if made.type == "bool" else made.type)
-                    )
+                    kind = "int" if made.type == "bool" else made.type
+                    self._set("return", graph.cast(made, kind))
                 self._set(DONE, graph.constant(True, "bool"))
             case ast.Expr(value=value):
                 self.value(value)
@@ -267,7 +257,7 @@ class Frame:
             case ast.Constant(value=float() as known):
                 return graph.constant(known, "real")
             case ast.Name(id=name) if self._is_variable(name):
-                return self._get(name)
+                return graph.variables[self.number, name]
             case ast.Name(id=name):
                 return self.value(ast.Constant(self.home.law.constant(name)))
             case ast.Attribute(value=ast.Name(id=name), attr=attribute):
@@ -299,7 +289,9 @@ class Frame:
             case ast.BoolOp(op=op, values=[first, *rest]):
                 return self._short(isinstance(op, ast.And), first, rest)
             case ast.IfExp(test=test, body=yes, orelse=no):
-                return self._chosen(self.value(test), yes, no)
+                return self._either(
+                    self.value(test), lambda: self.value(yes), lambda: self.value(no)
+                )
             case ast.Call(func=ast.Name(id="int"), args=[inner]):
                 return graph.cast(self.value(inner), "int")
             case ast.Call(func=ast.Name(id=name), args=arguments):
@@ -315,8 +307,6 @@ class Frame:
         reals = [graph.cast(v, "real") for v in given if isinstance(v, Value)]
         if all(v.known is not None for v in reals):
             return graph.constant(getattr(math, name)(*(v.known for v in reals)), "real")
-        if name == "pow":
-            return graph.node("Pow", reals, "real")
         if name in COMPOSED:
             return COMPOSED[name](graph, *reals)
         if name not in MATHEMATICS:
@@ -324,7 +314,7 @@ class Frame:
                 "not-exportable", f"ONNX has no function {name}, which this model needs.",
                 fix="export it to another target, as c or runtime.",
             )  # fmt: skip
-        return graph.node(MATHEMATICS[name], reals, "real")
+        return graph.real(MATHEMATICS[name], *reals)
 
     def _arithmetic(self, op: ast.operator | ast.cmpop, a: Value, b: Value) -> Value:
         graph = self.graph
@@ -371,9 +361,6 @@ class Frame:
             value = self._both("And" if conjunction else "Or", value, right)
         return value
 
-    def _chosen(self, test: Value, yes: ast.expr, no: ast.expr) -> Value:
-        return self._either(test, lambda: self.value(yes), lambda: self.value(no))
-
     def _either(self, test: Value, yes: Callable[[], Value], no: Callable[[], Value]) -> Value:
         self.translator.frames += 1
         key = (self.number, "chosen", self.translator.frames)
@@ -384,8 +371,3 @@ class Frame:
 
         self.graph.branch(test, lambda: put(yes), lambda: put(no))
         return self.graph.variables.pop(key)
-
-
-def part_of(kind: str, parameters: dict[str, float | list[float]], key: int) -> Part:
-    """The part of a tree's node."""
-    return Part(element(kind, "x", False), parameters, key)
