@@ -1,5 +1,6 @@
 """Readings beside a condition: the inverse of a `Conditioned` model is given both in one array."""
 
+from collections.abc import Iterator
 from typing import Any
 
 import equinox as eqx
@@ -30,6 +31,13 @@ def latest_of(valid: Any) -> Any:
     if is_concrete(valid):
         return np.maximum.accumulate(np.where(valid, np.arange(len(valid)), -1))
     return jax.lax.cummax(jnp.where(valid, jnp.arange(len(valid)), -1))
+
+
+def nested(compensator: Any) -> Iterator[Any]:
+    """A compensator, the one that it is around, and so on inwards."""
+    while compensator is not None:
+        yield compensator
+        compensator = getattr(compensator, "inner", None)
 
 
 def conditioned_in(compensator: Any) -> Conditioned | None:

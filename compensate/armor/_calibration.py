@@ -11,6 +11,7 @@ from jaxtyping import Array, Bool, Float, Int
 from numpy.typing import ArrayLike
 
 from hysteresis import InputError, Scalar, parameter
+from hysteresis._parameter import as_float
 
 from ._armor import Armor
 from ._shapes import dots
@@ -41,52 +42,35 @@ class Presses(eqx.Module):
     length 1.
     """
 
-    time: Float[Array, "*presses samples"]
-    readings: Float[Array, "*presses samples 6"]
-    force: Float[Array, "*presses samples"]
-    direction: Float[Array, "*presses 3"]
-    touched: Float[Array, "*presses 3"]
-    surface: Int[Array, "*presses"]
-    displacement: Float[Array, "*presses samples"] | None = None
-    gravity: Float[Array, "*presses samples 3"] | None = None
+    time: Float[Array, "*presses samples"] = eqx.field(converter=as_float)
+    readings: Float[Array, "*presses samples 6"] = eqx.field(converter=as_float)
+    force: Float[Array, "*presses samples"] = eqx.field(converter=as_float)
+    direction: Float[Array, "*presses 3"] = eqx.field(converter=as_float)
+    touched: Float[Array, "*presses 3"] = eqx.field(converter=as_float)
+    surface: Int[Array, "*presses"] = eqx.field(converter=jnp.asarray)
+    displacement: Float[Array, "*presses samples"] | None = eqx.field(
+        default=None, converter=as_float
+    )
+    gravity: Float[Array, "*presses samples 3"] | None = eqx.field(default=None, converter=as_float)
 
-    def __init__(
-        self,
-        time: ArrayLike,
-        readings: ArrayLike,
-        force: ArrayLike,
-        direction: ArrayLike,
-        touched: ArrayLike,
-        surface: ArrayLike,
-        displacement: ArrayLike | None = None,
-        gravity: ArrayLike | None = None,
-    ):
-        force = np.asarray(force, float)
-        if force.ndim != 2:
-            raise _fault(f"force has the shape {force.shape}.", "give (presses, samples).")
-        presses, samples = force.shape
+    def __post_init__(self) -> None:
+        if self.force.ndim != 2:
+            raise _fault(f"force has the shape {self.force.shape}.", "give (presses, samples).")
+        presses, samples = self.force.shape
+        self.time = jnp.broadcast_to(self.time, (presses, samples))
         shapes = {
-            "time": (time, np.shape(time)), "force": (force, force.shape),
-            "readings": (readings, (presses, samples, 6)), "direction": (direction, (presses, 3)),
-            "touched": (touched, (presses, 3)), "surface": (surface, (presses,)),
-            "displacement": (displacement, (presses, samples)), "gravity": (gravity, (presses, samples, 3)),
+            "time": (samples,), "force": (samples,), "readings": (samples, 6), "direction": (3,),
+            "touched": (3,), "surface": (), "displacement": (samples,), "gravity": (samples, 3),
         }  # fmt: skip
-        for name, (given, shape) in shapes.items():
-            if given is None and name in ("displacement", "gravity"):
+        for name, shape in shapes.items():
+            if (given := getattr(self, name)) is None:
                 continue
-            found = np.asarray(given, float)
-            if found.shape != shape:
-                raise _fault(f"{name} has the shape {found.shape}.", f"give {shape}.")
-            if not np.isfinite(found).all():
+            if given.shape != (presses, *shape):
+                raise _fault(f"{name} has the shape {given.shape}.", f"give {(presses, *shape)}.")
+            if not np.isfinite(given).all():
                 raise _fault(f"{name} is not finite everywhere.", "leave such presses out.")
-        if not np.allclose(np.linalg.norm(np.asarray(direction, float), axis=1), 1, atol=1e-6):
+        if not np.allclose(np.linalg.norm(self.direction, axis=1), 1, atol=1e-6):
             raise _fault("a direction is not of length 1.", "divide it by its length.")
-        self.time = jnp.broadcast_to(jnp.asarray(time, float), force.shape)
-        self.readings, self.force = jnp.asarray(readings, float), jnp.asarray(force)
-        self.direction, self.touched = jnp.asarray(direction, float), jnp.asarray(touched, float)
-        self.surface = jnp.asarray(surface)
-        self.displacement = None if displacement is None else jnp.asarray(displacement, float)
-        self.gravity = None if gravity is None else jnp.asarray(gravity, float)
 
 
 def planned_presses(

@@ -16,6 +16,7 @@ from hysteresis._type_variables import PyTree
 
 from .. import _traced as traced
 from .._contract import AbstractCompensator, Status
+from .._readings import nested
 from ..runtime._armor_fields import bump
 
 
@@ -307,11 +308,13 @@ def _check_quantities(material: Any, length_unit: str | None, force_unit: str | 
 
 def most_of(material: Any) -> Array | None:
     """The greatest trained input of a model, or of the one that a compensator inverts; None: not known."""
-    while not (material is None or isinstance(material, AbstractModel)):
-        material = getattr(material, "model", None) or getattr(material, "inner", None)
-    if material is None or material.trained is None:
+    inside = (
+        x if isinstance(x, AbstractModel) else getattr(x, "model", None) for x in nested(material)
+    )
+    model = next((one for one in inside if isinstance(one, AbstractModel)), None)
+    if model is None or model.trained is None:
         return None
-    low, high = material.trained[..., 0], material.trained[..., 1]
+    low, high = model.trained[..., 0], model.trained[..., 1]
     return high + 1e-6 * (high - low)  # rounding
 
 

@@ -3,6 +3,7 @@
 from hysteresis import InputError
 from hysteresis.laws._tree import Tree
 
+from .._readings import nested
 from ..guards._guarded import GuardedCompensator
 from ..uncertainty._calibrated import CalibratedCompensator
 from ..uncertainty._ensemble import EnsembleCompensator
@@ -15,9 +16,7 @@ def banded(band: Guaranteed, error: CalibratedCompensator | None) -> Tree:
 
     Raises `InputError` `not-exportable` where its shape is a deviation that the file does not have.
     """
-    inner = band.compensator
-    while isinstance(inner, GuardedCompensator):
-        inner = inner.inner
+    inner = next(x for x in nested(band.compensator) if not isinstance(x, GuardedCompensator))
     by_deviation = isinstance(inner, CalibratedCompensator)
     unknown = by_deviation and (error is None or not _alike(inner, error))
     if unknown or isinstance(inner, EnsembleCompensator) or getattr(inner, "deviates", False):

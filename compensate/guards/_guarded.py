@@ -18,7 +18,7 @@ from hysteresis.running import Numbers, each, numbers_of
 from hysteresis.trees import Tree, node
 
 from .._contract import AbstractCompensator, Found, Status
-from .._readings import conditioned_in, latest_of, reading_of, with_reading
+from .._readings import conditioned_in, latest_of, nested, reading_of, with_reading
 from ..inverses._law import beyond_knots
 from ..runtime._file import LONGEST
 from ._run_in import Start
@@ -52,12 +52,14 @@ def limited(
     band reaches the end. From then on what is inside goes on from its own estimates, which are not those
     that are told.
     """
-    inner: Any = compensator
-    while inner is not None and not isinstance(inner, GuardedCompensator):
-        inner = getattr(inner, "inner", None)
-    if inner is None:
+    if (guard := guard_in(compensator)) is None:
         return compensator, np.zeros(value.shape, bool)
-    return inner.inner, (value <= float(inner.low)) | (value >= float(inner.high))
+    return guard.inner, (value <= float(guard.low)) | (value >= float(guard.high))
+
+
+def guard_in(compensator: AbstractCompensator) -> "GuardedCompensator[Any] | None":
+    """The guard that a compensator is, or is around; None where there is none."""
+    return next((one for one in nested(compensator) if isinstance(one, GuardedCompensator)), None)
 
 
 def longest_step(t: ArrayLike) -> float:
@@ -202,7 +204,9 @@ class GuardedCompensator(AbstractCompensator[GuardedState, Found]):
         last, clock, limited, before = map(xp.asarray, kept)
         given: Any = xp.asarray(y, float)
         reading = reading_of(given, 1)
-        seen = self._clipped(xp, reading)
+        seen = reading
+        if self.readings is not None:
+            seen = xp.where(xp.isfinite(seen), xp.clip(seen, *self.readings), seen)
         times = xp.zeros_like(reading) if t is None else xp.asarray(t, float)
         longest = xp.inf if self.longest is None else xp.asarray(self.longest)
         first = xp.isnan(last)
@@ -252,11 +256,6 @@ class GuardedCompensator(AbstractCompensator[GuardedState, Found]):
             "within": self.within,
         }  # fmt: skip
         return node("guard", parameters, BEGUN)
-
-    def _clipped(self, xp: Any, y: Any) -> Any:
-        if self.readings is None:
-            return y
-        return xp.where(xp.isfinite(y), xp.clip(y, *self.readings), y)
 
     def _limited(self, xp: Any, value: Any) -> Any:
         low, high, slack = map(xp.asarray, (self.low, self.high, self.slack))

@@ -10,7 +10,8 @@ from hysteresis import AbstractModel, InputError
 from hysteresis._known_past import known_past, outputs_of
 
 from .._contract import AbstractCompensator
-from ._guarded import GuardedCompensator, GuardedState
+from .._readings import nested
+from ._guarded import GuardedState, guard_in
 from ._run_in import driven, first_draw, then
 
 
@@ -25,22 +26,21 @@ def warmed(
     count, rows = past.inputs.shape[:2]
     flat = past.inputs.reshape(count * rows, *past.inputs.shape[2:])
     times = None if past.times is None else past.times.ravel()
-    read = np.asarray(outputs(times, flat, tuple(range(0, count * rows, rows)))).reshape(
-        count, rows
-    )
+    starts = tuple(range(0, count * rows, rows))
+    read = np.asarray(outputs(times, flat, starts)).reshape(count, rows)
     if flat.ndim == 2:
         read = np.stack([read, past.inputs[..., 1]], -1)
     each = [None] * count if past.times is None else list(past.times)
     state = compensator.stream(each[0], read[0], compensator.init())[0]
-    if (guard := _guard_in(compensator)) is None:
+    if (guard := guard_in(compensator)) is None:
         return state
     # Others in the place of its starts: those that the way to both ends tells apart most.
     first = None if past.times is None else past.times[0]
     own = past.inputs[0] if flat.ndim == 2 else past.inputs[0, :, None]
     clock, way = then(*then(first, own[:, 0], float(guard.low)), float(guard.high))
     later = None if clock is None else clock[rows:]
-    y = np.asarray(outputs(*past.followed_by(later, driven(model, way[rows:]))))
-    apart = np.abs(y.reshape(count, -1)[1:, rows:] - y.reshape(count, -1)[0, rows:]).max(1)
+    y = np.asarray(outputs(*past.followed_by(later, driven(model, way[rows:])))).reshape(count, -1)
+    apart = np.abs(y[1:, rows:] - y[0, rows:]).max(1)
     farthest = 1 + np.argsort(-apart)[: len(guard.starts)]
     inner, uncounted = guard.inner, guard.init().limited  # what was counted is of other starts
 
@@ -56,15 +56,8 @@ def warmed(
     return compared(state)
 
 
-def _guard_in(compensator: Any) -> GuardedCompensator | None:
-    while compensator is not None and not isinstance(compensator, GuardedCompensator):
-        compensator = getattr(compensator, "inner", None)
-    return compensator
-
-
-def _model_in(compensator: Any) -> AbstractModel:
-    while compensator is not None:
-        if isinstance(model := getattr(compensator, "model", None), AbstractModel):
+def _model_in(compensator: AbstractCompensator) -> AbstractModel:
+    for one in nested(compensator):
+        if isinstance(model := getattr(one, "model", None), AbstractModel):
             return model
-        compensator = getattr(compensator, "inner", None)
     raise InputError("not-a-model", "a compensator without a model has no state to tell.")

@@ -7,19 +7,19 @@ from hysteresis._parameter import is_concrete
 from hysteresis.trees import input_range, search_range
 
 from .._contract import AbstractCompensator
-from ._bisection import BracketedCompensator
+from ._bisection import BracketedCompensator, inverse_of_rising
 from ._default import check_rises
 from ._inverse_of import inverse_of
-from ._law import LawCompensator, has_laws
+from ._law import LawCompensator
 
 
 @inverse_of.register
 def _(model: Series | Scaled) -> AbstractCompensator:
     parts = model.parts if isinstance(model, Series) else (model.inner,)
     laws = [isinstance(inverse_of(part), LawCompensator) for part in parts]  # refuses one without
-    return (
-        LawCompensator(model) if all(laws) else BracketedCompensator(model, *search_range(parts[0]))
-    )
+    if all(laws):
+        return LawCompensator(model)
+    return BracketedCompensator(model, *search_range(parts[0]))
 
 
 @inverse_of.register
@@ -33,22 +33,20 @@ def _(model: Sum) -> AbstractCompensator:
             "no part of the sum says over which inputs it holds, so none can be looked for.",
             fix="BracketedCompensator(model, low, high).",
         )
-    if any(map(_falls, model.parts)):
-        check_rises(model)
-    return LawCompensator(model) if has_laws(model) else BracketedCompensator(model, *ends)
+    return _checked(model, model.parts)
 
 
 @inverse_of.register
 def _(model: Mixture) -> AbstractCompensator:
     if len(model.models) == 1:
         return inverse_of(model.whole.parts[0])
-    if any(map(_falls, model.models)):
+    return _checked(model, model.models)
+
+
+def _checked(model: AbstractModel, parts: tuple[AbstractModel, ...]) -> AbstractCompensator:
+    if any(map(_falls, parts)):
         check_rises(model)
-    return (
-        LawCompensator(model)
-        if has_laws(model)
-        else BracketedCompensator(model, *search_range(model))
-    )
+    return inverse_of_rising(model)
 
 
 def _falls(model: AbstractModel) -> bool:

@@ -93,7 +93,8 @@ def _(model: DegradingBoucWen) -> AbstractCompensator:
 def _(model: Preisach) -> AbstractCompensator:
     density = model.density
     if isinstance(density, GridDensity):
-        _check_slopes(model)
+        if all(map(is_concrete, jax.tree.leaves(model))):  # else the fit has seen to its slopes
+            _check_slopes(model)
         return LawCompensator(model)
     if model.leading:
         raise InputError(
@@ -102,15 +103,11 @@ def _(model: Preisach) -> AbstractCompensator:
             cause="its relays fall as the input rises, and their slope is known on a grid alone.",
             fix="fit a GridDensity, or swap input and output and fit the lagging direction.",
         )
-    return BracketedCompensator(
-        model, density.low - model.dead_band, density.high + model.dead_band
-    )
+    return BracketedCompensator(model, *model.search_range())
 
 
 def _check_slopes(model: Preisach) -> None:
     """Raise `InputError` where the output of a model on a grid can fall while its input rises."""
-    if not all(map(is_concrete, jax.tree.leaves(model))):
-        return  # one of many under vmap: the fit has seen to its slopes
     grid: Any = model.density
     slope, widths = np.asarray(model.least_slope()), np.diff(grid.edges)
     scale = float(np.abs(np.asarray(grid.weights)).max())
@@ -118,8 +115,7 @@ def _check_slopes(model: Preisach) -> None:
         k = int(slope.argmin())
         raise InputError(
             "not-invertible",
-            f"the output can fall while the input rises from {grid.edges[k]:g} to "
-            f"{grid.edges[k + 1]:g}.",
+            f"the output can fall while the input rises from {grid.edges[k]:g} to {grid.edges[k + 1]:g}.",
             cause="a signed density, or a reversible part too flat for a leading model.",
             fix="fit the model with its slopes constrained, which identify.fit does.",
         )
