@@ -1,18 +1,21 @@
 """The contract that every compensator keeps."""
 
 import abc
+from collections.abc import Callable
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Float, Int
 from numpy.typing import ArrayLike
 
 from hysteresis._drawing import html_of, plot_of
 from hysteresis._model import same_samples
-from hysteresis._parameter import as_float
+from hysteresis._parameter import as_array, as_float
 from hysteresis._precision import in_own_precision, keep_precision
 from hysteresis._quantities import Units, as_units
 from hysteresis._show import one_line, table
@@ -133,8 +136,36 @@ class AbstractCompensator(AbstractStreamed[State, Found]):
         return html_of(self)
 
 
-@eqx.filter_jit
 def scanned(one: Any, t: ArrayLike | None, y: Array, state: PyTree) -> tuple[PyTree, PyTree]:
-    """`one.take(state, t, y)` sample by sample, compiled once per length: state, estimates."""
+    """`one.take(state, t, y)` sample by sample: state, estimates."""
     t = jnp.zeros(y.shape[:1], y.dtype) if t is None else jnp.asarray(t, y.dtype)
+    return in_few_lengths(_scan, one, state, t, y)
+
+
+@eqx.filter_jit
+def _scan(one: Any, state: PyTree, t: Array, y: Array) -> tuple[PyTree, PyTree]:
     return jax.lax.scan(lambda carry, sample: one.take(carry, *sample), state, (t, y))
+
+
+def in_few_lengths(
+    run: Callable[..., tuple[PyTree, PyTree]], one: Any, state: PyTree, t: Any, *rows: Any, along: int = 0
+) -> tuple[PyTree, PyTree]:  # fmt: skip
+    """`run(one, state, t, *rows)`, a program of JAX that gives a state and what is found of all rows.
+
+    Compiling it takes seconds for each length. So rows are lengthened to a power of two by some that are no
+    readings, NaN or False, which change nothing. `along`: the axis of rows in what is found.
+    """
+    is_traced = any(isinstance(x, Tracer) for x in jax.tree.leaves((one, state, t, rows)))
+    if is_traced or not (count := len(rows[0])):
+        return run(one, state, t, *rows)
+    more = (1 << (count - 1).bit_length()) - count
+
+    def longer(x: Any) -> Array:
+        around = (0, more), *[(0, 0)] * (np.ndim(x) - 1)
+        none = np.nan if jnp.issubdtype(x.dtype, jnp.floating) else 0
+        return as_array(np.pad(x, around, constant_values=none))
+
+    t = None if t is None else as_array(np.pad(t, (0, more), mode="edge"))
+    state, found = run(one, state, t, *jax.tree.map(longer, rows))
+    shorter = slice(count) if along == 0 else (..., slice(count))
+    return state, jax.tree.map(lambda x: as_array(np.asarray(x)[shorter]), found)

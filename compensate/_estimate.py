@@ -59,16 +59,9 @@ def estimate(compensator: Simulates[Found], record: Record) -> Found:
         require_same([(name, record.conditions.get(name, "1"), unit)])
     found, readings = [], readings_of(compensator, record)
     for rows, first in _stretches(compensator, record):
-        n = rows.stop - rows.start
-        # Ensembles and searches are programs of JAX, compiled for each length, which takes longer than
-        # running them. So sequences are lengthened to a power of two by samples without a reading, which
-        # change nothing before them.
-        more = (0, (1 << (n - 1).bit_length()) - n)
-        t = None if record.time is None else np.pad(record.time[rows], more, mode="edge")
-        around = (more, (0, 0))[: readings.ndim]
-        y = np.pad(readings[rows], around, constant_values=np.nan)
-        whole = compensator.simulate(t, y, **first)
-        found.append(jax.tree.map(lambda x, n=n: np.asarray(x)[..., :n], whole))
+        t = None if record.time is None else record.time[rows]
+        whole = compensator.simulate(t, readings[rows], **first)
+        found.append(jax.tree.map(np.asarray, whole))
     return jax.tree.map(lambda *parts: as_array(np.concatenate(parts, axis=-1)), *found)
 
 

@@ -120,7 +120,7 @@ class UncertainArmor(eqx.Module):
     def solve(self, readings: ArrayLike, motion: Motion = AT_REST) -> UncertainContact:
         """The contacts behind readings (..., 6), each by itself, as `Armor.solve`."""
         readings = jnp.asarray(readings, float)
-        motion = motion.of(readings[..., :3])
+        motion = motion.of(readings)
         found = self.armor.solve(readings, motion)
         return UncertainContact(found, _spread(self, None, readings, motion))
 
@@ -129,7 +129,7 @@ class UncertainArmor(eqx.Module):
     ) -> UncertainContact:
         """The contacts of a stream of readings (samples, 6), with history, as `Armor.simulate`."""
         readings = jnp.asarray(readings, float)
-        t, motion = jnp.asarray(t, readings.dtype), motion.of(readings[..., :3])
+        t, motion = jnp.asarray(t, readings.dtype), motion.of(readings)
         found = self.armor.simulate(t, readings, motion)
         return UncertainContact(found, _spread(self, t, readings, motion))
 

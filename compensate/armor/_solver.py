@@ -13,6 +13,7 @@ from hysteresis import InputError, Scalar, parameter
 from hysteresis._parameter import as_float, is_concrete
 
 from .. import _traced as traced
+from .._contract import in_few_lengths
 from ..runtime._contact import ContactStatus, Limits, Solver, Touch, solved, touched
 from ._cover import Cover, Material, as_cover
 from ._shapes import AbstractShape, dots
@@ -241,8 +242,8 @@ class ContactSolver(eqx.Module):
         """`step` over all wrenches (samples, 3) of a stream, from `init`."""
         force, moment, doubt = _wrenches(force, moment, doubt)
         doubt = jnp.broadcast_to(jnp.asarray(doubt), len(force))
-        near = _nearby(self, force, moment)
-        return _stream(self, (jnp.asarray(t, force.dtype), force, moment, doubt, near))
+        t, near = jnp.asarray(t, force.dtype), _nearby(self, force, moment)
+        return in_few_lengths(_stream, self, self.init(), t, force, moment, doubt, near)[1]
 
     def limits(self) -> Limits:
         """What contacts are judged by."""
@@ -309,8 +310,8 @@ def _step(
 
 
 @eqx.filter_jit
-def _stream(solver: ContactSolver, samples: tuple[Any, ...]) -> Contact:
-    return jax.lax.scan(lambda own, now: _step(solver, own, *now), solver.init(), samples)[1]
+def _stream(solver: ContactSolver, state: Touch, *samples: Any) -> tuple[Touch, Contact]:
+    return jax.lax.scan(lambda own, now: _step(solver, own, *now), state, samples)
 
 
 @eqx.filter_jit

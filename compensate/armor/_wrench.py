@@ -13,9 +13,9 @@ from numpy.typing import ArrayLike
 
 from hysteresis import AbstractModel, InputError, Scalar, parameter
 from hysteresis._once import once
-from hysteresis._parameter import as_float, is_concrete
+from hysteresis._parameter import array_module, as_float, is_concrete
 
-from .._contract import AbstractCompensator
+from .._contract import AbstractCompensator, in_few_lengths
 from .._invert import invert
 from .._readings import latest_of
 from ..runtime._contact import ContactStatus
@@ -55,10 +55,11 @@ class Motion(NamedTuple):
     velocity: Any = 0.0
     angular_acceleration: Any = 0.0
 
-    def of(self, force: Float[Array, "*samples 3"]) -> "Motion":
-        """One for each of some forces."""
-        each = (jnp.asarray(v, force.dtype) for v in self)
-        return Motion(*(jnp.broadcast_to(v, force.shape) for v in each))
+    def of(self, readings: Float[Array, "*samples 6"]) -> "Motion":
+        """One for each of some readings."""
+        shape, kind = (*readings.shape[:-1], 3), readings.dtype
+        each = ((array_module(v), v) for v in self)
+        return Motion(*(xp.broadcast_to(xp.asarray(v, kind), shape) for xp, v in each))
 
 
 AT_REST = Motion()
@@ -298,7 +299,13 @@ class WristSensor(eqx.Module):
     ) -> tuple[WristState, Wrench]:
         """All readings at once: the state after them, and the wrenches."""
         readings = self._readings(readings)
-        t, sound = jnp.asarray(t, readings.dtype), self._calibrated(readings)
+        t, motion = jnp.asarray(t, readings.dtype), motion.of(readings)
+        return in_few_lengths(WristSensor._followed, self, state, t, readings, motion)
+
+    def _followed(
+        self, state: WristState, t: Array, readings: Array, motion: Motion
+    ) -> tuple[WristState, Wrench]:
+        sound = self._calibrated(readings)
         now = self._wrench(readings, sound, motion)
         usable = (now.doubt != int(ContactStatus.INVALID)) & jnp.isfinite(t)
         slip, channels = state.slip, []
@@ -382,7 +389,7 @@ class WristSensor(eqx.Module):
         rotation = self.turned().T
         force, moment = sound[..., :3] @ rotation, sound[..., 3:] @ rotation
         moment = moment + jnp.cross(_along(self.offset, force), force)
-        acceleration, gravity, velocity, spin = motion.of(force)
+        acceleration, gravity, velocity, spin = motion.of(readings)
         centre, inertia = _along(self.centre, force), self.inertia.T
         middle = acceleration + jnp.cross(spin, centre)
         middle = middle + jnp.cross(velocity, jnp.cross(velocity, centre))

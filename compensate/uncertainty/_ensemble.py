@@ -14,7 +14,7 @@ from hysteresis import AbstractModel, register
 from hysteresis._parameter import is_concrete
 from hysteresis._type_variables import PyTree
 
-from .._contract import AbstractCompensator, Status
+from .._contract import AbstractCompensator, Status, in_few_lengths
 from ..inverses import inverse_of
 from ..inverses._law import UncertainEstimate
 
@@ -66,10 +66,13 @@ class EnsembleCompensator(AbstractCompensator[PyTree, UncertainEstimate]):
     def stream(
         self, t: ArrayLike | None, y: ArrayLike, state: PyTree
     ) -> tuple[PyTree, UncertainEstimate]:
-        y = jnp.asarray(y, float)
-        run = eqx.filter_vmap(lambda member, own: member.stream(t, y, own))
-        state, found = run(self.members, state)
-        return state, _together(found)
+        t = None if t is None else jnp.asarray(t, float)
+        return in_few_lengths(_run, self.members, state, t, jnp.asarray(y, float), along=-1)
+
+
+def _run(members: AbstractCompensator, state: PyTree, t: Array | None, y: Array) -> Any:
+    state, found = eqx.filter_vmap(lambda one, own: one.stream(t, y, own))(members, state)
+    return state, _together(found)
 
 
 def _is_shared(leaf: Array) -> bool:
