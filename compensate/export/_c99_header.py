@@ -50,6 +50,7 @@ class _Header:
         self.elements: dict[str, Element] = {}
         self.parts: list[Node] = []
         self.around = self._part(around(document))
+        self.nodes = Nodes(self.parts, self.elements)
         self.root, *others = self.around.parts
         self.others = [part for part in others if part.kind not in BESIDE]
         self.condition: dict[str, Any] | None = document.get("condition")
@@ -67,13 +68,7 @@ class _Header:
             facts(self.document, stem, lambda value: self._number(value, "real")),
             *(self._element(kind) for kind in self.elements),
             *(self._constants(part) for part in self.parts if "parameters" in part.of),
-            state_in_c(
-                self.parts,
-                self.elements,
-                self.stem,
-                self._list,
-                self._number,
-            ),
+            state_in_c(self.nodes, self._list, self._number),
             self._functions(),
             self._step(),
             band_in_c(self.document, stem, self.real, self.single),
@@ -94,7 +89,7 @@ class _Header:
             unknown="" if self.document["error"] else ", which is not known here: NaN", motions=motions(d),
             time=clock(d, self.stem),
             real="float" if self.single else "double",
-            state=size_of(self.parts, self.elements, self.single),
+            state=size_of(self.nodes),
             predict=f"{self.stem}_predict is the model itself, on the same state." if self.predicts else "",
             tables=self._tables() * (4 if self.single else 8),
             bound=f"{self._bound():,}", operations=spent(d),
@@ -104,8 +99,7 @@ class _Header:
 
     def _bound(self) -> int:
         """Operations of a step, at most."""
-        count = NodeCount(Nodes(self.parts, self.elements))
-        return count.of_function(f"step_{self.around.number}") + OUTPUTS
+        return NodeCount(self.nodes).of_function(f"step_{self.around.number}") + OUTPUTS
 
     # Elements and their constants
 
@@ -123,15 +117,9 @@ class _Header:
         lengths = {
             k: max(len(s[k]) for s in states) for k, v in states[0].items() if isinstance(v, list)
         }
-        about = comment(f"---- {home.about}", "")
-        return "\n\n".join(
-            [
-                about,
-                home.structure("Parameters"),
-                home.structure("State", lengths),
-                home.translated(),
-            ]
-        ).rstrip()
+        texts = [comment(f"---- {home.about}", ""), home.structure("Parameters")]
+        texts += [home.structure("State", lengths), home.translated()]
+        return "\n\n".join(texts).rstrip()
 
     def _constants(self, part: Node) -> str:
         home, place = self.elements[part.kind], f"{self.stem}_{part.number}"
@@ -141,19 +129,15 @@ class _Header:
             return f"#define {place} {self.stem}_{first}"
         lines, fields = [], []
         for key, kind in home.structures["Parameters"].items():
-            value = part.of["parameters"][key]
+            value = own[key]
             if kind == "Reals":
-                lines.append(
-                    f"static const {self.real} {place}_{key}[{max(len(value), 1)}]"
-                    f" {self.stem.upper()}_TABLE = {self._list(value)};"
-                )
+                table = f"{place}_{key}[{max(len(value), 1)}] {self.stem.upper()}_TABLE"
+                lines.append(f"static const {self.real} {table} = {self._list(value)};")
                 fields.append(f"    {place}_{key},")
             else:
                 fields.append(f"    {self._number(value, kind)}, /* {key} */")
-        lines.append(
-            f"static const {home.prefix}_parameters {place} = {{\n" + "\n".join(fields) + "\n};"
-        )
-        return "\n".join(lines)
+        head = f"static const {home.prefix}_parameters {place} = {{"
+        return "\n".join([*lines, head, *fields, "};"])
 
     def _number(self, value: float | None, kind: str) -> str:
         if value is None:
@@ -163,9 +147,7 @@ class _Header:
     def _list(self, values: list[float] | list[float | None]) -> str:
         words = [self._number(v, "real") for v in values] or ["0"]
         rows = [", ".join(words[k : k + 6]) for k in range(0, len(words), 6)]
-        if len(rows) == 1:
-            return f"{{{rows[0]}}}"
-        return "{\n    " + ",\n    ".join(rows) + "\n}"
+        return f"{{{rows[0]}}}" if len(rows) == 1 else "{\n    " + ",\n    ".join(rows) + "\n}"
 
     def _tables(self) -> int:
         own = {id(p): p for part in self.parts if (p := part.of.get("parameters")) is not None}
@@ -174,10 +156,9 @@ class _Header:
     def _functions(self) -> str:
         """Of the nodes: what a step and a prediction call, and what those call."""
         done: dict[str, str] = {}
-        home = Nodes(self.parts, self.elements)
         moves = [f"move_{part.number}" for part in (self.root, *self.others)] * self.predicts
         for name in (f"step_{self.around.number}", *moves):
-            NodeFunction(home, name, done).translate()
+            NodeFunction(self.nodes, name, done).translate()
         return "\n\n".join(done.values())
 
     # What is called from outside

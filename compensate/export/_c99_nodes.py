@@ -62,6 +62,7 @@ class Nodes(SimpleNamespace):
         super().__init__(stem=one.stem, real=one.real, single=one.single, prefix=one.stem)
         self.comments, self.common, self.elements = {}, {}, elements
         self.nodes = {node.number: node for node in nodes}
+        self.changing = [node for node in nodes if "state" in node.of]
 
     def function(self, title: str) -> ast.FunctionDef:
         """A function of a node, by its name in the text."""
@@ -134,22 +135,14 @@ class NodeCount(Count):
 # What changes in a C99 compensator: its structure, its values before the first reading, and its size.
 
 
-def state_in_c(
-    parts: Sequence[Node],
-    elements: Mapping[str, Element],
-    stem: str,
-    listed: Callable[..., str],
-    number: Callable[..., str],
-) -> str:
+def state_in_c(nodes: Nodes, listed: Callable[..., str], number: Callable[..., str]) -> str:
     """The structure of the nodes' states, and the function that resets it.
 
     `listed` and `number`: values as C writes them.
     """
-    fields, values = [], []
-    for part in parts:
-        if "state" not in part.of:
-            continue
-        home = elements[part.kind]
+    stem, fields, values = nodes.stem, [], []
+    for part in nodes.changing:
+        home = nodes.elements[part.kind]
         fields.append(f"    {home.prefix}_state {place_of(part)};")
         given = [
             listed(value) if t == "Reals" else number(value, t)
@@ -169,20 +162,17 @@ def state_in_c(
     )  # fmt: skip
 
 
-def size_of(parts: Sequence[Node], elements: Mapping[str, Element], single: bool) -> int:
+def size_of(nodes: Nodes) -> int:
     """sizeof of that structure, by the rules that C compilers share."""
-    real = ctypes.c_float if single else ctypes.c_double
+    real = ctypes.c_float if nodes.single else ctypes.c_double
     members: list[tuple[str, Any]] = []
-    for part in parts:
-        if "state" not in part.of:
-            continue
-        same = [p.of["state"] for p in parts if p.kind == part.kind]
+    for part in nodes.changing:
+        same = [p.of["state"] for p in nodes.changing if p.kind == part.kind]
         fields: list[tuple[str, Any]] = [
             (k, ctypes.c_int if t == "int" else real if t != "Reals"
              else real * max(1, *(len(state[k]) for state in same)))
-            for k, t in elements[part.kind].structures["State"].items()
+            for k, t in nodes.elements[part.kind].structures["State"].items()
         ]  # fmt: skip
-        members.append(
-            (f"n{part.number}", type("_Part", (ctypes.Structure,), {"_fields_": fields}))
-        )
+        structure = type("_Part", (ctypes.Structure,), {"_fields_": fields})
+        members.append((f"n{part.number}", structure))
     return ctypes.sizeof(type("_State", (ctypes.Structure,), {"_fields_": members}))

@@ -45,9 +45,14 @@ class Prony(NamedTuple):
         return float(self.long_term + self.E.sum())
 
     @property
-    def relative(self) -> Terms:
-        """Terms over E(0)."""
-        return self.E / self.at_once
+    def terms(self) -> list[tuple[float, float]]:
+        """E and tau in turn."""
+        return list(zip(self.E, self.tau, strict=True))
+
+    @property
+    def relative(self) -> list[tuple[float, float]]:
+        """E over E(0), and tau."""
+        return list(zip(self.E / self.at_once, self.tau, strict=True))
 
     def shear(self, modulus: float) -> float:
         """Of a modulus in tension the one in shear."""
@@ -162,9 +167,7 @@ def prony_of(model: AbstractModel) -> tuple[float, Terms, Terms]:
             fix="Fit with a spring, or relaxation instead of creep.",
         )
     chain = model.driven_by_force(False)
-    direct, rates, drives = (
-        np.asarray(x) for x in (chain.direct, chain.all_rates, chain.all_drives)
-    )
+    direct, rates, drives = map(np.asarray, (chain.direct, chain.all_rates, chain.all_drives))
     there = (rates > 0) & (drives != 0)
     E, tau = -drives[there] / rates[there], 1 / rates[there]
     order = np.argsort(tau)
@@ -187,13 +190,9 @@ def _wide(*values: float) -> str:
 
 
 def _abaqus(p: Prony) -> Written:
-    lines = [
-        f"*MATERIAL, NAME={p.name}",
-        "*ELASTIC, MODULI=INSTANTANEOUS",
-        _row(p.at_once, p.poisson),
-    ]
-    lines += ["*VISCOELASTIC, TIME=PRONY"]
-    lines += [_row(g, g, t) for g, t in zip(p.relative, p.tau, strict=True)]
+    lines = [f"*MATERIAL, NAME={p.name}", "*ELASTIC, MODULI=INSTANTANEOUS"]
+    lines += [_row(p.at_once, p.poisson), "*VISCOELASTIC, TIME=PRONY"]
+    lines += [_row(g, g, t) for g, t in p.relative]
     lines += ["*TRS, DEFINITION=WLF", _row(*p.wlf)] if p.wlf is not None else []
     return lines, [RELATIVE]
 
@@ -210,18 +209,15 @@ def _apdl(p: Prony) -> Written:
 def _mpl(p: Prony) -> Written:
     lines = ["/NOP", "TBDEL,ALL,_MATL", "MPDEL,ALL,_MATL"]
     for part in ("SHEA", "BULK"):
-        lines += [
-            f"TB,PRON,_MATL   ,   1,{len(p.E):4d},{part}",
-            "TBFIELD,Temps,0.000000",
-            *_tbdata(p, 3),
-        ]
+        lines += [f"TB,PRON,_MATL   ,   1,{len(p.E):4d},{part}", "TBFIELD,Temps,0.000000"]
+        lines += _tbdata(p, 3)
     lines += ["MPTEMP,1,0.000000", f"MPDATA,EX,_MATL,1,{p.at_once:.12g}"]
     return [*lines, f"MPDATA,NUXY,_MATL,1,{p.poisson:.12g}", "/GO"], [RELATIVE]
 
 
 def _tbdata(p: Prony, together: int) -> list[str]:
     """Relative terms and times in turn, so many on a line."""
-    values = [f"{x:.12g}" for pair in zip(p.relative, p.tau, strict=True) for x in pair]
+    values = [f"{x:.12g}" for pair in p.relative for x in pair]
     parts = [(k, values[k : k + together]) for k in range(0, len(values), together)]
     return [f"TBDATA,{k + 1},{','.join(part)}" for k, part in parts]
 
@@ -232,7 +228,7 @@ def _comsol(p: Prony) -> Written:
         f'E_inf {p.long_term:.12g}{unit} "Long-term modulus"',
         f'nu {p.poisson:.12g} "Poisson\'s ratio"',
     ]
-    for k, (E, tau) in enumerate(zip(p.E, p.tau, strict=True), start=1):
+    for k, (E, tau) in enumerate(p.terms, start=1):
         lines += [
             f'G{k} {p.shear(E):.12g}{unit} "Shear modulus of branch {k}"',
             f'K{k} {p.bulk(E):.12g}{unit} "Bulk modulus of branch {k}"',
@@ -260,7 +256,7 @@ def _ls_dyna(p: Prony) -> Written:
         _wide(*[0] * 8),
         "$ GI, BETAI",
         _wide(p.shear(p.long_term), 0),
-        *(_wide(p.shear(E), 1 / tau) for E, tau in zip(p.E, p.tau, strict=True)),
+        *(_wide(p.shear(E), 1 / tau) for E, tau in p.terms),
     ]
     return lines, [
         "Terms are shear moduli; the one that stays has the decay 0. The bulk modulus is that at once and"
@@ -272,9 +268,7 @@ def _ls_dyna(p: Prony) -> Written:
 def _openradioss(p: Prony) -> Written:
     lines = ["/MAT/LAW1/1", p.name, _wide(1), _wide(p.long_term, p.poisson)]
     lines += ["/VISC/PRONY/1", f"{len(p.E):>10d}{0:>20d}{0:>10d}{0:>10d}"]
-    lines += [
-        _wide(p.shear(E), 1 / tau, p.bulk(E), 1 / tau) for E, tau in zip(p.E, p.tau, strict=True)
-    ]
+    lines += [_wide(p.shear(E), 1 / tau, p.bulk(E), 1 / tau) for E, tau in p.terms]
     return lines, [
         "Terms are moduli beside the long-term elastic law. Where LAW1 is refused beside /VISC/PRONY, put"
         " the long-term modulus into LAW42 or LAW70.",
@@ -283,12 +277,10 @@ def _openradioss(p: Prony) -> Written:
 
 
 def _calculix(p: Prony) -> Written:
-    lines = (
-        [f"*MATERIAL, NAME={p.name}-0", "*ELASTIC", _row(p.long_term, p.poisson)]
-        if p.long_term
-        else []
-    )
-    for k, (E, tau) in enumerate(zip(p.E, p.tau, strict=True), start=1):
+    lines = []
+    if p.long_term:
+        lines += [f"*MATERIAL, NAME={p.name}-0", "*ELASTIC", _row(p.long_term, p.poisson)]
+    for k, (E, tau) in enumerate(p.terms, start=1):
         lines += [f"*MATERIAL, NAME={p.name}-{k}", "*ELASTIC", _row(E, p.poisson)]
         lines += ["*CREEP, LAW=NORTON", _row(1 / (E * tau), 1.0, 0.0)]
     return lines, [
@@ -299,7 +291,7 @@ def _calculix(p: Prony) -> Written:
 
 
 def _febio(p: Prony) -> Written:
-    terms = [*enumerate(zip(p.relative, p.tau, strict=True), start=1)]
+    terms = [*enumerate(p.relative, start=1)]
     lines = [
         f'<material id="1" name="{p.name}" type="viscoelastic">',
         f"  <g0>{p.long_term / p.at_once:.12g}</g0>",
@@ -321,13 +313,11 @@ def _opensees(model: AbstractModel) -> Written:
     """`uniaxialMaterial` lines of OpenSees: material 1 has the force of a deformation, the sum of the
     others where one is not enough."""
     made = [*_materials(model)]
-    first = 1 if len(made) == 1 else 2
-    lines = [
-        f"uniaxialMaterial {name} {tag} {values}" for tag, (name, values) in enumerate(made, first)
-    ]
-    if first > 1:
-        tags = " ".join(map(str, range(2, 2 + len(made))))
-        lines.append(f"uniaxialMaterial Parallel 1 {tags}")
+    tags = range(2, 2 + len(made)) if len(made) > 1 else (1,)
+    pairs = zip(tags, made, strict=True)
+    lines = [f"uniaxialMaterial {name} {tag} {values}" for tag, (name, values) in pairs]
+    if len(made) > 1:
+        lines.append(f"uniaxialMaterial Parallel 1 {' '.join(map(str, tags))}")
     force = float(np.asarray(model.simulate(np.arange(2.0), np.zeros(2)))[0])
     notes = ["Material 1 takes the deformation that the fit had as its input."]
     if any(name == "Maxwell" for name, _ in made):
@@ -355,7 +345,12 @@ def _materials(model: AbstractModel) -> Iterator[tuple[str, str]]:
         u = jnp.asarray(model.nodes)
         force = model.curve(u) - model.curve(jnp.zeros(1))
         yield "ElasticMultiLinear", f"-strain {_words(*u)} -stress {_words(*force)}"
-    elif isinstance(model, PrandtlIshlinskii) and _is_stops(model):
+    elif (
+        isinstance(model, PrandtlIshlinskii)
+        and model.leading
+        and model.rates is None
+        and model.bends is None
+    ):
         yield "Elastic", _words(model.slope)
         for weight, radius in zip(model.weights, model.thresholds, strict=True):
             if weight > 0:
@@ -366,10 +361,6 @@ def _materials(model: AbstractModel) -> Iterator[tuple[str, str]]:
             f"No material of OpenSees is a {type(model).__name__} as it was fitted.",
             fix="Fit --model BoucWen, PrandtlIshlinskii (force over deformation), or a relaxing one.",
         )
-
-
-def _is_stops(model: PrandtlIshlinskii) -> bool:
-    return model.leading and model.rates is None and model.bends is None
 
 
 def _words(*values: Any) -> str:

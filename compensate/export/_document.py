@@ -20,7 +20,7 @@ from hysteresis.trees import Tree, plain
 from .._contract import Estimate, Status
 from ..guards._guarded import ROUNDING as ROUNDING_OF_ENDS
 from ..guards._guarded import GuardedCompensator
-from ..guards._run_in import Past, Start, outputs
+from ..guards._run_in import Start, outputs
 from ..inverses import inverse_of
 from ..runtime._compensator import _replay
 from ..runtime._file import checksum
@@ -85,14 +85,14 @@ def guard_tree(guard: GuardedCompensator, precision: type = np.float64) -> Tree:
 
 def starts_in(tree: Tree, model: Any, starts: Iterable[Start]) -> list[list[Tree]]:
     """For each start the states of the tree's elements, in the order of `node_of`."""
-    return [_after(tree, model, start.history) for start in starts]
-
-
-def _after(tree: Tree, model: AbstractModel, history: Past) -> list[dict[str, Any]]:
-    read = np.asarray(outputs(model, history), float)
-    times = np.zeros(len(read)) if history.times is None else np.asarray(history.times, float)
-    *_, states = states_over(tree, "find", np.diff(times, prepend=times[0]).tolist(), read.tolist())
-    return [vars(state) for state in states]
+    found = []
+    for history, _ in starts:
+        read = np.asarray(outputs(model, history), float)
+        times = np.zeros(len(read)) if history.times is None else np.asarray(history.times, float)
+        dt = np.diff(times, prepend=times[0]).tolist()
+        *_, states = states_over(tree, "find", dt, read.tolist())
+        found.append([vars(state) for state in states])
+    return found
 
 
 def states_over(tree: Tree, way: str, dt: Sequence[float], y: Sequence[Any]) -> Iterator[list[Any]]:
@@ -157,11 +157,11 @@ def on_a_grid(model: Preisach) -> Preisach:
     else:
         nodes = np.linspace(density.low, density.high, cells + 1)
     i, j = np.tril_indices(cells + 1)
-    found = density.everett(
-        density.tabulate(), density.pair(jnp.asarray(nodes[i]), jnp.asarray(nodes[j]))
+    E, pairs = (
+        np.zeros((cells + 1, cells + 1)),
+        density.pair(*map(jnp.asarray, (nodes[i], nodes[j]))),
     )
-    E = np.zeros((cells + 1, cells + 1))
-    E[i, j] = np.asarray(found)
+    E[i, j] = np.asarray(density.everett(density.tabulate(), pairs))
     # Of the cell between nodes i, i + 1 and j, j + 1; E is 0 above the diagonal.
     weights = np.tril(E[1:, :-1] - E[:-1, :-1] - E[1:, 1:] + E[:-1, 1:])
     least = float(weights.min())

@@ -254,8 +254,10 @@ class Program:
         self.guard = compensator if isinstance(compensator, GuardedCompensator) else None
         y, t = np.clip(y, low, high), np.zeros_like(y) if t is None else t
         given = np.column_stack([y, c]) if conditioned else y
-        self._readings, self._times = given, t
-        self._needed = self._reversals() if "preisach" in kinds else 0
+        dt, self._needed = np.diff(t, prepend=t[0]), 0
+        if "preisach" in kinds:
+            deep = tree_of(model, depth=DEEP)
+            self._needed = deepest(deep, "find", dt.tolist(), given.tolist())
         self.depth = depth or max(DEPTH, self._needed)
         tree = self._tree(np.float64)
         n = GOLDEN_SEARCHED if kinds & {"sum", "adaptive", "degrading_bouc_wen"} else GOLDEN
@@ -272,19 +274,24 @@ class Program:
                 "name": conditioned.condition, "unit": conditioned.unit,
                 "low": float(ends[0]) - margin, "high": float(ends[1]) + margin,
             }  # fmt: skip
+        if isinstance(model, Moved):
+            longest = LONGEST_MOTION * float(np.median(np.diff(t)))
+        else:
+            longest = min(longest_step(t), stable_step(model))
         reached = [*value[np.isfinite(value)], *(trained or ())] or [0.0]
         away = FAR * max(float(np.ptp(reached)), 1e-3 * float(np.abs(reached).max()), 1e-30)
+        self._samples = np.column_stack([dt, given])[:COUNTED].tolist()
         self._trees: dict[type, Tree] = {np.float64: tree}
-        held = c if conditioned else None
-        off, starts = 0.0, self.guard.starts if self.guard else ()
+        starts, self._tabulated = self.guard.starts if self.guard else (), 0.0
         if original is not model and isinstance(original, AbstractModel):
-            off = _apart(original, model, t, value, held)
-        self._tabulated = off
+            u = np.nan_to_num(value)
+            driven = np.column_stack([u, c[:n]]) if conditioned else u
+            self._tabulated = _apart(original, model, t[:n], driven)
         self._rest = {
             "schema": COMPENSATOR_SCHEMA, "kind": KIND, "title": title or type(model).__name__,
             "reading": reading._asdict(), "estimate": estimate._asdict(),
             "limits": [float(low), float(high)], "rates": counts_time,
-            "longest": self._longest(t) if counts_time else None,
+            "longest": longest if counts_time else None,
             "inputs": [float(min(reached)) - away, float(max(reached)) + away], "start": number(begin),
             "origin": origin and {**origin._asdict(), "codes": list(origin.codes)},
             "error": error and plain(error.law()), "condition": known,
@@ -293,7 +300,7 @@ class Program:
             "lasting": error and {"share": error.share, "time": error.lasts},
             "band": band and banded(band, error),
             "golden": {
-                "dt": np.diff(t[:n], prepend=t[0]).tolist(),
+                "dt": dt[:n].tolist(),
                 "reading": (golden[:, 0] if conditioned else golden).tolist(),
                 **({} if known is None else {"condition": c[:n].tolist()}),
                 "value": [number(v) for v in value], "tolerance": 1e-9 * max(span, 1e-300),
@@ -301,21 +308,15 @@ class Program:
         }  # fmt: skip
         require_one_input(self._whole(), self._deep_enough())
 
-    def _longest(self, t: np.ndarray) -> float:
-        if not isinstance(self.model, Moved):
-            return min(longest_step(t), stable_step(self.model))
-        return LONGEST_MOTION * float(np.median(np.diff(t)))
-
     def document(self, precision: type = np.float64) -> dict[str, Any]:
         """What `compensate.runtime` loads, for numbers of a precision."""
-        _ = self.operations
-        return self._whole(precision)
+        return self._whole(precision, operations=self.operations._asdict())
 
-    def _whole(self, precision: type = np.float64) -> dict[str, Any]:
+    def _whole(self, precision: type = np.float64, **more: Any) -> dict[str, Any]:
         if precision not in self._trees:
             self._trees[precision] = self._tree(precision)
         guard = self.guard and guard_tree(self.guard, precision)
-        return {**self._rest, "tree": self._trees[precision], "guard": guard}
+        return {**self._rest, **more, "tree": self._trees[precision], "guard": guard}
 
     def _tree(self, precision: type) -> Tree:
         tree = tree_of(self.model, precision, self.depth)
@@ -326,29 +327,16 @@ class Program:
     @cached_property
     def operations(self) -> Operations:
         """Of a step over the first of the readings, see `Operations`."""
-        if "operations" not in self._rest:
-            dt = np.diff(self._times, prepend=self._times[0])[:COUNTED]
-            samples = np.column_stack([dt, self._readings[:COUNTED]])
-            self._rest["operations"] = measured(self._whole(), samples.tolist())._asdict()
-        return Operations(**self._rest["operations"])
+        return measured(self._whole(), self._samples)
 
     @cached_property
     def notes(self) -> tuple[str, ...]:
         """Whether the stack is deep enough for the readings, and what a tabulated density costs."""
-        return (*self._deep_enough(), *self._grids())
-
-    def _grids(self) -> tuple[str, ...]:
-        if not self._tabulated:
-            return ()
-        return (
+        tabulated = (
             "The density was tabulated on a grid: on these readings outputs differ by at most"
-            f" {100 * self._tabulated:.2g} per cent of their range.",
+            f" {100 * self._tabulated:.2g} per cent of their range."
         )
-
-    def _reversals(self) -> int:
-        dt = np.diff(self._times, prepend=self._times[0])
-        deep = tree_of(self.model, depth=DEEP)
-        return deepest(deep, "find", dt.tolist(), self._readings.tolist())
+        return (*self._deep_enough(), *[tabulated] * bool(self._tabulated))
 
     def _deep_enough(self) -> tuple[str, ...]:
         if self._needed <= self.depth:
@@ -407,17 +395,9 @@ def _told_apart(
     return given
 
 
-def _apart(
-    given: AbstractModel,
-    tabulated: Any,
-    t: np.ndarray,
-    u: np.ndarray,
-    c: np.ndarray | None,
-) -> float:
-    """The largest difference of two models' outputs at some estimates, in parts of their range."""
-    u, n = np.nan_to_num(u), len(u)
-    x = u if c is None else np.column_stack([u, c[:n]])
-    one, other = (np.asarray(model.simulate(t[:n], x)) for model in (given, tabulated))
+def _apart(given: AbstractModel, tabulated: Any, t: np.ndarray, u: np.ndarray) -> float:
+    """The largest difference of two models' outputs at some inputs, in parts of their range."""
+    one, other = (np.asarray(model.simulate(t, u)) for model in (given, tabulated))
     return float(np.abs(one - other).max() / max(float(np.ptp(one)), 1e-300))
 
 

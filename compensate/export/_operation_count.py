@@ -18,8 +18,11 @@ from ._python_to_c99 import Element
 
 LIBRARY = 250
 """Operations that a call of math.h is taken for."""
+KNOWN = {"int": 2, **dict.fromkeys(MATHS, LIBRARY)}
 CALL, OF_A_NODE = 8, 12
 """Those of the call of a function, and of what a node of the tree adds to its element's."""
+COUNTED = ast.BinOp | ast.Compare | ast.BoolOp | ast.IfExp | ast.UnaryOp | ast.Assign | ast.Return
+"""What counts as one operation."""
 
 
 class Count:
@@ -56,15 +59,10 @@ class Count:
                 branches = [sum(map(self.of, block)) for block in (node.body, node.orelse)]
                 return 2 + self.of(node.test) + max(branches)
             case ast.Call(func=ast.Name(id=name)):
-                own = (
-                    2
-                    if name == "int"
-                    else LIBRARY
-                    if name in MATHS
-                    else self.of_function(name, node.args)
-                )
+                own = KNOWN.get(name) or self.of_function(name, node.args)
                 return own + 2 * len(node.args) + sum(map(self.of, node.args))
-        return _own(node) + sum(map(self.of, ast.iter_child_nodes(node)))
+        own = 2 * isinstance(node, COUNTED) + 2 * isinstance(node, ast.Attribute | ast.Subscript)
+        return own + sum(map(self.of, ast.iter_child_nodes(node)))
 
 
 class OwnCount(Count):
@@ -83,14 +81,6 @@ class OwnCount(Count):
             case ast.If() | ast.While():
                 return 2 + self.of(node.test)
         return super().of(node)
-
-
-def _own(node: ast.AST) -> int:
-    counted = isinstance(
-        node,
-        ast.BinOp | ast.Compare | ast.BoolOp | ast.IfExp | ast.UnaryOp | ast.Assign | ast.Return,
-    )
-    return 2 * counted + 2 * isinstance(node, ast.Attribute | ast.Subscript)
 
 
 # What a step of an exported compensator costs on some readings, counted while it runs.
