@@ -265,17 +265,11 @@ class Localizer:
                 f"reject = {reject}, shared = {shared}, neighbours = {neighbours}.",
                 "reject in [0, 1), shared 0 or more, neighbours from 1 to the number of presses.",
             )
-        return cls(
-            names=names,
-            presses=tuple(counts.tolist()),
-            priors=_priors(priors, counts),
-            clouds=train_clouds(readings, place, noise, shared),
-            neighbours=(
-                Neighbours(readings, place, neighbours) if method == "neighbours" else None
-            ),
-            reject=reject,
-            least=5 * float(noise.max()) if least is None else least,
-        )
+        voters = Neighbours(readings, place, neighbours) if method == "neighbours" else None
+        least = 5 * float(noise.max()) if least is None else least
+        clouds = train_clouds(readings, place, noise, shared)
+        presses, parts = tuple(counts.tolist()), _priors(priors, counts)
+        return cls(names, presses, parts, clouds, voters, reject, least)
 
     def locate(self, readings: ArrayLike) -> Located:
         """Places of presses (presses, channels). Never raises for what the readings say."""
@@ -292,10 +286,7 @@ class Localizer:
         squared, density = self.clouds.distances(sound)
         if self.neighbours is None:
             with np.errstate(divide="ignore"):
-                weight = np.log(self.priors) + density
-            # A sum of densities that all underflow is no sum: their largest is taken out first.
-            probability = np.exp(weight - weight.max(axis=1, keepdims=True))
-            probability /= probability.sum(axis=1, keepdims=True)
+                probability = scipy.special.softmax(np.log(self.priors) + density, axis=1)
         else:
             probability = self.neighbours.probabilities(sound)
         probability = np.where(pressed[:, None], probability, 0.0)
@@ -303,14 +294,11 @@ class Localizer:
         known = distance <= scipy.stats.chi2.isf(self.reject, len(self.clouds.noise) - 1)
         strength = np.log(np.maximum(sound, np.finfo(float).tiny)).mean(axis=1)
         seen = (self.clouds.weakest[place] <= strength) & (strength <= self.clouds.strongest[place])
-        status = np.where(seen, PlaceStatus.OK, PlaceStatus.BEYOND)
-        status = np.where(known, status, PlaceStatus.UNKNOWN)
-        status = np.where(pressed, status, PlaceStatus.NO_PRESS)
-        status = np.where(finite, status, PlaceStatus.INVALID)
-        named = (status == PlaceStatus.OK) | (status == PlaceStatus.BEYOND)
-        return Located(
-            np.where(named, place, -1), probability, np.where(pressed, distance, np.nan), status
-        )
+        faults = [~finite, ~pressed, ~known, ~seen]
+        _, no_press, unknown, beyond, invalid = map(int, PlaceStatus)
+        status = np.select(faults, [invalid, no_press, unknown, beyond], int(PlaceStatus.OK))
+        place = np.where(pressed & known, place, -1)
+        return Located(place, probability, np.where(pressed, distance, np.nan), status)
 
     def confusion(self, readings: ArrayLike, places: Sequence[Hashable] | np.ndarray) -> Confusion:
         """Of presses whose places are known."""

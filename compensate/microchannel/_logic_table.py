@@ -4,7 +4,7 @@ from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import KW_ONLY, dataclass
 from enum import IntEnum
 from functools import cached_property
-from itertools import combinations, permutations, product
+from itertools import combinations, islice, permutations, product, starmap
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -50,14 +50,12 @@ def apart(
 def _best(
     tables: Iterable[tuple[str, np.ndarray]], chosen: np.ndarray, ratio: float
 ) -> Remedy | None:
-    best = None
-    for change, levels in tables:
+    def separated(change: str, levels: np.ndarray) -> Remedy:
         far = apart(chosen @ levels.T, ratio)
         np.fill_diagonal(far, np.inf)
-        separation = float(far.min())
-        if best is None or separation > best.separation:
-            best = Remedy(change, levels, separation)
-    return best
+        return Remedy(change, levels, float(far.min()))
+
+    return max(starmap(separated, tables), key=lambda remedy: remedy.separation, default=None)
 
 
 def _changed(
@@ -74,15 +72,12 @@ def _changed(
         for new in product(values, repeat=count):
             table = levels.copy()
             table[tuple(zip(*at, strict=True))] = new
-            changed = np.argwhere(levels != table)
-            if len(changed) == count:
-                yield (
-                    "; ".join(
-                        f"level of {names[k]} in layer {n + 1}: {table[n, k]:g} instead of {levels[n, k]:g}"
-                        for n, k in changed
-                    ),
-                    table,
-                )
+            words = [
+                f"level of {names[k]} in layer {n + 1}: {table[n, k]:g} instead of {levels[n, k]:g}"
+                for n, k in np.argwhere(levels != table)
+            ]
+            if len(words) == count:
+                yield "; ".join(words), table
 
 
 def _rewired(levels: np.ndarray, names: tuple[Hashable, ...]) -> Iterable[tuple[str, np.ndarray]]:
@@ -111,11 +106,8 @@ def _layered(
     return remedy
 
 
-def _orders(places: int) -> Iterable[list[int]]:
-    for n, order in enumerate(permutations(range(places))):
-        if n == MOST_ORDERS:
-            return
-        yield list(order)
+def _orders(places: int) -> Iterable[tuple[int, ...]]:
+    return islice(permutations(range(places)), MOST_ORDERS)
 
 
 def _sections(row: np.ndarray, names: tuple[Hashable, ...]) -> str:
@@ -256,13 +248,8 @@ class LogicTable:
         - `most_changes`: levels that may be changed at once.
         - `margin`: the least distance, as a part of the reading, that counts as a remedy.
         """
-        levels, names, chosen, ratio = (
-            self.levels,
-            self.names,
-            self._chosen,
-            self.unit[1] / self.unit[0],
-        )
-        fewest = None
+        levels, names, chosen = self.levels, self.names, self._chosen
+        fewest, ratio = None, self.unit[1] / self.unit[0]
         for count in range(1, most_changes + 1):
             fewest = _best(_changed(levels, names, count), chosen, ratio)
             if fewest is not None and fewest.separation >= margin:
@@ -290,12 +277,8 @@ class LogicTable:
         status = LogicStatus.CLOSE if others else LogicStatus.OK
         if any(self._collides[best, n] for n in others):
             status = LogicStatus.COLLISION
-        return Decision(
-            self.combinations[best],
-            tuple(self.combinations[n] for n in others),
-            float(probability[best]),
-            status,
-        )
+        alternatives = tuple(self.combinations[n] for n in others)
+        return Decision(self.combinations[best], alternatives, float(probability[best]), status)
 
     def __str__(self) -> str:
         """As the paper's table I: the levels of each combination as a sum."""

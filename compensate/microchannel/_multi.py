@@ -2,7 +2,7 @@
 
 import abc
 from collections.abc import Iterable
-from typing import Any, Generic, NamedTuple
+from typing import Generic, NamedTuple
 
 import equinox as eqx
 import jax
@@ -16,7 +16,7 @@ from hysteresis._type_variables import PyTree, State
 
 from .. import _traced as traced
 from .._contract import AbstractStreamed, Status, scanned
-from ..runtime._force_filter import Setting, Way, mean_of, updated
+from ..runtime._force_filter import LOST, Setting, Way, mean_of, updated
 
 
 class AbstractSensor(eqx.Module, Generic[State]):
@@ -40,34 +40,26 @@ class AbstractSensor(eqx.Module, Generic[State]):
 
 
 class Motion(NamedTuple):
-    """What may have happened, (ways,) of each: when the last turn was is not known at once.
+    """What may have happened: a `Way` of arrays (ways, ...), because when the last turn was is not known at
+    once; the time of the last reading, NaN before the first; how many in turn surprised all ways."""
 
-    - `x` (ways, states): forces, then rates, then the forces of the last `delay` readings, latest first;
-      `covariance` (ways, states, states).
-    - `log_weight`: of each way; `sensor`: its state of the sensor.
-    - `t`: of the last reading, NaN before the first. `lost`: how many readings in turn surprised all ways.
-    """
-
-    x: Float[Array, "ways states"]
-    covariance: Float[Array, "ways states states"]
-    log_weight: Float[Array, " ways"]
-    sensor: Any
+    ways: Way
     t: Float[Array, ""]
     lost: Int[Array, ""]
 
 
-class Moved(NamedTuple):
-    """The forces' mean and standard deviation over all ways, and how surprising the reading was.
+class ContactForces(NamedTuple):
+    """Forces (..., contacts) in N, their standard deviations, and a `Status` for each reading.
 
-    `late`, `late_deviation`: the same of the forces `delay` readings ago, by what has come since.
-    `surprise` is the least squared distance of a way from the reading, in its variance, per channel.
+    `late`, `late_deviation`: of the forces `delay` readings ago, which by now are known better.
+    EXTRAPOLATED says that no forces explain the reading, SATURATED that one is at the end of its range.
     """
 
-    force: Float[Array, " contacts"]
-    deviation: Float[Array, " contacts"]
-    late: Float[Array, " contacts"]
-    late_deviation: Float[Array, " contacts"]
-    surprise: Float[Array, ""]
+    value: Float[Array, "*samples contacts"]
+    deviation: Float[Array, "*samples contacts"]
+    late: Float[Array, "*samples contacts"]
+    late_deviation: Float[Array, "*samples contacts"]
+    status: Int[Array, "*samples"]
 
 
 @register
@@ -101,7 +93,7 @@ class MotionFilter(eqx.Module):
     **Example:**
 
         >>> motion = compensate.internal.MotionFilter(high=6.0, ways=4)
-        >>> motion.init(channels).covariance.shape
+        >>> motion.init(channels).ways.covariance.shape
         (4, 4, 4)
     """
 
@@ -124,12 +116,11 @@ class MotionFilter(eqx.Module):
     def init(self, sensor: AbstractSensor) -> Motion:
         """At rest, without a force, the sensor virgin."""
         states = (2 + self.delay) * sensor.contacts
-        x = jnp.zeros((self.ways, states))
         weight = jnp.full(self.ways, -jnp.inf).at[0].set(0.0)
         state = jax.tree.map(lambda leaf: jnp.stack([leaf] * self.ways), sensor.init())
-        never = jnp.asarray(jnp.nan, x.dtype)
-        covariance, none = jnp.zeros((self.ways, states, states)), jnp.zeros((), int)
-        return Motion(x, covariance, weight, state, never, none)
+        x, covariance = jnp.zeros((self.ways, states)), jnp.zeros((self.ways, states, states))
+        ways = Way(x, covariance, weight, state, jnp.zeros_like(weight))
+        return Motion(ways, jnp.asarray(jnp.nan, x.dtype), jnp.zeros((), int))
 
     def update(
         self,
@@ -138,18 +129,17 @@ class MotionFilter(eqx.Module):
         t: Float[Array, ""],
         z: Float[Array, " channels"],
         noise: Float[Array, " channels"],
-    ) -> tuple[Motion, Moved]:
+    ) -> tuple[Motion, ContactForces]:
         """One reading z of variances `noise`, independent of one another."""
         dt = jnp.where(jnp.isnan(motion.t), self.gap_s, jnp.maximum(t - motion.t, 0.0))
         setting = Setting(traced, self, sensor, t, dt, z, noise)
-        x, P, weight, state = motion[:4]
-        ways = Way(x, P, weight, state, jnp.zeros_like(weight))
-        ways, lost, surprise = updated(setting, ways, motion.lost)
-        contacts, last = sensor.contacts, x.shape[1] * bool(self.delay)
+        ways, lost, surprise = updated(setting, motion.ways, motion.lost)
+        contacts, last = sensor.contacts, ways.x.shape[1] * bool(self.delay)
         told = mean_of(traced, ways, range(contacts))
         late = mean_of(traced, ways, range(last - contacts, last)) if last else told
-        now = Motion(ways.x, ways.covariance, ways.log_weight, ways.sensor, t, lost)
-        return now, Moved(*told, *late, surprise)
+        status = jnp.where((told[0] >= self.high).any(), Status.SATURATED, Status.OK)
+        status = jnp.where(surprise > LOST, Status.EXTRAPOLATED, status)
+        return Motion(ways, t, lost), ContactForces(*told, *late, status)
 
 
 @register
@@ -221,24 +211,6 @@ class ChannelSensor(AbstractSensor[tuple[PyTree, ...]]):
     def follow(self, state: tuple[PyTree, ...], t: Array, force: Array) -> tuple[PyTree, ...]:
         each = zip(self.models, state, force, strict=True)
         return tuple(model.step(own, t, F)[0] for model, own, F in each)
-
-
-UNLIKE = 25.0
-"""Squared surprise of a channel from which on a reading is none that these contacts make."""
-
-
-class ContactForces(NamedTuple):
-    """Forces (..., contacts) in N, their standard deviations, and a `Status` for each reading.
-
-    `late`, `late_deviation`: of the forces `delay` readings ago, which by now are known better.
-    EXTRAPOLATED says that no forces explain the reading, SATURATED that one is at the end of its range.
-    """
-
-    value: Float[Array, "*samples contacts"]
-    deviation: Float[Array, "*samples contacts"]
-    late: Float[Array, "*samples contacts"]
-    late_deviation: Float[Array, "*samples contacts"]
-    status: Int[Array, "*samples"]
 
 
 class MultiContactState(NamedTuple):
@@ -315,14 +287,8 @@ class MultiContactEstimator(AbstractStreamed[MultiContactState, ContactForces]):
         z = jnp.asarray(reading, self.reading_sigma.dtype)
         t = jnp.asarray(t, z.dtype)
         valid = jnp.isfinite(z).all() & jnp.isfinite(t)
-        motion, moved = self.motion.update(self.sensor, state.motion, t, z, self.reading_sigma**2)
-        held = (moved.force >= self.motion.high).any()
-        status = jnp.where(held, Status.SATURATED, Status.OK)
-        status = jnp.where(moved.surprise > UNLIKE, Status.EXTRAPOLATED, status)
-        found = ContactForces(
-            moved.force, moved.deviation, moved.late, moved.late_deviation, status
-        )
-        after = MultiContactState(motion, found)
+        found = self.motion.update(self.sensor, state.motion, t, z, self.reading_sigma**2)
+        after = MultiContactState(*found)
         after = jax.tree.map(lambda new, old: jnp.where(valid, new, old), after, state)
-        status = jnp.where(valid, status, Status.INVALID)
+        status = jnp.where(valid, after.last.status, Status.INVALID)
         return after, after.last._replace(status=status)

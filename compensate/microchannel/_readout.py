@@ -195,15 +195,12 @@ class Readout(AbstractStreamed[ReadoutState, Changes]):
         change = (volts - self.zero) / self.scale
         now = jnp.where(slow, state.held + part * (change - state.held), change)
         repeats = jnp.where(readings == state.reading, state.repeats + 1, 0)
-        status = jnp.where(gap, int(ChannelStatus.GAP), int(ChannelStatus.OK))
-        if self.stuck_after:
-            stuck = repeats >= self.stuck_after - 1
-            status = jnp.where(stuck, int(ChannelStatus.STUCK), status)
+        stuck = (repeats >= self.stuck_after - 1) & (self.stuck_after > 0)
         # Half a count inside: the ends' own voltages are rounded.
         inside = 0.0 if self.bits is None else (self.high - self.low) / (2**self.bits - 1) / 2
         ended = (volts <= self.low + inside) | (volts >= self.high - inside)
-        status = jnp.where(ended, int(ChannelStatus.SATURATED), status)
-        status = jnp.where(sound, status, int(ChannelStatus.MISSING))
+        ok, *codes = map(int, ChannelStatus)
+        status = jnp.select([~sound, ended, stuck, gap], codes[::-1], ok)
         new = ReadoutState(now, readings, t, repeats)
         after = jax.tree.map(lambda new, old: jnp.where(sound, new, old), new, state)
         return after, Changes(jnp.where(jnp.isnan(after.held), 0, after.held), status)
