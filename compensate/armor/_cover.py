@@ -166,7 +166,14 @@ class Cover(eqx.Module):
     @property
     def scales(self) -> tuple[float, float, float]:
         """What 1 N, 1 unit of displacement in m, and 1 s are for g: (N -> g, g -> m, s -> g)."""
-        return scales_of(self.compensator, self.length_unit, self.force_unit)
+        units: Any = _units_of(self.compensator)
+        if units is None or not units.are_known:
+            time = "1" if units is None else units.time
+            units = Units(self.force_unit or FORCE, self.length_unit or "mm", time)
+        of_force, of_length = conversion(FORCE, units.input), conversion(units.output, LENGTH)
+        assert of_force is not None
+        assert of_length is not None
+        return of_force, of_length, conversion(TIME, units.time) or 1.0
 
     @property
     def is_rigid(self) -> bool:
@@ -234,21 +241,6 @@ class Cover(eqx.Module):
             state, now, _ = self.press(self.init(), 0.0, force)
             then = self.press(state, LATER, force)[1]
         return abs(float(then - now)) > 1e-3 * abs(float(now))
-
-
-def scales_of(
-    material: Any, length_unit: str | None, force_unit: str | None
-) -> tuple[float, float, float]:
-    """(N -> g, g -> m, s -> g), of a material whose quantities have been checked."""
-    units = _units_of(material)
-    if units is None or not units.are_known:
-        units = Units(
-            force_unit or FORCE, length_unit or "mm", "1" if units is None else units.time
-        )
-    force, length = conversion(units.input, FORCE), conversion(units.output, LENGTH)
-    assert force is not None
-    assert length is not None
-    return 1 / force, length, conversion(TIME, units.time) or 1.0
 
 
 def _units_of(material: Any) -> Units | None:

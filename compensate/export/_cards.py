@@ -46,12 +46,12 @@ class Prony(NamedTuple):
 
     @property
     def terms(self) -> list[tuple[float, float]]:
-        """E and tau in turn."""
+        """E and tau of each."""
         return list(zip(self.E, self.tau, strict=True))
 
     @property
     def relative(self) -> list[tuple[float, float]]:
-        """E over E(0), and tau."""
+        """E over E(0), and tau, of each."""
         return list(zip(self.E / self.at_once, self.tau, strict=True))
 
     def shear(self, modulus: float) -> float:

@@ -24,7 +24,7 @@ from hysteresis._parameter import array_module, as_array, as_float
 from hysteresis.models._conditioned import Conditioned, condition_of
 from hysteresis.models._viscoelastic import AbstractViscoelastic
 from hysteresis.records._branch_rows import STILL
-from hysteresis.running import Known, Numbers, estimates, held_at_first, numbers_of, told
+from hysteresis.running import Known, Numbers, Told, estimates, held_at_first, numbers_of, told
 from hysteresis.trees import Tree
 
 from .._contract import AbstractCompensator, Estimate, Found, Status
@@ -53,6 +53,22 @@ class LawState(NamedTuple):
     numbers: Float[Array, " state"]
     t: Float[Array, ""]
     value: Float[Array, ""]
+
+
+def first_state(numbers: Numbers, held: Array) -> LawState:
+    """Before any reading."""
+    return LawState(as_array(numbers.state), jnp.asarray(jnp.nan, float), held)
+
+
+def told_from(
+    state: LawState, numbers: Numbers, t: ArrayLike | None, y: Any, width: int
+) -> tuple[LawState, Told]:
+    """The state after readings, and what a law around the model's says of them: so many numbers."""
+    xp: Any = array_module(t, y)
+    times = xp.zeros(y.shape[:1]) if t is None else xp.asarray(t, float)
+    found = told(numbers, *state, times, y, width=width)
+    held = found.value[-1] if len(times) else state.value
+    return LawState(*map(as_array, (found.state, found.t, held))), found
 
 
 @register
@@ -104,8 +120,7 @@ class LawCompensator(AbstractCompensator[LawState, Found]):
         return "sum" in self.known.structure.kinds()
 
     def init(self) -> LawState:
-        first = as_array(Numbers(self.known, self.numbers).state)
-        return LawState(first, jnp.asarray(jnp.nan, float), self.held)
+        return first_state(Numbers(self.known, self.numbers), self.held)
 
     def stream(self, t: ArrayLike | None, y: ArrayLike, state: LawState) -> tuple[LawState, Found]:
         require_columns(self.model, y)
@@ -125,10 +140,7 @@ class LawCompensator(AbstractCompensator[LawState, Found]):
         given: Any = xp.asarray(y, float)
         whole = xp.isfinite(given) if given.ndim == 1 else xp.isfinite(given).all(1, keepdims=True)
         readings = xp.where(whole, given, np.nan)
-        times: Any = xp.zeros(given.shape[:1]) if t is None else xp.asarray(t, float)
-        found = told(Numbers(self.known, self.numbers), *state, times, readings, width=1)
-        held = found.value[-1] if len(times) else state.value
-        after = LawState(*map(as_array, (found.state, found.t, held)))
+        after, found = told_from(state, Numbers(self.known, self.numbers), t, readings, width=1)
         status = told_of_condition(self.model, given, found.status)
         return after, UncertainEstimate(*map(as_array, (found.value, status, found.said[:, 0])))
 

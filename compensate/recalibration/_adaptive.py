@@ -11,11 +11,11 @@ from numpy.typing import ArrayLike
 from hysteresis import AbstractModel, InputError, register
 from hysteresis._model import DOUBLE
 from hysteresis._parameter import array_module, as_array
-from hysteresis.running import Known, Numbers, numbers_of, place_of, told
+from hysteresis.running import Known, Numbers, numbers_of, place_of
 from hysteresis.trees import FLAT_WIDTH, ROUNDING, Tree, node, part_tree, plain, precisions
 
 from .._contract import AbstractCompensator
-from ..inverses._law import OWN, LawState
+from ..inverses._law import OWN, LawState, first_state, told_from
 
 SAID = 6
 """Numbers that the law says beside an estimate, see `Recalibrated`."""
@@ -99,8 +99,7 @@ class AdaptiveCompensator(AbstractCompensator[LawState, Recalibrated]):
         self.numbers = jnp.asarray(m, float)
 
     def init(self) -> LawState:
-        first = as_array(Numbers(self.known, self.numbers).state)
-        return LawState(first, jnp.asarray(jnp.nan, float), jnp.asarray(self.low, float))
+        return first_state(Numbers(self.known, self.numbers), jnp.asarray(self.low, float))
 
     def restarted(self, state: LawState) -> LawState:
         """The first state with what has been learnt: where another log begins.
@@ -163,14 +162,10 @@ class AdaptiveCompensator(AbstractCompensator[LawState, Recalibrated]):
         pairs: Any = xp.asarray(y, float)
         if pairs.ndim == 1:
             pairs = xp.stack([pairs, xp.full_like(pairs, xp.nan)], 1)
-        times = xp.zeros(pairs.shape[:1]) if t is None else xp.asarray(t, float)
-        found = told(Numbers(self.known, self.numbers), *state, times, pairs, width=SAID)
-        value, status, said, numbers, last = map(as_array, found)
-        held = value[-1] if len(value) else state.value
-        advice, lost, changes, zero, gain, loop = said.T
-        advice, changes = advice.astype(int), changes.astype(int)
-        after = LawState(numbers, last, held)
-        return after, Recalibrated(value, status, advice, lost, changes, zero, gain, loop)
+        after, found = told_from(state, Numbers(self.known, self.numbers), t, pairs, width=SAID)
+        advice, lost, changes, zero, gain, loop = found.said.T
+        said = advice.astype(int), lost, changes.astype(int), zero, gain, loop
+        return after, Recalibrated(*map(as_array, (found.value, found.status, *said)))
 
     def _place(self, field: str) -> int:
         """Where in the state a number of the law begins."""

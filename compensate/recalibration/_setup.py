@@ -111,7 +111,7 @@ def adaptive(
     correlation = _correlation(residual, record)
     noise = _at_most(float(np.nanmean(residual**2)), used.sum() / correlation)
     noise = max(noise, (PRECISE * span) ** 2)
-    rises, widths = _rises(outputs, used), _widths(outputs, record, used)
+    rises, widths = np.ptp(outputs[:, used], axis=1), _widths(outputs, record, used)
     total = float(nominal @ widths)
     widths = widths * np.sign(total) if abs(total) > LOOP * float(nominal @ rises) else 0 * widths
 
@@ -157,29 +157,22 @@ def _centred(
     return outputs - centres[:, None], centres, floor
 
 
-def _rises(outputs: np.ndarray, used: np.ndarray) -> np.ndarray:
-    return np.ptp(outputs[:, used], axis=1)
-
-
 def _widths(outputs: np.ndarray, record: Record, used: np.ndarray) -> np.ndarray:
     """The mean distance of falling and rising branches, with its sign, of every part."""
     u = record.input
     edges = np.linspace(u[used].min(), u[used].max(), CELLS + 1)
     cell = np.clip(np.searchsorted(edges, u, side="right") - 1, 0, CELLS - 1)
-    counts = [np.bincount(cell[w], minlength=CELLS) for w in _ways(record, used)]
+    ways = [used & (record.branch == sign) for sign in (1, -1)]
+    counts = [np.bincount(cell[way], minlength=CELLS) for way in ways]
     both = (counts[0] > 0) & (counts[1] > 0)
     if not both.any():
         return np.zeros(len(outputs))
     means = [
         np.stack([np.bincount(cell[way], one[way], minlength=CELLS) for one in outputs])[:, both]
         / count[both]
-        for way, count in zip(_ways(record, used), counts, strict=True)
+        for way, count in zip(ways, counts, strict=True)
     ]
     return (means[1] - means[0]).mean(1)
-
-
-def _ways(record: Record, used: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    return used & (record.branch == 1), used & (record.branch == -1)
 
 
 def _correlation(residual: np.ndarray, record: Record) -> float:

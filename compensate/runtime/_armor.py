@@ -2,6 +2,7 @@
 
 from collections.abc import Collection
 from math import exp, inf, isfinite, isnan, nan, sqrt
+from operator import mul
 from typing import Any, NamedTuple
 
 from hysteresis.laws._tree import Running, node_of
@@ -206,11 +207,7 @@ def _rows(affine: dict[str, Any] | None) -> list[Any]:
 
 
 def _mapped(rows: list[Any], values: Collection[float]) -> list[float]:
-    a, b, c, d, e, f = values
-    return [
-        r[0] * a + r[1] * b + r[2] * c + r[3] * d + r[4] * e + r[5] * f + constant
-        for r, constant in rows
-    ]
+    return [sum(map(mul, row, values)) + constant for row, constant in rows]
 
 
 def _copied(states: list[Any]) -> list[dict[str, Any]]:

@@ -53,7 +53,12 @@ class EnsembleCompensator(AbstractCompensator[PyTree, UncertainEstimate]):
         inverse(jax.tree.map(lambda leaf: leaf[0], models))  # looks at numbers, which vmap hides
         draws = jax.tree.leaves(models)[0].shape[0]
         # What all draws share, such as nodes, stays known before JAX runs: ranges are read from it.
-        same = jax.tree.map(_is_shared, models)
+        same = jax.tree.map(
+            lambda leaf: (
+                is_concrete(leaf) and bool((np.asarray(leaf) == np.asarray(leaf)[:1]).all())
+            ),
+            models,
+        )
         shared, drawn = eqx.partition(models, same)
         shared = jax.tree.map(lambda leaf: leaf[0], shared)
         make = eqx.filter_vmap(lambda own: inverse(eqx.combine(own, shared)), axis_size=draws)
@@ -73,10 +78,6 @@ class EnsembleCompensator(AbstractCompensator[PyTree, UncertainEstimate]):
 def _run(members: AbstractCompensator, state: PyTree, t: Array | None, y: Array) -> Any:
     state, found = eqx.filter_vmap(lambda one, own: one.stream(t, y, own))(members, state)
     return state, _together(found)
-
-
-def _is_shared(leaf: Array) -> bool:
-    return is_concrete(leaf) and bool((np.asarray(leaf) == np.asarray(leaf)[:1]).all())
 
 
 @jax.jit

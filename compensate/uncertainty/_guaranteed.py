@@ -134,9 +134,7 @@ def run_scores(
     shape = shape_of(found)
     counted = record.mask & (status != Status.INVALID) & np.isfinite(value)
     by_cycle = runs == "cycle" or (runs == "auto" and len(record.labels) == 1)
-    number = np.empty(len(record), int)
-    for k, (_, rows) in enumerate(record.sequences()):
-        number[rows] = k
+    number = np.searchsorted(record.starts, np.arange(len(record)), "right")
     if by_cycle:
         counted &= record.cycle > 0
         number = number * (int(record.cycle.max(initial=0)) + 1) + record.cycle
