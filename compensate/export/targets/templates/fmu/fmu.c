@@ -1,5 +1,11 @@
 {% set F = "fmi" ~ version %}
 {% set STATE = "FMUstate" if version == 2 else "FMUState" %}
+{% macro unused() %}
+{% for name in varargs %}
+
+    (void){{ name }};
+{%- endfor %}
+{%- endmacro %}
 {# A function of the interface that has nothing to do here, written out with the types it takes. #}
 {% macro absent(name, types, result) %}
 
@@ -173,37 +179,21 @@ static {{ F }}Status copy_state(void *instance, void **kept)
     return OK;
 }
 
+/* ---- what an importer calls, and nothing has to be done for */
+{{- absent("SetDebugLogging", [F ~ "Boolean", "size_t", "const " ~ F ~ "String *"], "OK") }}
+{% for name in ("ExitInitializationMode", "Terminate", "EnterInitializationMode" if version == 2 else "EnterStepMode") %}
+{{- absent(name, [], "OK") }}
+{% endfor %}
+
 /* ---- what an importer calls */
 EXPORT const char *API({{ F }}GetVersion)(void)
 {
     return "{{ version }}.0";
 }
 
-EXPORT {{ F }}Status API({{ F }}SetDebugLogging)(
-    {{ F }}Instance instance, {{ F }}Boolean on, size_t n, const {{ F }}String categories[])
-{
-    (void)instance;
-    (void)on;
-    (void)n;
-    (void)categories;
-    return OK;
-}
-
 EXPORT void API({{ F }}FreeInstance)({{ F }}Instance instance)
 {
     free(instance);
-}
-
-EXPORT {{ F }}Status API({{ F }}ExitInitializationMode)({{ F }}Instance instance)
-{
-    (void)instance;
-    return OK;
-}
-
-EXPORT {{ F }}Status API({{ F }}Terminate)({{ F }}Instance instance)
-{
-    (void)instance;
-    return OK;
 }
 
 EXPORT {{ F }}Status API({{ F }}Reset)({{ F }}Instance instance)
@@ -269,11 +259,7 @@ EXPORT fmi2Instance API(fmi2Instantiate)(
     fmi2String name, int kind, fmi2String token, fmi2String resources, const fmi2Callbacks *callbacks,
     fmi2Boolean visible, fmi2Boolean logging)
 {
-    (void)name;
-    (void)resources;
-    (void)callbacks;
-    (void)visible;
-    (void)logging;
+{{- unused("name", "resources", "callbacks", "visible", "logging") }}
     return kind == 1 ? instantiate(token) : NULL; /* co-simulation */
 }
 
@@ -281,17 +267,8 @@ EXPORT fmi2Status API(fmi2SetupExperiment)(
     fmi2Instance instance, fmi2Boolean tolerated, double tolerance, double start, fmi2Boolean ends,
     double stop)
 {
-    (void)tolerated;
-    (void)tolerance;
-    (void)ends;
-    (void)stop;
+{{- unused("tolerated", "tolerance", "ends", "stop") }}
     ((state *)instance)->time = start;
-    return OK;
-}
-
-EXPORT fmi2Status API(fmi2EnterInitializationMode)(fmi2Instance instance)
-{
-    (void)instance;
     return OK;
 }
 
@@ -343,17 +320,7 @@ EXPORT fmi3Instance API(fmi3InstantiateCoSimulation)(
     void (*log)(void *, fmi3Status, fmi3String, fmi3String),
     void (*update)(void *, double, bool, bool, bool, bool, bool *, double *))
 {
-    (void)name;
-    (void)resources;
-    (void)visible;
-    (void)logging;
-    (void)events;
-    (void)early;
-    (void)required;
-    (void)n;
-    (void)environment;
-    (void)log;
-    (void)update;
+{{- unused("name", "resources", "visible", "logging", "events", "early", "required", "n", "environment", "log", "update") }}
     return instantiate(token);
 }
 
@@ -361,10 +328,7 @@ EXPORT fmi3Status API(fmi3EnterInitializationMode)(
     fmi3Instance instance, fmi3Boolean tolerated, double tolerance, double start, fmi3Boolean ends,
     double stop)
 {
-    (void)tolerated;
-    (void)tolerance;
-    (void)ends;
-    (void)stop;
+{{- unused("tolerated", "tolerance", "ends", "stop") }}
     ((state *)instance)->time = start;
     return OK;
 }
@@ -385,12 +349,6 @@ EXPORT fmi3Status API(fmi3GetInt32)(
     fmi3Instance instance, const fmi3ValueReference r[], size_t n, int32_t value[], size_t values)
 {
     return values < n ? ERROR : get_integers(instance, r, n, value);
-}
-
-EXPORT fmi3Status API(fmi3EnterStepMode)(fmi3Instance instance)
-{
-    (void)instance;
-    return OK;
 }
 
 EXPORT fmi3Status API(fmi3DoStep)(
@@ -417,13 +375,7 @@ EXPORT fmi3Instance API(fmi3InstantiateModelExchange)(
     fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible, fmi3Boolean logging,
     void *environment, void (*log)(void *, fmi3Status, fmi3String, fmi3String))
 {
-    (void)name;
-    (void)token;
-    (void)resources;
-    (void)visible;
-    (void)logging;
-    (void)environment;
-    (void)log;
+{{- unused("name", "token", "resources", "visible", "logging", "environment", "log") }}
     return NULL; /* co-simulation only */
 }
 
@@ -432,16 +384,7 @@ EXPORT fmi3Instance API(fmi3InstantiateScheduledExecution)(
     void *environment, void (*log)(void *, fmi3Status, fmi3String, fmi3String), void (*clock)(void *),
     void (*lock)(void), void (*unlock)(void))
 {
-    (void)name;
-    (void)token;
-    (void)resources;
-    (void)visible;
-    (void)logging;
-    (void)environment;
-    (void)log;
-    (void)clock;
-    (void)lock;
-    (void)unlock;
+{{- unused("name", "token", "resources", "visible", "logging", "environment", "log", "clock", "lock", "unlock") }}
     return NULL;
 }
 
