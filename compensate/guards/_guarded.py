@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from hysteresis import InputError, register
 from hysteresis._once import once
-from hysteresis._parameter import array_module, as_array, is_concrete
+from hysteresis._parameter import array_module, as_array, as_float, is_concrete
 from hysteresis.laws.guard import BEGUN
 from hysteresis.numerics._normal import NORMAL_95
 from hysteresis.running import Numbers, each, numbers_of
@@ -82,6 +82,10 @@ class GuardedState(NamedTuple):
     value: Array
 
 
+def _pair(given: Any) -> tuple[float, float] | None:
+    return None if given is None else (float(given[0]), float(given[1]))
+
+
 @register
 class GuardedCompensator(AbstractCompensator[GuardedState, Found]):
     """A compensator whose estimates stay within the inputs that its model was trained on.
@@ -128,51 +132,32 @@ class GuardedCompensator(AbstractCompensator[GuardedState, Found]):
     """
 
     inner: AbstractCompensator[Any, Found]
-    low: Float[Array, ""]
-    high: Float[Array, ""]
-    beyond: str = eqx.field(static=True)
-    starts: tuple[Start, ...]
-    deviation: float = eqx.field(static=True)
-    seen: tuple[float, float] | None = eqx.field(static=True)
-    readings: tuple[float, float] | None = eqx.field(static=True)
-    longest: Float[Array, ""] | None
+    low: Float[Array, ""] = eqx.field(converter=lambda x: jnp.asarray(x, float))
+    high: Float[Array, ""] = eqx.field(converter=lambda x: jnp.asarray(x, float))
+    beyond: str = eqx.field(default="limit", static=True)
+    starts: tuple[Start, ...] = ()
+    deviation: float = eqx.field(default=0.0, static=True, converter=float)
+    seen: tuple[float, float] | None = eqx.field(default=None, static=True, converter=_pair)
+    readings: tuple[float, float] | None = eqx.field(default=None, static=True, converter=_pair)
+    longest: Float[Array, ""] | None = eqx.field(default=None, converter=as_float)
 
-    def __init__(
-        self,
-        inner: AbstractCompensator[Any, Found],
-        low: ArrayLike,
-        high: ArrayLike,
-        beyond: str = "limit",
-        starts: tuple[Start, ...] = (),
-        deviation: float = 0.0,
-        seen: tuple[float, float] | None = None,
-        readings: tuple[float, float] | None = None,
-        longest: ArrayLike | None = None,
-    ):
-        if beyond not in BEYOND:
+    def __check_init__(self) -> None:
+        if self.beyond not in BEYOND:
             raise InputError(
-                "bad-option", f"beyond={beyond!r} is unknown.", fix='give "limit", "nan" or "free".'
+                "bad-option",
+                f"beyond={self.beyond!r} is unknown.",
+                fix='give "limit", "nan" or "free".',
             )
-        self.low, self.high = jnp.asarray(low, float), jnp.asarray(high, float)
         if is_concrete(self.low) and not bool(self.low < self.high):
             raise InputError(
                 "zero-range",
                 f"the trained inputs reach from {float(self.low):g} to {float(self.high):g}.",
                 fix="give low < high, the least and the greatest input of the training rows.",
             )
-        self.inner, self.beyond, self.starts = inner, beyond, starts
-        self.deviation = float(deviation)
-        self.seen = None if seen is None else (float(seen[0]), float(seen[1]))
-        self.readings = None if readings is None else (float(readings[0]), float(readings[1]))
-        if (
-            longest is not None
-            and is_concrete(longest)
-            and not bool(np.all(np.asarray(longest) > 0))
-        ):
+        if is_concrete(self.longest) and not np.all(np.asarray(self.longest) > 0):
             raise InputError(
-                "bad-option", f"longest={longest!r} is not a time.", fix="give a positive time."
+                "bad-option", f"longest={self.longest} is not a time.", fix="give a positive time."
             )
-        self.longest = None if longest is None else jnp.asarray(longest, float)
 
     @property
     def slack(self) -> Array:

@@ -73,11 +73,7 @@ class BracketedCompensator(AbstractCompensator[BracketedState, Estimate]):
     model: AbstractModel
     low: float = eqx.field(static=True, converter=float)
     high: float = eqx.field(static=True, converter=float)
-
-    @property
-    def searches(self) -> bool:
-        """As of a `LawCompensator`."""
-        return True
+    searches = True
 
     def init(self) -> BracketedState:
         return BracketedState(self.model.init(), jnp.asarray(self.low, float))
