@@ -157,10 +157,7 @@ def on_a_grid(model: Preisach) -> Preisach:
     else:
         nodes = np.linspace(density.low, density.high, cells + 1)
     i, j = np.tril_indices(cells + 1)
-    E, pairs = (
-        np.zeros((cells + 1, cells + 1)),
-        density.pair(*map(jnp.asarray, (nodes[i], nodes[j]))),
-    )
+    E, pairs = np.zeros((cells + 1, cells + 1)), density.pair(*map(jnp.asarray, nodes[[i, j]]))
     E[i, j] = np.asarray(density.everett(density.tabulate(), pairs))
     # Of the cell between nodes i, i + 1 and j, j + 1; E is 0 above the diagonal.
     weights = np.tril(E[1:, :-1] - E[:-1, :-1] - E[1:, 1:] + E[:-1, 1:])

@@ -209,9 +209,8 @@ class Function:
             name = _target(node)
             if name not in self.kinds:
                 kind = self._expression(node.value, quiet=True).type
-                found[name] = self.types[name] = (
-                    "real" if "real" in (kind, self.types[name]) else kind
-                )
+                kind = "real" if "real" in (kind, self.types[name]) else kind
+                found[name] = self.types[name] = kind
         return found
 
     def _field(self, node: ast.Attribute) -> str:
@@ -266,10 +265,8 @@ class Function:
             case ast.Expr():
                 return [f"{indent}{self._expression(node.value).text};"]
             case ast.While():
-                bound = self.home.law.bounds[node.lineno]
-                head = (
-                    f"{indent}while ({self._expression(node.test).text}) {{ /* at most: {bound} */"
-                )
+                most, test = self.home.law.bounds[node.lineno], self._expression(node.test).text
+                head = f"{indent}while ({test}) {{ /* at most: {most} */"
                 return [head, *self._block(node.body, deeper), f"{indent}}}"]
             case ast.For(target=ast.Name(id=k), iter=ast.Call(args=ends)):
                 # range(n) or range(m, n): the last two of ["0", m, n].
@@ -296,10 +293,9 @@ class Function:
         if not name:
             place = self._expression(node.targets[0])
             return f"{place.text} = {self._as(node.value, place.type)}"
+        value = self._as(node.value, self.types[name])
         fresh = name in self.declared.get(id(node), ())
-        return (
-            f"{self._declare(name) if fresh else name} = {self._as(node.value, self.types[name])}"
-        )
+        return f"{self._declare(name) if fresh else name} = {value}"
 
     # Expressions
 

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from hysteresis import Note, Record
+from hysteresis import Record
 
 from .._contract import AbstractCompensator
 from .._readings import readings_of
@@ -53,10 +53,10 @@ def latency(
     return Latency(float(np.median(taken)), float(np.quantile(taken, 0.999)), len(taken))
 
 
-def speed(found: dict[str, Any]) -> tuple[list[Note], list[Note], list[Note]]:
-    """What stands against the rate that is needed, makes for care, and is good to know."""
+def speed(found: dict[str, Any]) -> tuple[str, str, str] | None:
+    """The level, the code and the text of what is said of the rate that is needed."""
     if (rate := found["rate"]) is None:
-        return [], [], []
+        return None
     step = found["step"] or Step("JAX, called from Python here,", found["latency"].median)
     if step.operations is not None and not np.isfinite(step.mean):
         text = (
@@ -64,14 +64,12 @@ def speed(found: dict[str, Any]) -> tuple[list[Note], list[Note], list[Note]]:
             f" {step.most_operations:,} at most on the training's readings: {rate:g} Hz needs a processor"
             f" of {1e-6 * rate * step.most_operations:.3g} million operations a second."
         )
-        return [], [], [Note("needs-processor", text)]
+        return "PASS", "needs-processor", text
+    mean, most = (f"{1e6 * x:.3g} µs" for x in (step.mean, step.most))
+    one = f"A step in {step.target} takes {mean}:"
     if step.mean > 1 / rate:
-        text = f"A step in {step.target} takes {1e6 * step.mean:.3g} µs: too long for {rate:g} Hz."
-        return [Note("too-slow", text)], [], []
+        return "FAIL", "too-slow", f"{one} too long for {rate:g} Hz."
     if step.most > 1 / rate:
-        text = (
-            f"Some steps in {step.target} take {1e6 * step.most:.3g} µs: too long for {rate:g} Hz."
-        )
-        return [], [Note("sometimes-slow", text)], []
-    text = f"A step in {step.target} takes {1e6 * step.mean:.3g} µs: {rate:g} Hz can be kept up."
-    return [], [], [Note("fast-enough", text)]
+        text = f"Some steps in {step.target} take {most}: too long for {rate:g} Hz."
+        return "CAUTION", "sometimes-slow", text
+    return "PASS", "fast-enough", f"{one} {rate:g} Hz can be kept up."

@@ -112,13 +112,10 @@ class _Cover:
         # Files of earlier versions have neither of the following.
         self._force_scale: float = document.get("force_scale", 1.0)
         self._time_scale: float = document.get("time_scale", 1.0)
-        self.thickness, self._most = (
-            inf if document.get(key) is None else float(document[key])
-            for key in ("thickness", "most")
-        )
-        (self._factor, even), (self._compliance, stiff) = (
-            field(document[name]) for name in ("factor", "compliance")
-        )
+        given = (document.get(key) for key in ("thickness", "most"))
+        self.thickness, self._most = (inf if v is None else float(v) for v in given)
+        self._factor, even = field(document["factor"])
+        self._compliance, stiff = field(document["compliance"])
         self.is_even = even and stiff
         self._states: list[Any] = []
         self._node: Running | None = node_of(self._tree, self._states) if self._tree else None

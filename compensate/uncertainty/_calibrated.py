@@ -238,9 +238,8 @@ def calibrated(
     candidates = np.geomspace(1e-3, 10, CANDIDATES) * max(float(np.std(r)), TINY)
 
     def error(known: np.ndarray, of: np.ndarray) -> np.ndarray:
-        total = np.stack(
-            [np.bincount(visits[of] % ways, row, minlength=ways) for row in known[:, of]]
-        )
+        place = visits[of] % ways
+        total = np.stack([np.bincount(place, row, minlength=ways) for row in known[:, of]])
         total += PRIOR_VISITS * known[:, of].mean(1, keepdims=True)
         return candidates[total.argmax(0)].reshape(2, levels)
 
@@ -274,10 +273,8 @@ def calibrated(
     # unlike all others tell of the growth only.
     fitted = (runs[0][0] - record.input)[counted]
     least = error(facts(spread**2 + candidates[:, None] ** 2, fitted), every)
-    errors, scores = (
-        np.sqrt(ahead) * np.maximum(wider * errors, least),
-        np.abs(r) / np.hypot(np.sqrt(more), wider * unseen),
-    )
+    errors = np.sqrt(ahead) * np.maximum(wider * errors, least)
+    scores = np.abs(r) / np.hypot(np.sqrt(more), wider * unseen)
     half = np.quantile(scores, (np.arange(SCORES // 2) + 0.5) / (SCORES // 2))
     symmetric = np.concatenate([-half[::-1], half])
     levels_of, errors_of, scores_of = (jnp.asarray(p) for p in (middles, errors, symmetric))
@@ -412,11 +409,9 @@ def _lasting(
     if not lags:
         return 0.0, 0.0
     # Two lags at least make a line; one alone is taken to hold all of the error.
-    slope, level = (
-        np.polyfit(lags, np.log(correlation), 1)
-        if len(lags) > 1
-        else (np.log(min(correlation[0], 1 - 1e-6)) / lags[0], 0.0)
-    )
+    slope, level = np.log(min(correlation[0], 1 - 1e-6)) / lags[0], 0.0
+    if len(lags) > 1:
+        slope, level = np.polyfit(lags, np.log(correlation), 1)
     step = 1.0 if time is None else float(np.median(np.diff(time)[np.diff(time) > 0]))
     return float(min(np.exp(level), 1.0)), float(-step / min(slope, -1e-9))
 

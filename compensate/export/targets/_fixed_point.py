@@ -52,11 +52,8 @@ def _tables(made: Artefact, p: dict[str, Any], state: dict[str, Any]) -> dict[st
     limits = (np.array(made.document["limits"]) - p["offset"]) * factor
 
     def integer(value: Any) -> Any:
-        return (
-            np.clip(np.round(np.asarray(value, float)), -(2**31) + 1, 2**31 - 1)
-            .astype(int)
-            .tolist()
-        )
+        whole = np.clip(np.round(np.asarray(value, float)), -(2**31) + 1, 2**31 - 1)
+        return whole.astype(int).tolist()
 
     def output(value: Any) -> Any:
         return integer(np.asarray(value, float) * factor)

@@ -241,10 +241,8 @@ class Frame:
         return (self.number, name) in self.graph.variables
 
     def _is_array(self, structure: str, name: str) -> bool:
-        return (
-            self.types.get(structure) == "State"
-            and self.part.home.structures["State"].get(name) == "Reals"
-        )
+        kind = self.part.home.structures["State"].get(name)
+        return self.types.get(structure) == "State" and kind == "Reals"
 
     def value(self, node: ast.expr) -> Value:
         """A value of the graph."""
