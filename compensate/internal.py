@@ -24,6 +24,6 @@ from .microchannel._multi_network import ForceNetwork as ForceNetwork
 from .microchannel._multi_network import SearchEstimator as SearchEstimator
 from .microchannel._readout import ChannelStatus as ChannelStatus
 from .microchannel._readout import Readout as Readout
-from .recalibration._advice import Advice as Advice
+from .recalibration._adaptive import Advice as Advice
 from .uncertainty._calibrated import CalibratedCompensator as CalibratedCompensator
 from .uncertainty._ensemble import EnsembleCompensator as EnsembleCompensator

@@ -17,7 +17,7 @@ from hysteresis._type_variables import PyTree
 from .. import _traced as traced
 from .._contract import AbstractCompensator, Status
 from .._readings import nested
-from ..runtime._armor_fields import bump
+from ..runtime._armor import bump
 
 
 class AbstractField(eqx.Module):

@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike
 from hysteresis import AbstractModel, register
 from hysteresis._type_variables import PyTree
 from hysteresis.models._conditioned import condition_of
-from hysteresis.trees import FLAT_WIDTH, ROUNDING, search_range, size_of
+from hysteresis.trees import FLAT_WIDTH, ROUNDING, size_of
 
 from .._contract import AbstractCompensator, Estimate, Status, scanned
 from .._readings import reading_of, with_reading
-from ._law import LawCompensator, has_laws, require_columns, told_of_condition
+from ._law import require_columns, told_of_condition
 
 
 def inputs_between(
@@ -122,10 +122,3 @@ class BracketedCompensator(AbstractCompensator[BracketedState, Estimate]):
         conditioned = condition_of(self.model)
         models = (self.model,) if conditioned is None else conditioned.models
         return jnp.stack([size_of(one, t, self.low, self.high) for one in models]).max()
-
-
-def inverse_of_rising(model: AbstractModel) -> AbstractCompensator:
-    """By its laws, where all parts have some, else by bisection between the ends that it names."""
-    if has_laws(model):
-        return LawCompensator(model)
-    return BracketedCompensator(model, *search_range(model))

@@ -1,15 +1,15 @@
-"""Inverses of composed models: by their laws, or by bisection where a part is no law."""
+"""Inverses of models that are composed or depend on a condition: by laws, or by bisection without one."""
 
 import numpy as np
 
-from hysteresis import AbstractModel, InputError, Mixture, Scaled, Series, Sum
+from hysteresis import AbstractModel, Conditioned, InputError, Mixture, Scaled, Series, Sum
 from hysteresis._parameter import is_concrete
+from hysteresis.models._conditioned import last_factor
 from hysteresis.trees import input_range, search_range
 
 from .._contract import AbstractCompensator
-from ._bisection import BracketedCompensator, inverse_of_rising
-from ._default import check_rises
-from ._inverse_of import inverse_of
+from ._bisection import BracketedCompensator
+from ._inverse_of import check_rises, inverse_of, inverse_of_rising
 from ._law import LawCompensator
 
 
@@ -41,6 +41,20 @@ def _(model: Mixture) -> AbstractCompensator:
     if len(model.models) == 1:
         return inverse_of(model.whole.parts[0])
     return _checked(model, model.models)
+
+
+@inverse_of.register
+def _(model: Conditioned) -> AbstractCompensator:
+    for one in model.models:
+        inverse_of(one)  # refuses a model that has no inverse
+    factors = [last_factor(one) for one in model.models]
+    if len({is_concrete(factor) and float(factor) < 0 for factor in factors}) > 1:
+        raise InputError(
+            "not-invertible",
+            f"the output rises with the input at some values of {model.condition}, and falls at others.",
+            fix="fit the conditions apart (--each COL).",
+        )
+    return inverse_of_rising(model)
 
 
 def _checked(model: AbstractModel, parts: tuple[AbstractModel, ...]) -> AbstractCompensator:

@@ -1,5 +1,6 @@
 """A compensator that recalibrates itself from inputs that are known at times."""
 
+from enum import IntEnum
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -19,6 +20,22 @@ from ..inverses._law import OWN, LawState, first_state, told_from
 
 SAID = 6
 """Numbers that the law says beside an estimate, see `Recalibrated`."""
+
+
+class Advice(IntEnum):
+    """Why a calibration is needed now."""
+
+    NONE = 0
+    ZERO = 1
+    """Something changed and is being learnt: most of it is the zero."""
+    GAIN = 2
+    """Most of it is the rise of the output."""
+    LOOP = 3
+    """Most of it is the width of the loop."""
+    SHAPE = 4
+    """Errors are large, and neither zero, gain nor width explains them: measure and fit again."""
+    STALE = 5
+    """The zero may have drifted too far since the last reference: give one."""
 
 
 class Recalibrated(NamedTuple):

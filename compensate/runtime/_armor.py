@@ -1,6 +1,6 @@
 """Contacts in plain Python: the solver of `compensate.armor`, wrench by wrench."""
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from math import exp, inf, isfinite, isnan, nan, sqrt
 from operator import mul
 from typing import Any, NamedTuple
@@ -8,11 +8,14 @@ from typing import Any, NamedTuple
 from hysteresis.laws._tree import Running, node_of
 
 from . import _arithmetic as plain
-from ._armor_fields import Vector, field
+from ._arithmetic import Arithmetic, Numbers, Real
 from ._contact import NONE, ContactStatus, Limits, Solver, Touch, cross, dot, square, touched
 from ._file import READING_MISSING, Written
 
 KIND = "hysid armor"
+
+Vector = tuple[float, float, float]
+Field = Callable[[int, Vector], float]
 
 
 class Motion(NamedTuple):
@@ -197,6 +200,33 @@ class _Sensor:
         whirled, swung = ([dot(row, v) for row in self._inertia] for v in (velocity, spin))
         more = zip(cross(centre, off), swung, cross(velocity, whirled), strict=True)
         return [*off, *(a + b + c for a, b, c in more)]
+
+
+def field(document: dict[str, Any]) -> tuple[Field, bool]:
+    """A field of the cover, and whether it is the same all over a surface."""
+    kind = document["kind"]
+    if kind == "uniform":
+        value = document["value"]
+        if isinstance(value, list):
+            return lambda surface, point: value[surface - 1], True
+        return lambda surface, point: value, True
+    centre = document["centre"]
+    if kind == "bumps":
+        amplitude, width, base = (document[name] for name in ("amplitude", "width", "base"))
+
+        def bumps(surface: int, point: Vector) -> float:
+            k = surface - 1
+            return bump(plain, base[k], amplitude[k], width, centre[k], point)
+
+        return bumps, False
+    raise ValueError(f"no field {kind!r}")
+
+
+def bump(
+    o: Arithmetic, base: Real, amplitude: Real, width: Real, centre: Numbers, point: Numbers
+) -> Real:
+    """`compensate.armor.Bumps` on one surface."""
+    return base + amplitude * o.exp(-square(point, centre) / (2 * width * width))
 
 
 def _rows(affine: dict[str, Any] | None) -> list[Any]:

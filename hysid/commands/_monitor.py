@@ -12,8 +12,7 @@ import numpy as np
 
 import identify
 from compensate import Status, adaptive
-from compensate.recalibration._adaptive import AdaptiveCompensator, Recalibrated
-from compensate.recalibration._advice import Advice
+from compensate.recalibration._adaptive import AdaptiveCompensator, Advice, Recalibrated
 from hysteresis import InputError, Record
 from hysteresis._atomic_file import write_table
 from hysteresis._format import number_of, quantity
