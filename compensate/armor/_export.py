@@ -53,21 +53,13 @@ def export_armor(
             "bad-option", f"a shape of {len(faces.offset)} faces is too slow in plain Python.",
             fix=f"ContactStream(solver), or a Convex of at most {MOST_FACES} faces.",
         )  # fmt: skip
-    limits = solver.limits()
+    each = zip(*(np.asarray(a).tolist() for a in faces[:4]), strict=True)
     document = {
         "schema": SCHEMA, "kind": KIND, "title": title,
         "faces": [
-            [normal, offset, [[edge, limit] for edge, limit in zip(edges, ends, strict=True)]]
-            for normal, offset, edges, ends in zip(
-                *(np.asarray(a).tolist() for a in faces[:4]), strict=True
-            )
+            [normal, offset, list(zip(edges, ends, strict=True))] for normal, offset, edges, ends in each
         ],
-        "limits": {
-            "threshold": number(limits.threshold), "release": number(solver.release),
-            "tolerance": number(limits.tolerance), "spin": number(limits.spin),
-            "rounding": number(limits.rounding), "same_place": number(solver.same_place),
-            "recovery": number(solver.recovery),
-        },
+        "limits": {name: number(limit) for name, limit in solver.limits()._asdict().items()},
         "cover": _cover(solver.cover, model, len(faces.offset)),
         "sensor": sensor and _sensor(sensor),
         "golden": _golden(solver, sensor),

@@ -159,13 +159,9 @@ class Box(AbstractFewFaces):
         dx, dy, dz1, dz2 = self.dx, self.dy, self.dz1, self.dz2
         limit = [[dx, dx, dy, dy], *[[dx, dx, dz1, -dz2]] * 2, *[[dy, dy, dz1, -dz2]] * 2]
         offset = jnp.stack([dz1, dy, dy, dx, dx])
-        return Faces(
-            jnp.asarray(_INWARDS, offset.dtype),
-            offset,
-            jnp.asarray(_EDGES, offset.dtype),
-            jnp.stack([jnp.stack(row) for row in limit]),
-            jnp.arange(1, 6),
-        )
+        normal, edge = (jnp.asarray(v, offset.dtype) for v in (_INWARDS, _EDGES))
+        limit = jnp.stack([jnp.stack(row) for row in limit])
+        return Faces(normal, offset, edge, limit, jnp.arange(1, 6))
 
     def centres(self) -> Float[Array, "5 3"]:
         """The middle of each surface, m."""

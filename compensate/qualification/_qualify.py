@@ -241,13 +241,8 @@ def qualify(
         "loop": loop_widths(record, value),
         "statuses": {Status(s).name: n / int(used.sum()) for s, n in sorted(shares.items())},
         "output_range": (float(y[fine].min()), float(y[fine].max())) if fine.any() else None,
-        "round_trip": back,
-        "flat_width": flat_width,
-        "latency": None,
-        "doubt": None,
-        "max_error": max_error,
-        "rate": rate,
-        "step": step,
+        "round_trip": back, "flat_width": flat_width, "latency": None, "doubt": None,
+        "max_error": max_error, "rate": rate, "step": step,
         "names": {
             "input": record.input_name, "input_unit": record.input_unit,
             "output": record.output_name, "output_unit": record.output_unit,
@@ -307,14 +302,9 @@ def _flat_width(
 
 
 def _errors(error: Float[np.ndarray, " rows"]) -> Errors:
-    size = np.abs(error)
-    return Errors(
-        len(error),
-        float(np.sqrt(np.mean(error**2))),
-        float(np.quantile(size, 0.95)),
-        float(size.max()),
-        float(error.mean()),
-    )
+    size, rmse = np.abs(error), np.sqrt(np.mean(error**2))
+    figures = rmse, np.quantile(size, 0.95), size.max(), error.mean()
+    return Errors(len(error), *map(float, figures))
 
 
 def _speeds(record: Record) -> Float[np.ndarray, " samples"] | None:

@@ -153,15 +153,11 @@ class Compensator:
         if guard and "within" not in guard["parameters"]:
             # A file of format 2 does not say where else it may have begun: it says RUN_IN for ever.
             own = guard["parameters"]
-            own |= {
-                "within": -1.0 if own["unknown"] else inf,
-                "slack": own["rounding"],
-                "decides": 0,
-            }
-            own |= {"least": inf, "most": -inf}
-        self.trained: tuple[float, float] | None = (
-            (guard["parameters"]["low"], guard["parameters"]["high"]) if guard else None
-        )
+            own |= {"slack": own["rounding"], "decides": 0, "least": inf, "most": -inf}
+            own["within"] = -1.0 if own["unknown"] else inf
+        self.trained: tuple[float, float] | None = None
+        if guard:
+            self.trained = guard["parameters"]["low"], guard["parameters"]["high"]
         self.beyond: str = guard["beyond"] if guard else "free"
         self.condition: dict[str, Any] | None = document.get("condition")
         self._tree = around(document)

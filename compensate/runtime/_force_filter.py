@@ -67,9 +67,8 @@ def updated(s: Setting, ways: Items, lost: Real) -> tuple[Items, Real, Real]:
     whole = top + o.log(o.total(o.each(lambda way: o.exp(way.log_weight - top), ways)))
     surprise = -o.most(o.each(lambda way: -way.surprise, ways)) / len(s.noise)
     lost = o.where(surprise > LOST, o.where(astray, 0, lost) + 1, 0)
-    return (
-        o.each(lambda way: way._replace(log_weight=way.log_weight - whole), ways), lost, surprise,
-    )  # fmt: skip
+    ways = o.each(lambda way: way._replace(log_weight=way.log_weight - whole), ways)
+    return ways, lost, surprise
 
 
 def ends_of(o: Arithmetic, ways: Items) -> tuple[Real, Real]:

@@ -52,14 +52,12 @@ class EnsembleCompensator(AbstractCompensator[PyTree, UncertainEstimate]):
         models = jax.tree.map(jnp.asarray, models)
         inverse(jax.tree.map(lambda leaf: leaf[0], models))  # looks at numbers, which vmap hides
         draws = jax.tree.leaves(models)[0].shape[0]
+
         # What all draws share, such as nodes, stays known before JAX runs: ranges are read from it.
-        same = jax.tree.map(
-            lambda leaf: (
-                is_concrete(leaf) and bool((np.asarray(leaf) == np.asarray(leaf)[:1]).all())
-            ),
-            models,
-        )
-        shared, drawn = eqx.partition(models, same)
+        def is_shared(leaf: Array) -> bool:
+            return is_concrete(leaf) and bool((np.asarray(leaf) == np.asarray(leaf)[:1]).all())
+
+        shared, drawn = eqx.partition(models, jax.tree.map(is_shared, models))
         shared = jax.tree.map(lambda leaf: leaf[0], shared)
         make = eqx.filter_vmap(lambda own: inverse(eqx.combine(own, shared)), axis_size=draws)
         self.members = make(drawn)

@@ -103,10 +103,7 @@ def sklearn(program: Program, out: Path, real: str) -> Exported:
 # A functional mock-up unit of FMI 2.0 or 3.0 for co-simulation: its sources, and a binary.
 
 
-BINARIES = {
-    2: {"x86_64": "linux64"},
-    3: {"x86_64": "x86_64-linux", "aarch64": "aarch64-linux"},
-}
+BINARIES = {2: {"x86_64": "linux64"}, 3: {"x86_64": "x86_64-linux", "aarch64": "aarch64-linux"}}
 """Folders of binaries, by version of FMI and machine."""
 
 

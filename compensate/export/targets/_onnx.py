@@ -42,12 +42,9 @@ def onnx(program: Program, out: Path, real: str) -> Exported:
     made = Artefact(program, name_in_c(out), real)
     step = _Step(made.document, Graph(package))
     model = step.model(made.stem)
-    facts = {
-        "initial_state": json.dumps(step.initial),
-        "hysid-export.json": json.dumps(made.document),
-        "statuses": json.dumps({int(s): s.name for s in Status}),
-    }
-    package.helper.set_model_props(model, facts)
+    facts = {"initial_state": step.initial, "hysid-export.json": made.document}
+    facts["statuses"] = {int(s): s.name for s in Status}
+    package.helper.set_model_props(model, {name: json.dumps(x) for name, x in facts.items()})
     package.checker.check_model(model, full_check=True)
     write_whole(out, model.SerializeToString(deterministic=True))
     return Exported(out, (*program.notes, *made.notes))

@@ -22,13 +22,8 @@ OPERATORS: dict[type, tuple[str, Callable[[Any, Any], Any]]] = {
     ast.Gt: ("Greater", operator.gt), ast.GtE: ("GreaterOrEqual", operator.ge),
     ast.Eq: ("Equal", operator.eq), ast.NotEq: ("Equal", operator.ne),
 }  # fmt: skip
-MATHEMATICS = {
-    "sqrt": "Sqrt",
-    "exp": "Exp",
-    "log": "Log",
-    "fabs": "Abs",
-    "tanh": "Tanh",
-    "pow": "Pow",
+MATHEMATICS = {name: name.title() for name in ("exp", "log", "pow", "sqrt", "tanh")} | {
+    "fabs": "Abs"
 }
 
 
