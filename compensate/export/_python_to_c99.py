@@ -66,9 +66,6 @@ class Element:
             for name, fields in self.law.fields.items()
         }
         self.about = inspect.getdoc(module) or ""
-        self.abouts = {
-            name: inspect.getdoc(getattr(module, name)) or "" for name in self.structures
-        }
 
     @property
     def prefix(self) -> str:
@@ -81,7 +78,8 @@ class Element:
 
     def structure(self, name: str, lengths: dict[str, int] | None = None) -> str:
         """`Parameters`, arrays as pointers to constants, or `State`, arrays of the given lengths."""
-        lines = [comment(self.abouts[name], ""), "typedef struct {"]
+        about = inspect.getdoc(getattr(self.law.module, name)) or ""
+        lines = [comment(about, ""), "typedef struct {"]
         for key, kind in self.structures[name].items():
             if kind == "Reals" and lengths is None:
                 lines.append(f"{_INDENT}const {self.real} *{key};")
@@ -94,9 +92,9 @@ class Element:
     def translated(self) -> str:
         """All functions, what they call before them."""
         done: dict[str, str] = {}
-        for name in self.functions:
-            if not _has_functions(self.functions[name]):
-                Function(self, self.functions[name], {}, done).translate()
+        for node in self.functions.values():
+            if not any(_kind(a.annotation) == "Callable" for a in node.args.args):
+                Function(self, node, {}, done).translate()
         self.common = done
         return "\n\n".join(done.values())
 
@@ -126,10 +124,6 @@ def number(value: float, single: bool) -> str:
     text = f"{value:.9g}" if single else repr(float(value))
     text = text if any(c in text for c in ".e") else f"{text}.0"
     return f"{text}f" if single else text
-
-
-def _has_functions(node: ast.FunctionDef) -> bool:
-    return any("Callable" in ast.unparse(a.annotation) for a in node.args.args if a.annotation)
 
 
 class Function:

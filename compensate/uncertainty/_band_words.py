@@ -28,12 +28,9 @@ def in_words(band: CalibratedCompensator) -> dict[str, Any]:
 
 def of_words(words: Mapping[str, Any], inner: AbstractCompensator) -> CalibratedCompensator:
     """The inverse of `in_words`, around a compensator."""
-    levels, error, scores = (jnp.asarray(words[name], float) for name in ARRAYS)
-    numbers = (np.nan if words[name] is None else float(words[name]) for name in NUMBERS)
-    width, coverage, before, share, lasts = numbers
+    found: dict[str, Any] = {name: jnp.asarray(words[name], float) for name in ARRAYS}
+    for name in NUMBERS:
+        found[name] = np.nan if words[name] is None else float(words[name])
     known = words["motions"]
     motions = known and Motions(*(jnp.asarray(known[name], float) for name in Motions._fields))
-    return CalibratedCompensator(
-        inner, levels, error, scores, width, motions, coverage, before, share=share, lasts=lasts,
-        units=inner.units,
-    )  # fmt: skip
+    return CalibratedCompensator(inner, motions=motions, units=inner.units, **found)

@@ -202,14 +202,13 @@ def calibrated(
         (101,)
     """
     check_units(compensator.units, record)
-    runs = [_parts(estimate(one, record)) for one in (compensator, *(o for _, o in left_out))]
+    runs = [_estimated(one, record) for one in (compensator, *(o for _, o in left_out))]
     value, status, spread = runs[0]
     group = np.full(len(record), -1)
-    for k, (rows, own) in enumerate(zip((rows for rows, _ in left_out), runs[1:], strict=True)):
+    for k, ((rows, _), own) in enumerate(zip(left_out, runs[1:], strict=True)):
         group[rows] = k
-        value, status, spread = (
-            np.where(rows, new, old) for new, old in zip(own, (value, status, spread), strict=True)
-        )
+        pairs = zip(own, (value, status, spread), strict=True)
+        value, status, spread = (np.where(rows, new, old) for new, old in pairs)
     counted = record.mask & (status != Status.INVALID)
     if len(left_out):
         counted &= group >= 0
@@ -277,12 +276,11 @@ def calibrated(
     scores = np.abs(r) / np.hypot(np.sqrt(more), wider * unseen)
     half = np.quantile(scores, (np.arange(SCORES // 2) + 0.5) / (SCORES // 2))
     symmetric = np.concatenate([-half[::-1], half])
-    levels_of, errors_of, scores_of = (jnp.asarray(p) for p in (middles, errors, symmetric))
+    levels_of, errors_of, scores_of = map(jnp.asarray, (middles, errors, symmetric))
     motions = motions._replace(growth=factor * motions.growth)
-    last_of = np.repeat(np.arange(len(record.labels)), np.diff([*record.starts, len(record)]))
-    share, lasts = _lasting(
-        np.sign(r) * scores, np.flatnonzero(counted), last_of[counted], record.time
-    )
+    row = np.flatnonzero(counted)
+    sequence = np.searchsorted(record.starts, row, side="right")
+    share, lasts = _lasting(np.sign(r) * scores, row, sequence, record.time)
     return CalibratedCompensator(
         compensator, levels_of, errors_of, scores_of, width, motions, share=share, lasts=lasts,
         units=compensator.units,
@@ -310,8 +308,7 @@ def band_holds(
 ) -> tuple[float, Float[np.ndarray, " rows"]]:
     """The part of a record's counted rows with a reading of which value +- 1.645 deviations hold the input,
     NaN where there are none, and the errors of all of them over the deviation."""
-    found = estimate(band, record)
-    value, status, deviation = _parts(found)
+    value, status, deviation = _estimated(band, record)
     used = record.mask & np.isfinite(record.output) & np.isfinite(record.input)
     used &= status != Status.INVALID
     scores = np.abs(value - record.input)[used] / np.maximum(deviation[used], TINY)
@@ -355,7 +352,7 @@ def _growth(
     """
     far, faster = GROWTH * _without_memory(record, counted), 0.0
     if record.time is not None:
-        hurried = _parts(estimate(compensator, replace(record, time=record.time / FASTER)))[0]
+        hurried = _estimated(compensator, replace(record, time=record.time / FASTER))[0]
         faster = float(np.sqrt(np.mean((hurried - value)[counted] ** 2)))
     return far, float(np.hypot(far, faster))
 
@@ -416,7 +413,8 @@ def _lasting(
     return float(min(np.exp(level), 1.0)), float(-step / min(slope, -1e-9))
 
 
-def _parts(found: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _estimated(compensator: AbstractCompensator, record: Record) -> tuple[np.ndarray, ...]:
     """Value, status and spread of every row."""
+    found: Any = estimate(compensator, record)
     value, status = np.asarray(found.value), np.asarray(found.status)
     return value, status, np.asarray(getattr(found, "deviation", np.zeros_like(value)))
