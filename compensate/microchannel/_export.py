@@ -15,7 +15,7 @@ from ..export._export import DEEP, Quantity, deepest, has_rates, longest_step
 from ..runtime import _contact_forces, _network
 from ..runtime._file import SCHEMA, number
 from ._force import BackwardsModel, ForceEstimator
-from ._multi import ChannelSensor, MultiContactEstimator
+from ._multi import MultiContactEstimator
 
 GOLDEN, GOLDEN_OF_SEVERAL = 200, 60
 """Samples that a file is checked with when it is loaded; several contacts take milliseconds a sample."""
@@ -193,9 +193,7 @@ def export_contacts(
     """
     require_double()
     sensor = estimator.sensor
-    if not isinstance(sensor, ChannelSensor) or not all(
-        isinstance(model, StaircaseNetwork) and model.channels == 1 for model in sensor.models
-    ):
+    if not all(isinstance(one, StaircaseNetwork) and one.channels == 1 for one in sensor.models):
         raise InputError(
             "not-exportable", "only sensors of staircase networks are exported.",
             fix="train them with hysid.train_contacts.",

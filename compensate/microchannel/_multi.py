@@ -1,8 +1,7 @@
 """The forces of several contacts at once, from channels in which their readings add, by a filter."""
 
-import abc
 from collections.abc import Iterable
-from typing import Generic, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -12,31 +11,86 @@ from jaxtyping import Array, Float, Int
 from numpy.typing import ArrayLike
 
 from hysteresis import AbstractModel, InputError, register
-from hysteresis._type_variables import PyTree, State
+from hysteresis._type_variables import PyTree
 
 from .. import _traced as traced
 from .._contract import AbstractStreamed, Status, scanned
 from ..runtime._force_filter import LOST, Setting, Way, mean_of, updated
 
 
-class AbstractSensor(eqx.Module, Generic[State]):
-    """What a filter looks through: forces (contacts,) -> readings (channels,), with memory."""
+@register
+class ChannelSensor(eqx.Module):
+    """Channels in series: every contact adds its own part to every layer's reading,
 
-    contacts: eqx.AbstractVar[int]
+        z_l = zero_l + sum_k G_lk M_k[F_k],
 
-    @abc.abstractmethod
-    def init(self) -> State:
+    with a model M_k, force -> reading, of each location, and the layers' gains. So models that were
+    fitted to presses of one location at a time predict the reading of several contacts.
+
+    **Arguments:**
+
+    - `models`: one for each location. `gains`: G, (layers, locations); None for 1 in one layer.
+    - `zero` (layers,): the reading where nothing is pressed; 0 by default.
+
+    **Raises:** `InputError` where these do not fit.
+
+    **Example:**
+
+        >>> sensor = compensate.internal.ChannelSensor([model, model], [[1.0, 0.5], [0.5, 1.0]])
+        >>> reading, slope = sensor.look(sensor.init(), jnp.array(0.0), jnp.array([2.0, 0.0]))
+        >>> np.asarray(reading).round(2).tolist()
+        [2.7, 1.35]
+    """
+
+    models: tuple[AbstractModel, ...] = eqx.field(converter=tuple)
+    gains: Float[Array, "layers locations"]
+    zero: Float[Array, " layers"]
+
+    def __init__(
+        self,
+        models: Iterable[AbstractModel],
+        gains: ArrayLike | None = None,
+        zero: ArrayLike | None = None,
+    ):
+        self.models = tuple(models)
+        self.gains = jnp.ones((1, len(self.models))) if gains is None else jnp.asarray(gains, float)
+        if self.gains.ndim != 2 or self.gains.shape[1] != len(self.models) or not self.models:
+            raise InputError(
+                "wrong-channels",
+                f"gains of shape {self.gains.shape} for {len(self.models)} locations.",
+                fix="give one row for each layer, one column for each location's model.",
+            )
+        layers = len(self.gains)
+        self.zero = jnp.zeros(layers) if zero is None else jnp.asarray(zero, float)
+        if self.zero.shape != (layers,):
+            raise InputError(
+                "wrong-channels",
+                f"zero of shape {self.zero.shape} for {layers} layers.",
+                fix="give one reading at rest for each layer.",
+            )
+
+    @property
+    def contacts(self) -> int:
+        """How many."""
+        return len(self.models)
+
+    def init(self) -> tuple[PyTree, ...]:
         """The virgin state."""
+        return tuple(model.init() for model in self.models)
 
-    @abc.abstractmethod
-    def look(
-        self, state: State, t: Array, force: Array
-    ) -> tuple[Float[Array, " channels"], Float[Array, "channels contacts"]]:
-        """The next readings if these were the forces, and their derivatives."""
+    def look(self, state: tuple[PyTree, ...], t: Array, force: Array) -> tuple[Array, Array]:
+        """The next readings if these were the forces, and their derivatives (layers, contacts)."""
+        found = [
+            jax.jvp(lambda u, m=model, s=own: m.step(s, t, u)[1], (F,), (jnp.ones_like(F),))
+            for model, own, F in zip(self.models, state, force, strict=True)
+        ]
+        y, slope = (jnp.stack(part) for part in zip(*found, strict=True))
+        return self.zero + self.gains @ y, self.gains * slope[None]
 
-    @abc.abstractmethod
-    def follow(self, state: State, t: Array, force: Array) -> State:
+    def follow(self, state: tuple[PyTree, ...], t: Array, force: Array) -> tuple[PyTree, ...]:
         """The state after these forces."""
+        each = zip(self.models, state, force, strict=True)
+        return tuple(model.step(own, t, F)[0] for model, own, F in each)
 
 
 class Motion(NamedTuple):
@@ -113,7 +167,7 @@ class MotionFilter(eqx.Module):
                     f"{name} is {getattr(self, name):g}, and has to be above 0.",
                 )
 
-    def init(self, sensor: AbstractSensor) -> Motion:
+    def init(self, sensor: ChannelSensor) -> Motion:
         """At rest, without a force, the sensor virgin."""
         states = (2 + self.delay) * sensor.contacts
         weight = jnp.full(self.ways, -jnp.inf).at[0].set(0.0)
@@ -124,7 +178,7 @@ class MotionFilter(eqx.Module):
 
     def update(
         self,
-        sensor: AbstractSensor,
+        sensor: ChannelSensor,
         motion: Motion,
         t: Float[Array, ""],
         z: Float[Array, " channels"],
@@ -140,77 +194,6 @@ class MotionFilter(eqx.Module):
         status = jnp.where((told[0] >= self.high).any(), Status.SATURATED, Status.OK)
         status = jnp.where(surprise > LOST, Status.EXTRAPOLATED, status)
         return Motion(ways, t, lost), ContactForces(*told, *late, status)
-
-
-@register
-class ChannelSensor(AbstractSensor[tuple[PyTree, ...]]):
-    """Channels in series: every contact adds its own part to every layer's reading,
-
-        z_l = zero_l + sum_k G_lk M_k[F_k],
-
-    with a model M_k, force -> reading, of each location, and the layers' gains. So models that were
-    fitted to presses of one location at a time predict the reading of several contacts.
-
-    **Arguments:**
-
-    - `models`: one for each location. `gains`: G, (layers, locations); None for 1 in one layer.
-    - `zero` (layers,): the reading where nothing is pressed; 0 by default.
-
-    **Raises:** `InputError` where these do not fit.
-
-    **Example:**
-
-        >>> sensor = compensate.internal.ChannelSensor([model, model], [[1.0, 0.5], [0.5, 1.0]])
-        >>> reading, slope = sensor.look(sensor.init(), jnp.array(0.0), jnp.array([2.0, 0.0]))
-        >>> np.asarray(reading).round(2).tolist()
-        [2.7, 1.35]
-    """
-
-    models: tuple[AbstractModel, ...] = eqx.field(converter=tuple)
-    gains: Float[Array, "layers locations"]
-    zero: Float[Array, " layers"]
-
-    def __init__(
-        self,
-        models: Iterable[AbstractModel],
-        gains: ArrayLike | None = None,
-        zero: ArrayLike | None = None,
-    ):
-        self.models = tuple(models)
-        self.gains = jnp.ones((1, len(self.models))) if gains is None else jnp.asarray(gains, float)
-        if self.gains.ndim != 2 or self.gains.shape[1] != len(self.models) or not self.models:
-            raise InputError(
-                "wrong-channels",
-                f"gains of shape {self.gains.shape} for {len(self.models)} locations.",
-                fix="give one row for each layer, one column for each location's model.",
-            )
-        layers = len(self.gains)
-        self.zero = jnp.zeros(layers) if zero is None else jnp.asarray(zero, float)
-        if self.zero.shape != (layers,):
-            raise InputError(
-                "wrong-channels",
-                f"zero of shape {self.zero.shape} for {layers} layers.",
-                fix="give one reading at rest for each layer.",
-            )
-
-    @property
-    def contacts(self) -> int:  # type: ignore[override]
-        return len(self.models)
-
-    def init(self) -> tuple[PyTree, ...]:
-        return tuple(model.init() for model in self.models)
-
-    def look(self, state: tuple[PyTree, ...], t: Array, force: Array) -> tuple[Array, Array]:
-        found = [
-            jax.jvp(lambda u, m=model, s=own: m.step(s, t, u)[1], (F,), (jnp.ones_like(F),))
-            for model, own, F in zip(self.models, state, force, strict=True)
-        ]
-        y, slope = (jnp.stack(part) for part in zip(*found, strict=True))
-        return self.zero + self.gains @ y, self.gains * slope[None]
-
-    def follow(self, state: tuple[PyTree, ...], t: Array, force: Array) -> tuple[PyTree, ...]:
-        each = zip(self.models, state, force, strict=True)
-        return tuple(model.step(own, t, F)[0] for model, own, F in each)
 
 
 class MultiContactState(NamedTuple):
@@ -231,7 +214,7 @@ class MultiContactEstimator(AbstractStreamed[MultiContactState, ContactForces]):
 
     **Arguments:**
 
-    - `sensor`: forces -> readings, such as `ChannelSensor` of models fitted to presses of one location.
+    - `sensor`: forces -> readings, of models fitted to presses of one location.
     - `reading_sigma`: standard deviation of each channel's reading, its noise and the models' error.
     - `motion`: how forces move.
 
@@ -248,12 +231,12 @@ class MultiContactEstimator(AbstractStreamed[MultiContactState, ContactForces]):
         [4.0, 0.0]
     """
 
-    sensor: AbstractSensor
+    sensor: ChannelSensor
     reading_sigma: Float[Array, " channels"]
     motion: MotionFilter
     along = 0
 
-    def __init__(self, sensor: AbstractSensor, reading_sigma: ArrayLike, motion: MotionFilter):
+    def __init__(self, sensor: ChannelSensor, reading_sigma: ArrayLike, motion: MotionFilter):
         sigma = np.atleast_1d(np.asarray(reading_sigma, float))
         if sigma.ndim != 1 or not (np.isfinite(sigma) & (sigma > 0)).all():
             raise InputError(

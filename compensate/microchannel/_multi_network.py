@@ -2,7 +2,6 @@
 
 import itertools
 from collections.abc import Callable
-from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -110,23 +109,12 @@ def _layer(W: Array, b: Array, rows: Float[Array, "sequence windows in_"]) -> Ar
 def windows(
     force: Float[np.ndarray, " samples"], sequence: int = SEQUENCE
 ) -> Float[np.ndarray, "samples sequence"]:
-    """The last `sequence` forces at every sample; before the first sample the force is zero.
-
-    **Arguments:** `force` (samples,), N.
-
-    **Returns:** (samples, sequence), the latest force last.
-    """
+    """The last `sequence` forces at every sample, the latest last; before the first they are zero."""
     padded = np.concatenate([np.zeros(sequence - 1), np.asarray(force, float)])
     return np.lib.stride_tricks.sliding_window_view(padded, sequence).copy()
 
 
-class SearchState(NamedTuple):
-    """The forces found last, (contacts, sequence - 1); those before the search began are 0."""
-
-    past: Float[Array, "contacts past"]
-
-
-class SearchEstimator(AbstractStreamed[SearchState, Array]):
+class SearchEstimator(AbstractStreamed[Array, Array]):
     """The paper's inverse: a grid search for the forces whose reading is closest.
 
         F_n = argmin over F in F_(n-1) + {-0.4, -0.3, ..., 0.4}^contacts of |z_n - sum_k N_k(F_k, past)|^2
@@ -154,33 +142,31 @@ class SearchEstimator(AbstractStreamed[SearchState, Array]):
         if not self.networks or self.sequence < PREOCCUPIED:
             raise InputError("bad-option", f"no network, or sequences shorter than {PREOCCUPIED}.")
 
-    def init(self) -> SearchState:
-        """No force in all the past: the paper's ten zeros, and those before them that fill a sequence."""
-        return SearchState(jnp.zeros((len(self.networks), self.sequence - 1)))
+    def init(self) -> Float[Array, "contacts past"]:
+        """The forces found last: the paper's ten zeros, and those before them that fill a sequence."""
+        return jnp.zeros((len(self.networks), self.sequence - 1))
 
     def stream(
-        self, t: ArrayLike | None, y: ArrayLike, state: SearchState
-    ) -> tuple[SearchState, Float[Array, "samples contacts"]]:
+        self, t: ArrayLike | None, y: ArrayLike, state: Array
+    ) -> tuple[Array, Float[Array, "samples contacts"]]:
         """Readings (samples, layers)."""
         return scanned(self, None, jnp.asarray(y, float), state)
 
-    def take(
-        self, state: SearchState, t: ArrayLike | None, reading: ArrayLike
-    ) -> tuple[SearchState, Array]:
+    def take(self, state: Array, t: ArrayLike | None, reading: ArrayLike) -> tuple[Array, Array]:
         """One reading (layers,) in, forces (contacts,) in N out; `t` does not matter."""
-        z = jnp.asarray(reading, state.past.dtype)
+        z = jnp.asarray(reading, state.dtype)
         valid = jnp.isfinite(z).all()
         count = round(REACH_N / RESOLUTION_N)
         away = RESOLUTION_N * jnp.arange(-count, count + 1, dtype=z.dtype)
-        tried = jnp.maximum(state.past[:, -1:] + away[None], 0.0)
+        tried = jnp.maximum(state[:, -1:] + away[None], 0.0)
         read = []
-        for network, past, own in zip(self.networks, state.past, tried, strict=True):
+        for network, past, own in zip(self.networks, state, tried, strict=True):
             same = jnp.broadcast_to(past, (len(away), *past.shape))
             read.append(network(jnp.concatenate([same, own[:, None]], 1)))
         grid = jnp.array(list(itertools.product(range(len(away)), repeat=len(self.networks))))
         whole = sum(r[grid[:, k]] for k, r in enumerate(read))
         best = grid[jnp.argmin(((whole - z[None]) ** 2).sum(1))]
         force = jnp.take_along_axis(tried, best[:, None], 1)
-        after = jnp.concatenate([state.past[:, 1:], force], 1)
-        state = SearchState(jnp.where(valid, after, state.past))
-        return state, state.past[:, -1]
+        after = jnp.concatenate([state[:, 1:], force], 1)
+        state = jnp.where(valid, after, state)
+        return state, state[:, -1]
