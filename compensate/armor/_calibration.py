@@ -54,10 +54,13 @@ class Presses(eqx.Module):
     gravity: Float[Array, "*presses samples 3"] | None = eqx.field(default=None, converter=as_float)
 
     def __post_init__(self) -> None:
+        if np.ndim(self.force) == 2:
+            self.time = jnp.broadcast_to(as_float(self.time), np.shape(self.force))
+
+    def __check_init__(self) -> None:
         if self.force.ndim != 2:
             raise _fault(f"force has the shape {self.force.shape}.", "give (presses, samples).")
         presses, samples = self.force.shape
-        self.time = jnp.broadcast_to(self.time, (presses, samples))
         shapes = {
             "time": (samples,), "force": (samples,), "readings": (samples, 6), "direction": (3,),
             "touched": (3,), "surface": (), "displacement": (samples,), "gravity": (samples, 3),

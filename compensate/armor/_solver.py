@@ -1,5 +1,6 @@
 """From a wrench to the contact: where the line of action meets the pressed-in cover."""
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -367,17 +368,23 @@ class ContactStream:
 
     def __init__(self, solver: ContactSolver):
         state = solver.init()
-        self._first, unpacked = ravel_pytree((state, state.contact))
+        whole, dtype = (state, state.contact), state.place.dtype
+
+        def packed(whole: Any) -> tuple[Array, Callable[[Array], Any]]:
+            return ravel_pytree(jax.tree.map(lambda leaf: leaf.astype(dtype), whole))
 
         def moved(before: Array, sample: Array) -> Array:
+            own = jax.tree.map(lambda x, like: x.astype(like.dtype), unpacked(before), whole)[0]
             t, force, moment, doubt = sample[0], sample[1:4], sample[4:7], sample[7].astype(int)
-            return ravel_pytree(solver.step(unpacked(before)[0], t, force, moment, doubt))[0]
+            return packed(solver.step(own, t, force, moment, doubt))[0]
+
+        self._first, unpacked = packed(whole)
 
         # What enters and leaves the compiled step costs more than the step: one array each, 14 us instead
         # of 53 for the state's own.
-        self._step, self._dtype = jax.jit(moved), self._first.dtype
+        self._step, self._dtype = jax.jit(moved), dtype
         self.reset()
-        jax.block_until_ready(self._step(self._packed, np.zeros(8, self._dtype)))
+        jax.block_until_ready(self._step(self._packed, np.zeros(8, dtype)))
 
     def reset(self) -> None:
         """As before the first sample."""
