@@ -61,12 +61,15 @@ def test_every_curve_found_is_one(history: np.ndarray):
     u = np.append(HIGH, np.where(history > HIGH - 0.02 * RANGE, HIGH, history))
     y = np.array([uniform_output(u[: k + 1]) for k in range(len(u))])
     record = Record.from_arrays(u, y)
-    descent = u[np.argmax(u < HIGH) :]
-    if HIGH not in descent and u[-1] == u.min():  # one descent that ends where it is lowest
+    last = u[np.flatnonzero(u == HIGH)[-1] :]
+    turned = (
+        u[: -len(last)] if last[-1] == last.min() else u
+    )  # where it ends at its lowest, it does not turn
+    if turned.min(initial=HIGH) == HIGH:
         refuses("too-few-curves", lambda: forc_curves(record))
         return
     curves = forc_curves(record)
-    assert min(curve.reversal for curve in curves) <= np.min(u[u < HIGH], initial=HIGH)
+    assert min(curve.reversal for curve in curves) <= np.min(turned[turned < HIGH])
     for b, x, y in curves:
         assert x[0] == b
         assert (np.diff(x) > 0).all()
