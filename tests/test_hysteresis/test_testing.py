@@ -13,8 +13,6 @@ from compensate import Status, invert
 from hysteresis import (
     AbstractModel,
     AbstractSteppedModel,
-    Burgers,
-    LinearSponge,
     Scalar,
     parameter,
     register,
@@ -30,11 +28,6 @@ def duhem(monkeypatch: pytest.MonkeyPatch) -> Any:
     monkeypatch.syspath_prepend(TEMPLATE)
     __import__("hysid_duhem")
     return sys.modules["hysid_duhem"].Duhem
-
-
-@pytest.mark.parametrize("model", [LinearSponge(2.0, 1.0, 1.5), Burgers(2.0, 40.0, 1.0, 5.0)])
-def test_our_models_keep_the_laws(model: AbstractModel):
-    check_model(model, -2.0, 3.0)
 
 
 def test_the_model_of_the_template_keeps_the_laws_and_can_be_inverted(duhem: Any):

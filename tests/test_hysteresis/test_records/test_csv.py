@@ -48,10 +48,7 @@ def test_a_plain_file(read):
     assert len(record.sha256) == 64
 
 
-# 3, 5, 29: cells
-
-
-def test_03_unit_row(read):
+def test_a_row_of_units(read):
     text = table().replace("\n", "\ns,mm,kN\n", 1).replace(T, "t").replace(F, "F").replace(X, "x")
     record = read(text, "x", "F", time="t")
     assert (record.input_unit, record.output_unit, record.time_unit) == ("mm", "kN", "s")
@@ -70,7 +67,7 @@ def test_03_unit_row(read):
     assert len(read(named, "x", "F", decimal=",", nan="interpolate")) == 3
 
 
-def test_05_text_cell(read):
+def test_a_cell_of_text(read):
     text = with_cell(9, "0.7,0,OVLD")
     words = ("line 9", f"'{F}'", "'OVLD'", "overload", "na_values", "--na-values OVLD")
     refuses("text-cell", lambda: read(text), *words)
@@ -82,15 +79,6 @@ def test_05_text_cell(read):
     refuses("text-cell", lambda: read(other, na_values=["OVLD"], nan="omit"), "line 10", "'stop'")
     endless = with_cell(9, f"0.7,0,{'9' * 300}")  # no number is that long
     refuses("text-cell", lambda: read(endless), "line 9", f"'{F}'", "'999")
-
-
-# 6: series
-
-
-# 9, 10: units
-
-
-# 27: dialects
 
 
 @pytest.mark.parametrize(
@@ -111,12 +99,9 @@ def test_05_text_cell(read):
         lambda s: s.rstrip("\n").encode(),
     ],
 )
-def test_27_dialects_read_alike(read, change):
+def test_dialects_read_alike(read, change):
     record = read(change(table()), time=T)
     assert record.digest() == read(table(), time=T).digest()
-
-
-# selection
 
 
 @pytest.mark.parametrize("rows", [100, 12_000, 40_000])
