@@ -19,9 +19,6 @@ def model(name: str, blocks: np.ndarray) -> Compared:
     return Compared(name, "LinearSponge", float(np.sqrt(blocks.mean())), None, 2, blocks=blocks)
 
 
-# The difference of two models
-
-
 def test_equal_models_are_told_apart_one_time_in_twenty() -> None:
     """Blocks of thirty rows: 2,000 pairs, so 0.05 to three times 0.005; the t is not quite one."""
     random = np.random.default_rng(0)
@@ -41,9 +38,6 @@ def test_words_say_who_is_better_or_that_nobody_knows() -> None:
     assert comparison.words[0].startswith("a and b cannot be told apart on held-out rows (")
     bare = model("a", good)._replace(blocks=None)
     assert "no blocks to pair" in Comparison((bare, model("b", good)), "test", ()).words[0]
-
-
-# Fits of one record
 
 
 @pytest.fixture(scope="module")
@@ -75,7 +69,7 @@ def test_evidence_is_the_integral_of_the_posterior(steep) -> None:
     """A grid over K, b and log sigma; Laplace's error is of the order of 1 / rows."""
     fitted = steep[0]
     about = target(fitted)
-    curvature = -np.asarray(jax.hessian(about.log_probability)(about.start))
+    curvature = -np.asarray(jax.jit(jax.hessian(about.log_probability))(about.start))
     root = np.linalg.cholesky(np.linalg.inv(curvature))
     axis = np.linspace(-6, 6, 25)  # half a deviation: of a near Gaussian exact to 1e-8
     grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
@@ -87,9 +81,6 @@ def test_evidence_is_the_integral_of_the_posterior(steep) -> None:
         one for one in compare({"free": fitted, "given": steep[1]}).models if one.name == "free"
     )
     assert found.log_evidence == pytest.approx(exact, abs=0.03)
-
-
-# With fits as `fit` makes them
 
 
 def test_candidates_and_folders_of_real_fits(tmp_path) -> None:

@@ -20,6 +20,7 @@ from identify import distortion, fit_feedback, fit_modes, periodic_test
 from identify.internal import PeriodicTest
 from tests.refusals import refuses
 from tests.test_hysid.command import run
+from tests.thorough import rest_thorough
 
 PERIOD, DT = 512, 0.1
 MASS, DAMPING, STIFFNESS = 2.0, 0.4, 3.0
@@ -200,7 +201,7 @@ def two_modes() -> Feedback:
     return Feedback([-0.05 + 1.5j, -0.1 + 4j], [[-0.3j], [0.2]], [[1, 1], [1, -0.5]], [[0.1], [0]])
 
 
-@pytest.mark.parametrize("excitation", ["noise", "sweep", "blows"])
+@pytest.mark.parametrize("excitation", rest_thorough(["noise", "sweep", "blows"], 2))
 def test_modes_are_found_from_any_record(excitation):
     """It begins and ends in the middle of the motion; the model predicts another run from rest."""
     truth, rng, rows = two_modes(), np.random.default_rng(1), 4000
