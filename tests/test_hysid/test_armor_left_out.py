@@ -32,7 +32,7 @@ def pressed() -> Presses:
 
 
 def without(presses: Presses, k: int) -> Presses:
-    return jax.tree.map(lambda x: jnp.delete(x, k, axis=0), presses)
+    return jax.tree.map(lambda x: np.delete(x, k, axis=0), presses)
 
 
 def test_they_are_those_of_calibrations_without_a_press():
