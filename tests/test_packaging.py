@@ -5,20 +5,16 @@ import re
 import subprocess
 import sys
 import tomllib
-from collections.abc import Iterator
 from functools import cache
 from importlib.metadata import packages_distributions
-from typing import Any
 
 import pytest
-import typer
 
-from hysid.cli._app import app
 from hysteresis import InputError, Record
 from hysteresis._registry import OURS, find_model
 from identify import fit
 from tests.sources import PACKAGES, ROOT, trees
-from tests.test_hysid.command import ENVIRONMENT
+from tests.test_hysid.command import COMMANDS, ENVIRONMENT
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 EXTRAS = PROJECT["optional-dependencies"]
@@ -145,19 +141,6 @@ def test_the_shell_completes_commands_and_options():
     assert completed("hysid da") == ["datasheet", "datasets"]
     assert "--test-cycles" in completed("hysid fit --te")
     assert completed("hysid datasets f") == ["fetch"]
-
-
-def commands(group: Any = None, before: str = "") -> Iterator[tuple[str, Any]]:
-    """Every command that does something, by the words that call it."""
-    group = typer.main.get_command(app) if group is None else group
-    for name, command in group.commands.items():
-        if hasattr(command, "commands"):
-            yield from commands(command, f"{before}{name} ")
-        else:
-            yield f"{before}{name}", command
-
-
-COMMANDS = dict(commands())
 
 
 def test_help_lists_the_models():

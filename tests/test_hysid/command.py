@@ -6,7 +6,7 @@ import math
 import os
 import shlex
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from contextlib import redirect_stderr, redirect_stdout
 from functools import cache
 from pathlib import Path
@@ -60,12 +60,26 @@ def run(*arguments: object) -> Result:
     return Result(code, out.getvalue(), err.getvalue())
 
 
+def _commands(group: Any, before: str = "") -> Iterator[tuple[str, Any]]:
+    for name, one in group.commands.items():
+        if hasattr(one, "commands"):
+            yield from _commands(one, f"{before}{name} ")
+        else:
+            yield f"{before}{name}", one
+
+
+COMMANDS: dict[str, Any] = dict(_commands(typer.main.get_command(app)))
+"""What does something, by the words that call it: those of groups have two."""
+
+
+def takes(name: str, words: list[str]) -> None:
+    """A command's options and arguments, which it does not run, are all its own, and none is missing."""
+    assert COMMANDS[name].make_context(name, words).args == []
+
+
 def example(name: str) -> list[str]:
     """The words of the example in a command's help, without "hysid"."""
-    node: Any = typer.main.get_command(app)
-    for word in name.split():
-        node = node.commands[word]
-    return shlex.split(node.epilog.strip().splitlines()[-1])[1:]
+    return shlex.split(COMMANDS[name].epilog.strip().splitlines()[-1])[1:]
 
 
 def sponge(step: float = 2.0, thickness: float = 50.0, noise: float = 0.02) -> Rows:

@@ -114,26 +114,30 @@ def test_a_prior_pulls_as_its_weight_says(tmp_path: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    ("said", "code"),
+    ("said", "code", "words"),
     [
-        ({"E3": {"fixed": 1}}, "unknown-parameter"), ({"E1": {"begin": 1}}, "unknown-key"),
-        ({"E1": {"bounds": [3, 1]}}, "bad-bounds"), ({"E1": {"bounds": 3}}, "bad-bounds"),
-        ({"E1": {"bounds": [2.0, 5]}}, "start-out-of-bounds"),
-        ({"E1": {"start": -1}}, "start-out-of-bounds"),
-        ({"E1": {"prior": "uniform(3, 4)"}}, "start-out-of-bounds"),
-        ({"E1": {"tied": "E9"}}, "bad-tie"), ({"E1": {"tied": "E1"}}, "bad-tie"),
-        ({"E1": {"tied": "E2 + 1"}}, "bad-tie"),
-        ({"E1": {"tied": "E2", "start": 2}}, "bad-tie"),
-        ({"E1": {"tied": "E2"}, "E2": {"tied": "eta1"}}, "bad-tie"),
+        ({"e1": {"fixed": 1}}, "unknown-parameter", "did you mean E1?"),
+        ({"E1": {"begin": 1}}, "unknown-key", "begin"), ({"E1": {"bounds": 3}}, "bad-bounds", "3"),
+        ({"E1": {"bounds": [3, 1]}}, "bad-bounds", "[3, 1]"),
+        ({"E1": {"bounds": [2.0, 5]}}, "start-out-of-bounds", "gradient vanishes"),
+        ({"E1": {"start": -1}}, "start-out-of-bounds", "outside of"),
+        ({"E1": {"prior": "uniform(3, 4)"}}, "start-out-of-bounds", "start inside"),
+        *(
+            (said, "bad-tie", "E1") for said in (
+                {"E1": {"tied": "E9"}}, {"E1": {"tied": "E1"}}, {"E1": {"tied": "E2 + 1"}},
+                {"E1": {"tied": "E2", "start": 2}}, {"E1": {"tied": "E2"}, "E2": {"tied": "eta1"}},
+            )
+        ),
     ],
 )  # fmt: skip
-def test_what_cannot_be_meant(said: dict[str, Any], code: str) -> None:
-    refuses(code, lambda: fit(record(), BURGERS, parameters=said))
+def test_what_cannot_be_meant(said: dict[str, Any], code: str, words: str) -> None:
+    refuses(code, lambda: fit(record(), BURGERS, parameters=said), words)
 
 
 def test_nothing_free_and_no_model() -> None:
     said = {name: {"fixed": True} for name in ("K", "b")}
-    refuses("nothing-free", lambda: fit(record(), LinearSponge(1.0, 0.0, 1.5), parameters=said))
+    line = LinearSponge(1.0, 0.0, 1.5)
+    refuses("nothing-free", lambda: fit(record(), line, parameters=said), "every parameter")
     refuses("unknown-parameter", lambda: fit(record(), "auto", parameters=said))
     refuses("bad-option", lambda: fit(record(), "Burgers", noise="pink"))
 

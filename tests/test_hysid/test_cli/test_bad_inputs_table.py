@@ -338,18 +338,6 @@ PYTHON: dict[str, tuple[Callable[[], Any], str, tuple[str, ...]]] = {
     "12: a step of none": (
         lambda: Record.from_arrays([1, 2], [1, 2], dt=0.0), "bad-option", ("dt=0.0", "above 0")
     ),
-    "20: outside": (
-        lambda: identify.fit(record(), "LinearSponge", parameters={"K": {"start": 60, "bounds": [0, 50]}}),
-        "start-out-of-bounds", ("K starts at 60", "outside of (0, 50)", "start inside"),
-    ),
-    "21: on a bound": (
-        lambda: identify.fit(record(), "LinearSponge", parameters={"K": {"start": 50, "bounds": [0, 50]}}),
-        "start-out-of-bounds", ("on a bound", "gradient vanishes", "start inside"),
-    ),
-    "21: turned": (
-        lambda: identify.fit(record(), "LinearSponge", parameters={"K": {"bounds": [50, 0]}}),
-        "bad-bounds", ("[50, 0]", "below the upper", "swap them"),
-    ),
 }  # fmt: skip
 
 

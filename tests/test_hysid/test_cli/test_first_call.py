@@ -7,10 +7,8 @@ from pathlib import Path
 
 import openpyxl
 import pytest
-import typer
 
-from hysid.cli._app import app
-from tests.test_hysid.command import LINE, F, T, X, put, refused, run, sponge, text
+from tests.test_hysid.command import LINE, F, T, X, put, refused, run, sponge, takes, text
 
 ROWS = sponge()
 
@@ -68,6 +66,7 @@ def test_what_nothing_drives_is_not_fitted():
     )
     refused(run("check", "wrench.csv"), "hysid init wrench.csv", "[cannot-decide]")
     assert [file.name for file in Path().iterdir()] == ["wrench.csv"]
+    assert "\nhysid " not in run("init", "wrench.csv").out  # nor is a pair proposed
 
 
 @pytest.mark.parametrize(
@@ -140,4 +139,4 @@ def test_hysid_alone_says_how_to_begin():
     ]  # fmt: skip
     put(text(ROWS))
     for _, name, *words in begin:  # which `test_remedies` and others run
-        assert typer.main.get_command(app).commands[name].make_context(name, words).args == []
+        takes(name, words)

@@ -9,14 +9,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import typer
 
-from hysid.cli._app import app
 from tests.sources import trees
-from tests.test_hysid.command import F, T, X, put, run, sponge, text
+from tests.test_hysid.command import COMMANDS, F, T, X, example, put, run, sponge, takes, text
 from tests.thorough import rest_thorough
 
-COMMANDS = typer.main.get_command(app).commands  # type: ignore[attr-defined]
 OPTION = re.compile(r"(?<![\w-])--[a-z][a-z0-9-]*[a-z0-9](?!\w)")
 ELSEWHERE = re.compile(r"hysid ([a-z]+)( [^;,.)]*)?|pip \S+[^;,.)]*|rostopic [^;,.)]*")
 COLUMNS = ("--input", F, "--output", X)
@@ -25,14 +22,6 @@ ROWS = sponge()
 
 
 pytestmark = pytest.mark.usefixtures("empty_folder")
-
-
-def commands(node=None) -> list:
-    """Every command, those of groups included."""
-    found = []
-    for one in (node or typer.main.get_command(app)).commands.values():  # type: ignore[attr-defined]
-        found += commands(one) if hasattr(one, "commands") else [one]
-    return found
 
 
 def options_of_command(command: Any) -> set[str]:
@@ -53,10 +42,7 @@ def sources() -> list[tuple[str, list[ast.AST], set[int]]]:
 
 
 def test_options_in_messages_exist():
-    known = {name for one in commands() for name in options_of_command(one)} | {
-        "--help",
-        "--version",
-    }
+    known = set().union({"--help", "--version"}, *map(options_of_command, COMMANDS.values()))
     faults = []
     for place, nodes, _ in sources():
         for node in nodes:
@@ -89,20 +75,12 @@ def calls() -> dict[tuple[str, str], str]:
     return found
 
 
-def command_of(name: str):
-    """A command by its words, None where there is no such."""
-    node = typer.main.get_command(app)
-    for word in name.split():
-        node = getattr(node, "commands", {}).get(word)
-    return node
-
-
 def test_commands_in_messages_are_complete():
     """Each option is one of the command; and where arguments are given, none is missing."""
     put(text(ROWS))  # which some of them name
     faults, tried = [], 0
     for (name, said), place in calls().items():
-        command, words = command_of(name), shlex.split(said.replace("VALUE", "1"))
+        command, words = COMMANDS.get(name), shlex.split(said.replace("VALUE", "1"))
         if command is None:  # a sentence with hysid as its subject
             assert "--" not in said, (name, said, place)
             continue
@@ -121,20 +99,10 @@ def test_commands_in_messages_are_complete():
 
 def test_examples_of_help_are_complete():
     """Every command has an example, whose options and arguments it takes."""
-    for name, command in named_commands():
-        assert command.epilog, name
-        line = command.epilog.strip().splitlines()[-1].strip()
-        assert line.startswith(f"hysid {name} ") or line == f"hysid {name}", line
-        assert command.make_context(name, shlex.split(line)[1 + len(name.split()) :]).args == []
-
-
-def named_commands(node=None, before: str = "") -> list[tuple[str, Any]]:
-    """Every command by its words."""
-    found = []
-    for name, one in (node or typer.main.get_command(app)).commands.items():  # type: ignore[attr-defined]
-        inner = f"{before}{name}"
-        found += named_commands(one, f"{inner} ") if hasattr(one, "commands") else [(inner, one)]
-    return found
+    for name in COMMANDS:
+        words, own = example(name), name.split()
+        assert words[: len(own)] == own
+        takes(name, words[len(own) :])
 
 
 def changed(line: int, column: int, value: str) -> str:
@@ -206,12 +174,6 @@ def test_what_init_prints_runs():
     assert run("init", "a b.csv", "--overwrite").code == 0
     (words,) = printed(run("init", put(text(ROWS), "bare")).out)[1:]
     assert run(*words, *FAST).code == 0
-    put(
-        "Fx,Fy,Fz\n" + "".join(f"{3 * k % 7},{3 * k % 11},{5 * k % 13}\n" for k in range(40)),
-        "wrench.csv",
-    )
-    # Three readings that nothing drives: no pair of them is proposed.
-    assert printed(run("init", "wrench.csv").out) == []
 
 
 @pytest.mark.parametrize(
@@ -232,6 +194,6 @@ def test_what_a_report_prints_runs(cycles, held):
     assert found
     for words in found:
         if words[0] == "sample":  # for seconds: its options are there
-            COMMANDS["sample"].make_context("sample", words[1:])
+            takes("sample", words[1:])
         else:
             assert run(*words, *(FAST if words[0] == "fit" else ())).code == 0, words

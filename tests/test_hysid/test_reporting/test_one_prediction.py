@@ -82,6 +82,7 @@ def test_every_number_of_a_report_is_in_fit_json(folder: Path, document: dict[st
     page = Page(Path(run("report", folder / "fit", "--json").json()["file"])).text
     train, test = document["metrics"]["train"], document["metrics"]["test"]
     beyond, off = document["extrapolation"]["input"], quantity(qualified["errors"]["rmse"], "N")
+    held = document["compensator"]["band"]["coverage"]
     assert beyond["rows"] > 0
     for words in (
         f"rms error {quantity(train['rmse'], 'mm')}.",
@@ -93,6 +94,7 @@ def test_every_number_of_a_report_is_in_fit_json(folder: Path, document: dict[st
         f"an input beyond the trained ones {beyond['rows']} held-out rows {quantity(beyond['rmse'], 'mm')}",
         f"compensator on held-out rows, rms {off}",
         f"an error of {off} rms",
+        f"deviations hold {100 * held:#.3g} %",
         *(
             f"{quantity(one['nrmse_percent'], '%')} {quantity(one['rmse'], 'mm')}"
             for one in document["baselines"]

@@ -15,15 +15,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-import typer
 
 import hysid
 import identify
-from hysid.cli._app import app
 from hysid.intake._selection import Selection
 from hysteresis import InputError
 from tests.refusals import refuses
-from tests.test_hysid.command import refused, run
+from tests.test_hysid.command import refused, run, takes
 from tests.test_hysid.test_studio.served import ask, entered, serving, studio_of
 
 SPONGE = Path(__file__).parents[3] / "datasets" / "sponge-50mm-cycles.csv"
@@ -179,7 +177,7 @@ def test_python_lines_make_the_records_and_the_fit_of_the_commands(studio, tmp_p
     assert len(lines) == 7
     for words in (shlex.split(line)[1:] for line in lines):
         if words[0] in ("sample", "report"):  # for seconds; others run them
-            typer.main.get_command(app).commands[words[0]].make_context(words[0], words[1:])
+            takes(words[0], words[1:])
         else:
             assert run(*words).code == 0, words
     assert studio.look("run.csv")["result"]["exports"] == ["run/compensator.json", "run/run.h"]
@@ -280,10 +278,8 @@ def test_every_command_of_the_page_is_one_of_the_command_line(studio, tmp_path, 
     for kind in ("qualify", "predict"):
         studio.start(kind, "run.csv", {"file": "-other.csv"})
     studio.compare(["run.csv", "-other.csv"])
-    commands = typer.main.get_command(app).commands
     for name, *words in given:
-        context = commands[name].make_context(name, words)
-        assert context.args == []
+        takes(name, words)
     with pytest.raises(InputError):
         studio.start("export", "run.csv", {"target": "../../x"})
 
