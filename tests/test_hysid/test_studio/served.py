@@ -12,7 +12,7 @@ from urllib.parse import urlsplit
 from hysid.studio._server import Prepared, prepared
 from hysteresis import model_names
 
-MODELS = (*model_names(), "Composition", "EverettSurface", "Butterfly", "Oscillator")
+MODELS = (*model_names(), "Preisach", "Composition", "EverettSurface", "Butterfly", "Oscillator")
 
 
 @contextmanager
