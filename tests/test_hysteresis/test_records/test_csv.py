@@ -37,17 +37,6 @@ def with_cell(line: int, cells: str) -> str:
     return "\n".join(lines)
 
 
-def test_a_plain_file(read):
-    record = read(table(), time=T)
-    assert np.array_equal(record.input, [r[1] for r in ROWS])
-    assert np.array_equal(record.output, [r[2] for r in ROWS])
-    assert np.array_equal(record.time, [r[0] for r in ROWS])
-    assert (record.input_unit, record.output_unit, record.time_unit) == ("mm", "N", "s")
-    assert record.line.tolist() == list(range(2, 22))
-    assert record.source.endswith("run.csv")
-    assert len(record.sha256) == 64
-
-
 def test_a_row_of_units(read):
     text = table().replace("\n", "\ns,mm,kN\n", 1).replace(T, "t").replace(F, "F").replace(X, "x")
     record = read(text, "x", "F", time="t")
