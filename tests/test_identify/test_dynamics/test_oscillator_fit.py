@@ -15,7 +15,7 @@ from identify.dynamics._measured_motion import measured_motion, period_of
 from identify.fitting._oscillator import misfit_of, warnings_of
 from tests.refusals import raises, refuses
 
-SAMPLES = 2048
+SAMPLES = 1024
 TRUTH = [2.0, 10.0, 5e4, 5e4, 800.0, -1100.0]
 
 
