@@ -1,10 +1,14 @@
-"""How objects print and draw themselves: short, with numbers and units, in one way only."""
+"""How objects print and draw themselves, in notebooks too: short, with names, units, nobody's markup."""
 
+import base64
 from dataclasses import replace
 from functools import cache
 from typing import Any
+from xml.etree import ElementTree
 
 import jax
+import jax.numpy as jnp
+import matplotlib
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -28,23 +32,29 @@ MODELS = {
 }  # fmt: skip
 
 
+NASTY = 'force <script>alert("&")</script> (N)'
+MOST = 200_000
+
+
 @cache
-def record() -> Record:
+def record(name: str = "force (N)") -> Record:
     t, force, x, _ = SpongeRig().five_cycles(step=2.0, noise=0.02, seed=0)
     return Record.from_arrays(force, x, t, input_unit="N", output_unit="mm",
-                              input_name="force (N)", output_name="x (mm)")  # fmt: skip
+                              input_name=name, output_name="x (mm)", source="run <1>.csv")  # fmt: skip
 
 
 @cache
-def fitted() -> FitResult:
-    return fit(record(), model="LinearSponge", test_cycles=1, noise="gaussian", starts=2)
+def fitted(name: str = "force (N)") -> FitResult:
+    return fit(record(name), model="LinearSponge", test_cycles=1, noise="gaussian", starts=2)
 
 
-def posterior(count: int = 2) -> Posterior:
-    draws = np.random.default_rng(0).normal(size=(4, 100, count))
-    names = tuple(f"k{i}" for i in range(count))
+def posterior(count: int = 2, apart: float = 0.0) -> Posterior:
+    """Of four ensembles, the first of which may lie apart."""
+    draws = np.random.default_rng(0).normal(size=(4, 500, count))
+    draws[0] += apart
+    names = tuple(f"k<{i}>" for i in range(count))
     summaries = tuple(summary_of(n, draws[..., k], 400.0) for k, n in enumerate(names))
-    return Posterior(names, draws, None, summaries, "emcee", 0.4, 20.0, 1.0, ("A note.",))
+    return Posterior(names, draws, None, summaries, "emcee", 0.4, 20.0, 1.0, ("mind & me",))
 
 
 def short(text: str) -> str:
@@ -102,9 +112,9 @@ def test_a_fit_prints():
 
 def test_a_posterior_prints():
     text = short(str(posterior(60)))
-    assert "400 draws by emcee" in text
+    assert "2000 draws by emcee" in text
     assert "R-hat" in text
-    assert "A note." in text
+    assert "mind & me" in text
 
 
 def test_plots_are_figures():
@@ -114,10 +124,73 @@ def test_plots_are_figures():
     for figure in drawn[:2]:
         assert figure.axes[0].get_xlabel() == "force (N)"
         assert figure.axes[0].get_ylabel() == "x (mm)"
-    assert len(posterior(3).plot(["k2"]).axes) == 1
+    assert len(posterior(3).plot(["k<2>"]).axes) == 1
     refuses("unknown-parameter", lambda: posterior().plot(["gone"]))
 
 
 def test_masked_rows_are_drawn_apart():
     figure = record().select(cycle=1).plot()
     assert [line.get_label() for line in figure.axes[0].lines] == ["excluded", "used"]
+
+
+def read(page: str) -> tuple[ElementTree.Element, str]:
+    """A fragment as a tree, and the words on it."""
+    assert len(page) < MOST
+    tree = ElementTree.fromstring(page)  # which no open tag, bare < or & gets through
+    assert tree.tag == "div"
+    assert tree.find(".//script") is None
+    for image in tree.iter("img"):
+        assert image.get("alt")
+        kind, _, packed = image.get("src", "").partition(";base64,")
+        assert kind == "data:image/png"
+        assert base64.b64decode(packed).startswith(b"\x89PNG")
+    return tree, " ".join(tree.itertext())
+
+
+def test_a_page_of_a_record_that_cannot_be_used():
+    same = Record.from_arrays(np.ones(30), np.arange(30.0))
+    assert "constant-input" in read(same._repr_html_())[1]
+
+
+def test_a_page_of_a_fit():
+    found = fitted(NASTY)
+    words = read(found._repr_html_())[1]
+    assert str(found) in words
+    assert found.verdict.level in words
+
+
+@pytest.mark.parametrize("converged", [True, False])
+def test_a_page_of_a_posterior(converged: bool):
+    drawn = posterior(apart=0.0 if converged else 10.0)
+    assert drawn.converged is converged
+    words = read(drawn._repr_html_())[1]
+    assert ("not converged" in words) is not converged
+    for said in ("k<0>", "k<1>", "mind & me", "2000 draws by emcee"):
+        assert said in words
+
+
+def test_pages_of_compensators():
+    draws = [Burgers(E1=E1, eta1=2.0, E2=3.0, eta2=4.0) for E1 in (1.0, 1.1, 1.2)]
+    many = jax.tree.map(lambda *leaves: jnp.stack(leaves), *draws)
+    words = read(invert(many)._repr_html_())[1]
+    assert "EnsembleCompensator" in words
+    assert "[1, 1.1, 1.2]" in words
+    assert read(invert(MODELS["grid"])._repr_html_())
+
+
+def test_long_records_and_many_parameters_stay_small():
+    u = 20 * np.abs(np.sin(np.arange(20_000) / 300))
+    read(Record.from_arrays(u, u + np.sin(u), dt=0.01)._repr_html_())
+    many = replace(fitted(), parameters=40 * fitted().parameters)
+    assert "more" in read(many._repr_html_())[1]
+
+
+def test_nothing_global_is_touched():
+    before = dict(matplotlib.rcParams)
+    with matplotlib.rc_context({"axes.facecolor": "red", "text.usetex": True}):
+        user = dict(matplotlib.rcParams)
+        first = record(NASTY)._repr_html_()
+        assert dict(matplotlib.rcParams) == user
+    assert dict(matplotlib.rcParams) == before
+    assert record(NASTY)._repr_html_() == first
+    assert read(first)
