@@ -12,7 +12,7 @@ from compensate.internal import CalibratedCompensator
 from hysteresis import AbstractModel, Burgers, LinearSponge, Preisach, Record
 from hysteresis.preisach import GridDensity
 from tests.problems import HIGH, LOW, SAMPLES, random_histories, weights, without
-from tests.refusals import raises
+from tests.refusals import refuses
 from tests.thorough import rest_thorough
 
 DRAWS = 9
@@ -117,5 +117,4 @@ def test_the_error_is_added_in_quadrature_and_carried_over():
 
 def test_no_row_to_learn_from_is_refused():
     model, record = wrong(0, 4)
-    with raises("no-rows"):
-        calibrated(invert(model), record.split_rows(record.cycle >= 9)[1])
+    refuses("no-rows", lambda: calibrated(invert(model), record.split_rows(record.cycle >= 9)[1]))

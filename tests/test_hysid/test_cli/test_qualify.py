@@ -122,26 +122,19 @@ def test_a_posterior_gives_the_worst_case(folder, monkeypatch):
 
 
 ROWS = sponge()
-OTHER_HEADER = (T, F, "displacement", "cycle")
 
 
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (text([ROWS[0], *ROWS]), ("the same time", "line")),
         (text([*ROWS, *ROWS]), ("Time goes back",)),
         (text([row[:2] for row in ROWS], (T, F)), (f"No column {X!r}",)),
         (text([[row[0], row[2]] for row in ROWS], (T, X)), (f"No column {F!r}",)),
-        (text(ROWS, OTHER_HEADER), (f"No column {X!r}",)),
         (text([*ROWS[:9], [ROWS[9][0], "OVLD", "1", "1"], *ROWS[10:]]), ("OVLD",)),
-        (text([*ROWS[:9], [ROWS[9][0], "1", "", "1"], *ROWS[10:]]), ("NaN", X)),
-        (text([*ROWS[:9], [ROWS[9][0], "1", "inf", "1"], *ROWS[10:]]), ("not-finite", X)),
-        (text([]), ()),
         ("", ()),
     ],
-    ids=["repeated time", "time backwards", "no output", "no input", "other name", "text", "NaN",
-         "not-finite", "header only", "empty"],
-)  # fmt: skip
+    ids=["time backwards", "no output", "no input", "text", "empty"],
+)
 def test_bad_files_are_refused_in_a_line(folder, tmp_path, content, words):
     (tmp_path / "bad.csv").write_text(content)
     before = tree(folder / "fit")
