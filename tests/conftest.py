@@ -4,8 +4,10 @@ import gc
 import os
 import sys
 from functools import cache
+from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 from unittest.mock import patch
 
 import pytest
@@ -86,6 +88,13 @@ def vendor_files() -> Path:
     if not (folder / "key.json").is_file():
         pytest.skip(f"no files of makers at {folder}; name their folder in HYSID_VENDOR")
     return folder
+
+
+@pytest.fixture
+def duhem(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """A model of the template distribution."""
+    monkeypatch.syspath_prepend(Path(__file__).parents[1] / "docs" / "template")
+    return import_module("hysid_duhem").Duhem(0.5, 1.0, 0.7)
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -9,10 +9,8 @@ from jaxtyping import Array, Float
 from hysteresis import AbstractModel, InputError, Scalar, parameter, register
 
 
-class AbstractSlope(AbstractModel[tuple[()], Any]):
-    """A straight line through the origin."""
-
-    slope: eqx.AbstractVar[Scalar]
+class AbstractMemoryless(AbstractModel[tuple[()], Any]):
+    """The output is a function of the present input."""
 
     def init(self, t0: Any = None, u0: Any = None) -> tuple[()]:
         return ()
@@ -22,6 +20,12 @@ class AbstractSlope(AbstractModel[tuple[()], Any]):
 
     def prepare(self, t: Any, u: Any, state: Any = None, *, starts: tuple[int, ...] = (0,)) -> Any:
         return jnp.asarray(u)
+
+
+class AbstractSlope(AbstractMemoryless):
+    """A straight line through the origin."""
+
+    slope: eqx.AbstractVar[Scalar]
 
     def evaluate(self, prepared: Any) -> Any:
         return self.slope * prepared + self.constant()

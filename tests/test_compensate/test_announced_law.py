@@ -43,15 +43,6 @@ def move(p: Parameters, s: State, u: float) -> float:
     s.u = u
     return y
 """
-TEMPLATE = Path(__file__).parents[2] / "docs" / "template"
-
-
-@pytest.fixture
-def duhem(monkeypatch: pytest.MonkeyPatch) -> Any:
-    """A model of the template distribution."""
-    monkeypatch.syspath_prepend(TEMPLATE)
-    __import__("hysid_duhem")
-    return sys.modules["hysid_duhem"].Duhem(0.5, 1.0, 0.7)
 
 
 @pytest.fixture

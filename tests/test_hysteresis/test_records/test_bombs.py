@@ -35,26 +35,43 @@ def refused(file: Path, code: str, *words: str) -> None:
     assert perf_counter() - begin < 20.0  # most take less than one second; without limits, hours
 
 
-@pytest.mark.parametrize("quote", ['"', ""])
-def test_a_cell_without_end_is_named(tmp_path: Path, quote: str):
-    """With an open quotation mark, the rest of the file is one cell."""
-    file = tmp_path / "run.csv"
-    file.write_text(f"a,b\n{ROWS}1,{quote}{'1' * 200_000}\n{ROWS}")
-    refused(file, "long-cell", "line 32", "131,072 characters")
+NAMES = ",".join(f"c{k}" for k in range(10_001))
 
 
-def test_a_cell_that_would_make_all_others_as_long(tmp_path: Path):
-    """An array of text gives each of 30,000 cells the room of the longest one."""
-    file = tmp_path / "run.csv"
-    file.write_text("a,b\n" + "1,2\n" * 30_000 + f"1,{'x' * 3000}\n")
-    refused(file, "long-cell", "line 30002", "'b'", "characters")
+@pytest.mark.parametrize(
+    ("content", "code", "words"),
+    [
+        # With an open quotation mark, the rest of the file is one cell.
+        *(
+            (f"a,b\n{ROWS}1,{quote}{'1' * 200_000}\n{ROWS}", "long-cell",
+             ("line 32", "131,072 characters"))
+            for quote in ('"', "")
+        ),
+        # An array of text gives each of 30,000 cells the room of the longest one.
+        ("a,b\n" + "1,2\n" * 30_000 + f"1,{'x' * 3000}\n", "long-cell",
+         ("line 30002", "'b'", "characters")),
+        (f"{NAMES}\n{','.join('1' * 10_001)}\n", "too-many-columns", ("10,001", "10,000")),
+    ],
+)  # fmt: skip
+def test_cells_and_columns_have_an_end(
+    tmp_path: Path, content: str, code: str, words: tuple[str, ...]
+):
+    (tmp_path / "run.csv").write_text(content)
+    refused(tmp_path / "run.csv", code, *words)
 
 
-def test_columns_have_an_end(tmp_path: Path):
-    file = tmp_path / "run.csv"
-    names = [f"c{k}" for k in range(10_001)]
-    file.write_text(f"{','.join(names)}\n{','.join('1' for _ in names)}\n")
-    refused(file, "too-many-columns", "10,001", "10,000")
+@pytest.mark.parametrize(
+    ("needs", "name", "make", "code", "words"),
+    [
+        ("python_calamine", "run.xlsx", lambda: bombs.xlsx_words(3), "damaged-file",
+         "more than 256,000,000 characters"),
+        ("pyarrow", "run.parquet", bombs.parquet_words, "long-cell", "'w'"),
+    ],
+)  # fmt: skip
+def test_words_have_an_end(tmp_path: Path, needs: str, name: str, make: Any, code: str, words: str):
+    pytest.importorskip(needs)
+    (tmp_path / name).write_bytes(make())
+    refused(tmp_path / name, code, words)
 
 
 def tdms(samples: int) -> bytes:
@@ -123,20 +140,6 @@ def test_a_sheet_that_is_nearly_empty_is_read(make: Any, ending: str, tmp_path: 
     for content in (make(CELLS, (65_536, 256)), make([*CELLS, (60_000, 20, 1.0)])):
         file.write_bytes(content)
         np.testing.assert_array_equal(read_table(file).number("x"), np.arange(2.0, 22.0))
-
-
-def test_a_workbook_of_too_many_characters(tmp_path: Path):
-    pytest.importorskip("python_calamine")
-    file = tmp_path / "run.xlsx"
-    file.write_bytes(bombs.xlsx_words(3))
-    refused(file, "damaged-file", "more than 256,000,000 characters")
-
-
-def test_a_long_word_of_a_long_column(tmp_path: Path):
-    pytest.importorskip("pyarrow")
-    file = tmp_path / "run.parquet"
-    file.write_bytes(bombs.parquet_words())
-    refused(file, "long-cell", "'w'")
 
 
 def test_a_bag_that_unpacks_or_computes_without_end(tmp_path: Path):

@@ -12,16 +12,6 @@ X = np.abs((np.arange(12) % 8) - 4.0) / 4
 F = 3 * X**2 + 0.125
 
 
-@pytest.fixture
-def table(tmp_path):
-    def _read(content: str, name: str = "run.txt"):
-        path = tmp_path / name
-        path.write_text(content, encoding="utf-8")
-        return read_table(path)
-
-    return _read
-
-
 def rows(*columns: np.ndarray, sep: str = "\t") -> str:
     lines = (sep.join(f"{v:.4f}" for v in row) for row in zip(*columns, strict=True))
     return "\n".join(lines) + "\n"

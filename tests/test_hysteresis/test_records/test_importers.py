@@ -73,16 +73,6 @@ def lvm(kind: str, body: str, decimal: str = ".", multi: str = "No") -> str:
     return LVM.format(d=decimal, m=multi, x=kind) + body
 
 
-@pytest.fixture
-def table(tmp_path):
-    def _read(content: str | bytes, name: str = "run.txt", **options):
-        path = tmp_path / name
-        path.write_bytes(content if isinstance(content, bytes) else content.encode())
-        return read_table(path, **options)
-
-    return _read
-
-
 @pytest.mark.parametrize(
     ("content", "time", "x", "force"),
     [

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hysteresis import InputError
 from hysteresis.internal import ChannelGeometryRig, FoamBlock, ForceSensor, GaugeSensor, force_path
 from hysteresis.rigs import INWARD, ArmorRig, SpongeRig
+from tests.refusals import refuses
 
 EXACT = ForceSensor(crosstalk=0, hysteresis=0, noise_n=0, noise_nm=0)
 LINES = SpongeRig().five_cycles().statistics()
@@ -123,10 +123,7 @@ TOP = RIG.points_of_surface_1()._replace(points=np.array([[0.0, 0.0, 0.55]]), su
     ],
 )  # fmt: skip
 def test_bad_arguments_are_refused_with_a_remedy(bad):
-    with pytest.raises(InputError) as caught:
-        bad()
-    assert caught.value.fix
-    assert caught.value.code == "bad-option"
+    refuses("bad-option", bad, "Fix: ")
 
 
 def test_a_sponge_that_has_aged_is_softer():

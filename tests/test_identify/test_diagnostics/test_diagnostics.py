@@ -4,16 +4,16 @@ from dataclasses import replace
 from typing import Any
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 import pytest
 import scipy.stats
 
-from hysteresis import AbstractModel, Record, Scalar, parameter
+from hysteresis import Record, Scalar, parameter
 from identify import FitResult, breakdown, fit, sensitivity, sloppiness, whiteness
 from identify.fitting._verdict import judge
 from identify.internal import estimate_noise
 from identify.noise._model import NoiseModel
+from tests.other_models import AbstractMemoryless
 from tests.test_identify.lines import THRESHOLD, line, pressed
 
 ROWS = 600
@@ -130,20 +130,7 @@ def test_what_a_line_is_without_a_cycle_is_the_line_through_the_others() -> None
     assert found.said[0].startswith("Without the first cycle, K moves by")
 
 
-class WithoutMemory(AbstractModel[Any, Any]):
-    """The output is a function of the present input."""
-
-    def init(self, t0: Any = None, u0: Any = None) -> Any:
-        return ()
-
-    def step(self, state: Any, t: Any, u: Any) -> Any:
-        return (), self.evaluate(u)
-
-    def prepare(self, t: Any, u: Any, state: Any = None, *, starts: tuple[int, ...] = (0,)) -> Any:
-        return jnp.asarray(u)
-
-
-class InSeries(WithoutMemory):
+class InSeries(AbstractMemoryless):
     """Two springs in series, u = (1 / E1 + 1 / E2) F, and a dashpot that nothing moves."""
 
     E1: Scalar = parameter(unit="input / output", bounds=(0.0, float("inf")))
@@ -189,7 +176,7 @@ def test_a_parameter_without_effect_is_a_reason(in_series: FitResult) -> None:
     ]
 
 
-class Squared(WithoutMemory):
+class Squared(AbstractMemoryless):
     """y = c^2 u: either sign of c fits as well."""
 
     c: Scalar = parameter(unit="1")

@@ -5,7 +5,8 @@ import pytest
 from scipy.optimize import least_squares
 
 import identify
-from hysteresis import Burgers, InputError, Record
+from hysteresis import Burgers, Record
+from tests.refusals import refuses
 from tests.thorough import rest_thorough
 
 T = np.linspace(0, 20, 100)
@@ -76,7 +77,5 @@ def records_of(change: str) -> list[Record]:
     ],
 )  # fmt: skip
 def test_what_cannot_be_shared_is_refused(change, model, share, known):
-    with pytest.raises(InputError) as caught:
-        identify.fit_shared(records_of(change), model, share=share, starts=1, parameters=known)
-    assert caught.value.code == "bad-option"
-    assert caught.value.fix
+    how = {"share": share, "starts": 1, "parameters": known}
+    refuses("bad-option", lambda: identify.fit_shared(records_of(change), model, **how), "Fix: ")
