@@ -70,24 +70,25 @@ settings.register_profile(
 settings.load_profile("hysid")
 
 
+def _folder(variable: str, name: str, said: str, key: str = "") -> Path:
+    """What is shared beside the checkout, or where a variable says that it is."""
+    named = os.environ.get(variable)
+    folder = Path(named) if named else Path(__file__).resolve().parents[2] / "shared" / name
+    if not (folder / key).exists():
+        pytest.skip(f"no {said} at {folder}; name their folder in {variable}")
+    return folder
+
+
 @pytest.fixture(scope="session")
 def measured_data() -> Path:
     """Folder of real measurements by third parties, which the repository may not contain."""
-    named = os.environ.get("HYSID_DATA")
-    folder = Path(named) if named else Path(__file__).resolve().parents[2] / "shared" / "data"
-    if not folder.is_dir():
-        pytest.skip(f"no measured data at {folder}; name their folder in HYSID_DATA")
-    return folder
+    return _folder("HYSID_DATA", "data", "measured data")
 
 
 @pytest.fixture(scope="session")
 def vendor_files() -> Path:
     """Folder of files as makers of rigs wrote them, with their right answers in `key.json`."""
-    named = os.environ.get("HYSID_VENDOR")
-    folder = Path(named) if named else Path(__file__).resolve().parents[2] / "shared" / "vendor"
-    if not (folder / "key.json").is_file():
-        pytest.skip(f"no files of makers at {folder}; name their folder in HYSID_VENDOR")
-    return folder
+    return _folder("HYSID_VENDOR", "vendor", "files of makers", "key.json")
 
 
 @pytest.fixture

@@ -47,7 +47,7 @@ def test_both_files_are_the_compensator(folder: Path):
 
 def test_the_files_carry_the_fit(folder: Path):
     """Trained range, verdict, codes, and the date of the file that was fitted; a guard of one's choice."""
-    c, runtime = folder / "foam.h", folder / "foam.json"
+    c, runtime = folder / "foam.h", folder / "new" / "foam.json"  # in a folder that is made
     fit = identify.load(folder)
     told = run("export", folder, "--runtime", runtime, "--c", c, "--json").json()
     assert (told["beyond"], told["start"], told["date"]) == ("limit", "unknown", "2023-05-03")
@@ -68,10 +68,6 @@ def test_the_files_carry_the_fit(folder: Path):
     assert load(runtime).origin["date"] == "1999-12-31"
     assert np.isnan(load(runtime).step(0.01, far).value)
     refused(run("export", folder, "--runtime", runtime, "--beyond", "clip"), "limit or nan or free")
-
-
-def test_limits_and_precision(folder: Path):
-    c = folder / "foam.h"
     assert run("export", folder, "--c", c, "--float", "--limits", 1, 9).code == 0
     assert "typedef float foam_real;" in c.read_text()
     assert "from 1 to 9;" in c.read_text()
@@ -82,11 +78,6 @@ def test_a_target_is_written(folder: Path):
     assert found["files"] == {"arduino": str(folder / "foam")}
     assert load(folder / "foam" / "hysid-export.json").origin["verdict"]
     refused(run("export", folder, "--to", "plc", folder / "plc"), "plc", "arduino", "opensees")
-
-
-def test_a_folder_that_is_lacking_is_made(folder: Path):
-    assert run("export", folder, "--runtime", folder / "new" / "it.json").code == 0
-    assert load(folder / "new" / "it.json").step(0.0, 5.0)
 
 
 def test_a_clock_without_a_unit_tells_no_time(tmp_path: Path):

@@ -172,8 +172,6 @@ def test_what_init_prints_runs():
     for words in found:
         assert run(*words, *(FAST if words[0] == "fit" else ())).code == 0
     assert run("init", "a b.csv", "--overwrite").code == 0
-    (words,) = printed(run("init", put(text(ROWS), "bare")).out)[1:]
-    assert run(*words, *FAST).code == 0
 
 
 @pytest.mark.parametrize(

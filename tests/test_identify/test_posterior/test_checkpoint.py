@@ -3,9 +3,6 @@
 import os
 import resource
 import shutil
-import signal
-import subprocess
-import sys
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -19,22 +16,6 @@ from identify.storage._checkpoint import Checkpoint
 
 OWN = {"model": "m", "data": "d", "seed": "0", "versions": "emcee 3"}
 STEPS = 120
-ROOT = Path(__file__).resolve().parents[3]
-
-CHILD = """
-import sys
-from pathlib import Path
-from typing import Any
-import identify.posterior._emcee
-from tests.test_identify.test_posterior.test_checkpoint import drawn
-
-identify.posterior._emcee.MOMENT = 0.0
-
-def tell(done, total, text):
-    print(done, flush=True)
-
-drawn(Path(sys.argv[1]), resume=True, every=0.0, progress=tell)
-"""
 
 
 def density(points: np.ndarray) -> np.ndarray:
@@ -95,20 +76,6 @@ def test_interrupted_chains_go_on_bit_for_bit(whole, tmp_path) -> None:
             assert "interrupted" in drawn(file, resume=True, progress=interrupting(at)).notes[-1]
     same(drawn(file, resume=True), whole)
     same(drawn(file, resume=True), whole)  # there is nothing left to do
-
-
-@pytest.mark.thorough
-def test_killed_chains_go_on_bit_for_bit(whole, tmp_path) -> None:
-    """Twice, at some step, while every block is being written."""
-    file = tmp_path / "chains.npz"
-    for lines in (3, 9):
-        command = [sys.executable, "-c", CHILD, str(file)]
-        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=ROOT) as child:
-            said = [child.stdout.readline() for _ in range(lines)]
-            child.kill()
-        assert child.returncode == -signal.SIGKILL
-        assert all(said)
-    same(drawn(file, resume=True), whole)
 
 
 def test_a_full_disk_costs_nothing_that_was_kept(file, whole) -> None:
