@@ -1,7 +1,5 @@
 """The inverse of a model that depends on a condition: given the output and the condition."""
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -16,6 +14,7 @@ from hysteresis import (
     Sum,
 )
 from tests.refusals import refuses
+from tests.streams import check_stream
 
 KNOTS = [10.0, 20.0, 50.0]
 
@@ -63,12 +62,7 @@ def test_models_that_depend_on_the_rate_are_inverted():
 def test_a_stream_gives_what_the_batch_gives():
     u, c = walk(12)
     y = np.asarray(model().simulate(None, np.column_stack([u, c])))
-    compensator = invert(model())
-    state, step = compensator.init(), jax.jit(lambda *now: compensator.step(*now))
-    batch = compensator.simulate(None, np.column_stack([y, c]))
-    for k in range(len(u)):
-        state, found = step(state, 0.0, jnp.array([y[k], c[k]]))
-        assert float(found.value) == pytest.approx(float(batch.value[k]), abs=1e-9)
+    check_stream(invert(model()), np.arange(12.0), np.column_stack([y, c]))
 
 
 def test_without_a_condition_the_last_estimate_is_held():

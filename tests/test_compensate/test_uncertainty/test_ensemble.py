@@ -7,12 +7,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from compensate import Status, calibrated, invert
+from compensate import calibrated, invert
 from compensate.internal import CalibratedCompensator
 from hysteresis import AbstractModel, Burgers, LinearSponge, Preisach, Record
 from hysteresis.preisach import GridDensity
-from tests.problems import HIGH, LOW, SAMPLES, random_histories, weights, without
+from tests.problems import HIGH, LOW, SAMPLES, random_histories, weights
 from tests.refusals import refuses
+from tests.streams import check_stream
 from tests.thorough import rest_thorough
 
 DRAWS = 9
@@ -63,31 +64,13 @@ def test_a_stream_equals_the_batch_and_holes_leave_no_trace(make: Any):
     y = np.asarray(each[0].simulate(t, history()))
     hole = np.isin(np.arange(SAMPLES), [0, 5, 6, 17])
     broken = np.where(hole, np.resize([np.nan, np.inf, -np.inf], SAMPLES), y)
-    inner = invert(models)
     error = jnp.array([[0.1, 0.2], [0.3, 0.4]])
     levels, scores = jnp.array([LOW, HIGH]), jnp.array([-1.0, 1.0])
-    half = SAMPLES // 2
-    state, first = inner.stream(t[:half], jnp.asarray(broken[:half]), inner.init())
-    rest = inner.simulate(t[half:], broken[half:], state)
-    wanted = inner.simulate(t, broken).value
-    np.testing.assert_allclose(np.append(first.value, rest.value), wanted, rtol=0, atol=1e-8)
+    inner = invert(models)
     for compensator in (inner, CalibratedCompensator(inner, levels, error, scores, 0.01)):
-        whole = jax.tree.map(np.asarray, compensator.simulate(t, broken))
-        step, state = jax.jit(lambda s, t, y, c=compensator: c.step(s, t, y)), compensator.init()
-        for k in range(SAMPLES):
-            before = state
-            state, found = step(state, t[k], jnp.asarray(broken[k]))
-            np.testing.assert_allclose(found.draws, whole.draws[:, k], rtol=0, atol=1e-8)
-            np.testing.assert_allclose(found.deviation, whole.deviation[k], rtol=0, atol=1e-8)
-            assert found.status == whole.status[k]
-            if hole[k]:
-                assert found.status == Status.INVALID
-                jax.tree.map(np.testing.assert_array_equal, before, state)
-        assert np.isfinite(whole.draws[:, 1:]).all()  # no deviation before a reading
-        alone = np.asarray(compensator.simulate(*without(hole, t, y)).draws)
-        np.testing.assert_allclose(
-            alone[:, : (~hole).sum()], whole.draws[:, ~hole], rtol=0, atol=1e-8
-        )
+        check_stream(compensator, t, broken, 1e-8)
+        # There is no deviation before a reading.
+        assert np.isfinite(np.asarray(compensator.simulate(t, broken).draws)[:, 1:]).all()
 
 
 def wrong(seed: int, cycles: int = 8) -> tuple[AbstractModel, Record]:
