@@ -35,9 +35,9 @@ def line_posterior(line_fit):
     return sample(line_fit, seed=1)
 
 
-def test_emcee_on_a_line_is_the_analytic_posterior(line_fit) -> None:
+def test_emcee_on_a_line_is_the_analytic_posterior(line_fit, line_posterior) -> None:
     """Flat priors, unknown sigma: a Student-t about the least-squares line."""
-    posterior = sample(line_fit, steps=1000, seed=1)
+    posterior = line_posterior
     assert posterior.converged
     u, y = line_fit.train.input, line_fit.train.output
     A = np.stack([u, np.ones_like(u)], 1)
