@@ -210,7 +210,8 @@ def _inputs(
     u = u.reshape(samples, model.channels)
     columns = [u[..., None]]
     if plays:
-        r = jnp.array(model.scale, u.dtype)[:, None] * jnp.array(model.thresholds, u.dtype)
+        half_widths = (jnp.array(x, u.dtype) for x in (model.scale, model.thresholds))
+        r = jnp.outer(*half_widths)[None]
         low, high = (jnp.reshape(u[..., None] + s * r, (samples, -1)) for s in (-1, 1))
         columns.append(clamps(low, high, state.z.ravel(), start).reshape(samples, -1, plays))
     if lags:
