@@ -35,9 +35,7 @@ class AbstractComposite(AbstractFollowingModel[State, Prepared]):
     def follow(self, t: Times, u: Inputs, state: State | None = None) -> tuple[State, Output]:
         return self._over(lambda model, v, own: model.stream(t, v, own), u, state)
 
-    def simulated(
-        self, t: Times, u: Inputs, state: State | None, starts: Starts
-    ) -> Float[Array, " samples"]:
+    def simulated(self, t: Times, u: Inputs, state: State | None, starts: Starts) -> Output:
         """What `simulate` gives."""
 
         def run(model: AbstractModel, v: Any, own: Any) -> tuple[Any, Any]:
