@@ -108,6 +108,7 @@ def test_curves_keep_the_contract(model: Any):
     [
         (lambda: MonotoneCurve([0.0, 1.0], [1.0, 2.0]), "length-mismatch", "(2,) and (2,)"),
         (lambda: MonotoneCurve([0.0], []), "length-mismatch", "(1,) and (0,)"),
+        (lambda: MonotoneCurve([0.0, np.inf], [1.0]), "parameter-out-of-bounds", "finite"),
         (lambda: MonotoneCurve([0.0, 2.0, 1.0], [1.0, 1.0]), "parameter-out-of-bounds", "nodes"),
         (lambda: MonotoneCurve([0.0, 1.0], [-1.0]), "parameter-out-of-bounds", "increments"),
         (lambda: MonotoneSpline([0.0, 1.0], [1.0]), "length-mismatch", "as many nodes"),
