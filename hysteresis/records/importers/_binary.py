@@ -83,6 +83,7 @@ def binary(path: Path, data: bytes, table: int | None = None) -> Sheet | None:
     except (KeyboardInterrupt, SystemExit, GeneratorExit, InputError):
         raise
     except BaseException as error:  # whatever readers meet, and a panic of Rust is no `Exception`
+        error.__traceback__ = None  # an object of HDF5 in its frames must not outlive the library
         raise fault("damaged-file", path, f"this {what} is damaged: {error}.") from None
     if sheet is None:
         raise fault("no-rows", path, reader.none, reader.fix)
