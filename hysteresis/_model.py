@@ -93,6 +93,8 @@ class AbstractModel(eqx.Module, Generic[State, Prepared]):
     ) -> Float[Array, " samples"]:
         """`evaluate(prepare(t, u, state, starts=starts))`, compiled."""
         same_samples(t, u)
+        if not len(u):
+            return jnp.zeros(0)
         if (simulated := getattr(self, "simulated", None)) is not None:
             return simulated(t, u, state, starts)
         evaluate: Any = partial(evaluated, self) if self.traced else self.evaluate
@@ -218,7 +220,7 @@ class AbstractFollowingModel(AbstractModel[State, Prepared]):
 
 def same_samples(t: Any, values: Any) -> None:
     """Raise `InputError`: `length-mismatch` where times are given, but not one for every sample,
-    `wrong-shape` of one number, `wrong-unit` of dates, whose numbers may be nanoseconds."""
+    `wrong-shape` of one number, `wrong-unit` of dates, whose numbers may be nanoseconds, `not-numbers`."""
     if not np.ndim(values):
         said = "This is one number, not samples."
         raise InputError("wrong-shape", said, fix="give (samples,), or take a step.")
@@ -226,6 +228,13 @@ def same_samples(t: Any, values: Any) -> None:
         said = "The times are dates or durations, not numbers."
         fix = 'give seconds, or another unit: (t - t[0]) / np.timedelta64(1, "s").'
         raise InputError("wrong-unit", said, fix=fix)
+    for what, given in (("times", t), ("samples", values)):
+        if given is None or isinstance(given, jax.Array):
+            continue
+        holds = "masked values" if np.ma.isMaskedArray(given) else np.asarray(given).dtype.name
+        if np.ma.isMaskedArray(given) or np.asarray(given).dtype.kind not in "biuf":
+            said = f"The {what} are not real numbers: they hold {holds}."
+            raise InputError("not-numbers", said, fix="give floats, NaN where none is known.")
     if t is not None and np.shape(t)[:1] != np.shape(values)[:1]:
         said = f"There are times of shape {np.shape(t)} for samples of shape {np.shape(values)}."
         raise InputError("length-mismatch", said, fix="give one time for every sample.")

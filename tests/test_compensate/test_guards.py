@@ -224,7 +224,12 @@ def test_derivatives_are_those_of_what_is_found_and_never_a_silent_zero(name: st
 def test_what_is_no_series_of_samples_is_refused():
     """One number, and times that are dates: their numbers would be taken for seconds."""
     t, y = np.arange(3.0), np.array([0.1, 0.2, 0.3])
+    not_real = np.ma.masked_less(y, 0.2), [0.1, None, 0.3], ["0.1", "0.2", "0.3"], y + 0j
     for one in (CREEP, invert(CREEP, trained=(0.2, 0.8))):
         refuses("wrong-shape", lambda one=one: one.simulate(0.0, 1.0))
         refuses("wrong-unit", lambda one=one: one.simulate(t.astype("datetime64[ns]"), y))
         refuses("wrong-unit", lambda one=one: one.simulate(t.astype("timedelta64[s]"), y))
+        for values in not_real:
+            refuses("not-numbers", lambda one=one, values=values: one.simulate(t, values))
+        found = one.simulate([], [])
+        assert getattr(found, "value", found).shape == (0,)
