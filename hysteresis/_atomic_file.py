@@ -36,17 +36,27 @@ def atomic_file(file: Path, *, durable: bool = False) -> Iterator[Path]:
     mine = f"{os.getpid()}-{threading.get_native_id()}"
     new = file.with_name(f"{file.stem}.new-{mine}{file.suffix}")
     try:
-        yield new
-        if durable:
-            _synchronise(new)
-        os.replace(new, file)
-    except BaseException as error:
+        with naming(file, new):
+            yield new
+            if durable:
+                _synchronise(new)
+            os.replace(new, file)
+    except BaseException:
         new.unlink(missing_ok=True)
-        if isinstance(error, OSError) and str(error.filename) == str(new):
-            error.filename = str(file)  # the one that is asked for
         raise
     if durable and os.name == "posix":  # Windows cannot open a folder to synchronise its names.
         _synchronise(file.parent)
+
+
+@contextmanager
+def naming(file: Path, beside: Path) -> Iterator[None]:
+    """An error of the system names the file that is asked for; one of a full disk names none."""
+    try:
+        yield
+    except OSError as error:
+        if str(error.filename or beside).startswith(str(beside)):
+            error.filename = str(file)
+        raise
 
 
 def write_whole(file: Path, content: str | bytes) -> None:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from hysteresis import InputError
+from hysteresis._atomic_file import naming
 from hysteresis._format import plain
 
 from ._json import read_json, write_json
@@ -63,7 +64,8 @@ def _written(
     aside = {one: _aside(folder, one) for one in files}
     try:
         for one, content in files.items():
-            _put(aside[one], content)
+            with naming(folder / one, aside[one]):
+                _put(aside[one], content)
         digests = {one: _digest(place) for one, place in aside.items()}
         found = sealed({**document, "files": digests})
         write_json(folder / name, found)

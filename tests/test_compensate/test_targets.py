@@ -1,6 +1,7 @@
 """Targets of `hysid export --to`: what each is made for runs it, and the estimates are those of the C99."""
 
 import ctypes
+import errno
 import json
 import re
 import subprocess
@@ -72,6 +73,18 @@ def test_a_folder_is_replaced_only_where_an_export_wrote_it(tmp_path: Path):
     for target, real in (("plc", None), ("arduino", "double")):
         with raises("bad-option"):
             export_to(target, one.model, tmp_path / "it", one.y, real=real)
+
+
+def test_a_full_disk_is_said_of_the_file_that_was_asked_for(tmp_path, monkeypatch):
+    def full(self: Path, _: bytes) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    for target, out in (("c", tmp_path / "sensor.h"), ("arduino", tmp_path / "sensor")):
+        with pytest.raises(OSError, match="No space left") as error:
+            case("plays").write(target, out)
+        assert error.value.filename == str(out)
+    assert not [*tmp_path.iterdir()]
 
 
 def test_a_kill_while_a_folder_is_replaced_loses_nothing(tmp_path, monkeypatch):

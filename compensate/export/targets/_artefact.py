@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hysteresis import InputError
-from hysteresis._atomic_file import atomic_file
+from hysteresis._atomic_file import atomic_file, naming
 from hysteresis._escape import c_comment, c_string, markup, visible
 
 from ...runtime._file import checksum
@@ -107,8 +107,9 @@ class Artefact:
         out.parent.mkdir(parents=True, exist_ok=True)
         new = Path(tempfile.mkdtemp(prefix=f"{out.name}.new-", dir=out.parent))
         try:
-            for path, content in self.files.items():
-                _put(new / path, content)
+            with naming(out, new):
+                for path, content in self.files.items():
+                    _put(new / path, content)
             new.chmod(0o755)
             if out.exists() and not replaced:
                 out.rmdir()
