@@ -191,7 +191,7 @@ def judged(
 
 def estimate_contacts(
     folder: Path, file: Path, target: Path | None = None, *,
-    where: tuple[str, ...] = (), na_values: tuple[str, ...] = (), **reading: Any,
+    where: tuple[str, ...] = (), **reading: Any,
 ) -> dict[str, Any]:  # fmt: skip
     """Forces of all places behind the readings of a file, with deviations and statuses, to a table.
 
@@ -203,8 +203,7 @@ def estimate_contacts(
         arrays = load_arrays(identify.internal.whole_files(folder, document)[ARRAYS])
         estimator = rebuilt(document["structure"], arrays)
     selection = Selection.from_json(document["selection"]).without_hold_out()
-    words = (*selection.na_values, *na_values)
-    selection = replace(selection, na_values=words, where=where or selection.where, **reading)
+    selection = replace(selection, where=where or selection.where, **reading)
     table, names = selection.read(file), document["names"]
     if selection.output not in table.columns:  # a log without forces: any column will do
         selection = replace(selection, output=document["inputs"][0]["name"], output_unit=None)

@@ -107,7 +107,6 @@ def estimate(
     target: Path | None = None,
     *,
     where: Sequence[str] = (),
-    na_values: Sequence[str] = (),
     **reading: Any,
 ) -> dict[str, Any]:
     """Run the sensor of a folder over a file; write the estimates beside it, or to `target`.
@@ -127,8 +126,7 @@ def estimate(
         )  # fmt: skip
     document = read_checked(folder, TRAINING, 1, make=MAKE, again="train again.")
     sensor = load_sensor(folder)
-    selection = Selection.from_json(document["selection"])
-    selection = replace(selection, na_values=(*selection.na_values, *na_values), **reading)
+    selection = replace(Selection.from_json(document["selection"]), **reading)
     words = document["targets"]
     targets = Targets(words["force"], words["place"], tuple(words["position"]))
     table = selection.read(file)

@@ -65,6 +65,7 @@ class Trained:
         self.arguments = (
             "microchannel", "train", self.session, "--test-file", self.other, *STREAM, *SHORT,
             "--force", FORCE, "--place", PLACE, "--position", X, "--range", -1, 4.5, "--out", self.out,
+            "--na-values", "LOST",
         )  # fmt: skip
         self.done = run(*self.arguments, "--json")
 
@@ -177,6 +178,15 @@ def test_a_stream_goes_on_behind_bad_samples(trained: Trained):
     np.testing.assert_allclose(
         table["force"][after].astype(float), clean["force"][after].astype(float), atol=0.5
     )
+
+
+def test_words_for_missing_values_replace_those_of_the_training(trained: Trained):
+    """As other options of reading a file do, and those of `hysid predict`."""
+    rows = presses("A", seed=2)
+    rows[10][2] = "LOST"
+    assert trained.estimate(rows)["channels_at_fault"] == {TWO: {"MISSING": 1}}
+    words = (trained.out, trained.folder / "new.csv", "--na-values", "OVLD")
+    refused(run("microchannel", "estimate", *words), "'LOST'", "[text-cell]")
 
 
 def test_swapped_channels_are_told(trained: Trained):
