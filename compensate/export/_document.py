@@ -22,7 +22,7 @@ from ..guards._guarded import ROUNDING as ROUNDING_OF_ENDS
 from ..guards._guarded import GuardedCompensator
 from ..guards._run_in import Start, outputs
 from ..inverses import inverse_of
-from ..runtime._compensator import _replay
+from ..runtime._compensator import replay
 from ..runtime._file import checksum
 
 # Double precision, without which a file's golden values are too far off for the file to load.
@@ -201,7 +201,7 @@ def require_one_input(document: dict[str, Any], dropped: Sequence[str]) -> None:
     """Raise `InputError` `not-invertible`, `bad-option` where plain Python finds other inputs than JAX in
     the golden pair: both search, and only where reversals were `dropped` (the note on it), or a reading
     has several inputs, do they end at different ones."""
-    _, off = _replay(document)
+    _, off = replay(document)
     if off > document["golden"]["tolerance"]:
         raise InputError(
             "bad-option" if dropped else "not-invertible",

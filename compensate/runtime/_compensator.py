@@ -281,10 +281,11 @@ def load(path: str | Path) -> Compensator:
     Raises `FileError` where the file cannot be used: not one, of another format, changed, or replayed
     otherwise.
     """
-    return replayed(path, KIND, "readings give estimates {:.3g} off", _replay)
+    return replayed(path, {KIND: ("readings give estimates {:.3g} off", replay)})
 
 
-def _replay(document: dict[str, Any]) -> tuple[Compensator, float]:
+def replay(document: dict[str, Any]) -> tuple[Compensator, float]:
+    """How far off; infinitely where one is NaN alone."""
     compensator, golden = Compensator(document), document["golden"]
     held = golden.get("condition") or [None] * len(golden["dt"])
     rows = zip(golden["reading"], golden["dt"], held, golden["value"], strict=True)

@@ -43,6 +43,9 @@ class Resettable(Protocol):
 
 
 Used = TypeVar("Used", bound=Resettable)
+Replays = Mapping[str, tuple[str, Callable[[Written], tuple[Used, float]]]]
+"""By the kind of a file: what is said where it gives something else, "... {:.3g} off"; what makes it of a
+document, and finds how far off the worst golden value is."""
 
 
 class FileError(ValueError):
@@ -61,15 +64,13 @@ def number(value: Any) -> float | None:
     return float(value) if isfinite(value) else None
 
 
-def replayed(
-    path: str | Path, kind: str, said: str, replay: Callable[[Written], tuple[Used, float]]
-) -> Used:
-    """What `replay` makes of the document of a file, once it gives its golden values again.
+def replayed(path: str | Path, replays: Replays[Used]) -> Used:
+    """What is made of the document of a file, once it gives its golden values again.
 
-    `replay` returns it with how far off the worst of them is, which `said` says in words: "... {:.3g} off".
     Raises `FileError` as `read` does, and where it cannot be run or gives other values.
     """
-    document = read(path, kind)
+    document = read(path, tuple(replays))
+    said, replay = replays[document["kind"]]
     try:
         made, worst = replay(document)
         agrees = worst <= document["golden"]["tolerance"]
@@ -81,7 +82,7 @@ def replayed(
     return made
 
 
-def read(path: str | Path, kind: str) -> Written:
+def read(path: str | Path, kinds: tuple[str, ...]) -> Written:
     """The document of a file. Raises `FileError` where it is of another kind, newer, cut off or changed."""
     try:
         document = json.loads(Path(path).read_bytes())
@@ -91,12 +92,12 @@ def read(path: str | Path, kind: str) -> Written:
         raise FileError(f"{path}: nested too deep. Export it again.") from None
     except (ValueError, MemoryError):
         raise FileError(f"{path}: not whole, or no JSON. Export it again.") from None
-    if not isinstance(document, dict) or document.get("kind") != kind:
+    if not isinstance(document, dict) or document.get("kind") not in kinds:
         raise FileError(
             f"{path}: not a compensator, an estimator or an armor. Write one with hysid export DIR"
             " --runtime FILE."
         )
-    newest = _NEWEST.get(kind, SCHEMA)
+    newest = _NEWEST.get(document["kind"], SCHEMA)
     schema = document.get("schema")
     if type(schema) is not int or schema not in range(1, newest + 1):
         raise FileError(
