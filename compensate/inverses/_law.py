@@ -129,9 +129,8 @@ class LawCompensator(AbstractCompensator[LawState, Found]):
         if t is None and np.shape(y)[0]:
             # A model that depends on the rate refuses.
             self.model.prepare(None, jnp.zeros(np.shape(y)))
-        found: Any
-        after, found = (self._told if self.deviates else self._found)(t, y, state)
-        return after, found
+        read: Any = self._told if self.deviates else self._found
+        return read(t, y, state)
 
     def _told(
         self, t: ArrayLike | None, y: ArrayLike, state: LawState

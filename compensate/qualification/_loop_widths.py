@@ -41,7 +41,7 @@ def loop_widths(record: Record, estimate: Float[np.ndarray, " samples"]) -> Loop
     1. Noise of the output widens what is left. Only counted rows of complete cycles are taken.
     """
     u, y, error = record.input, record.output, record.input - estimate
-    before, after = [], []
+    found = []
     for cycles in counted_cycles(record, record.mask, share=0.0):
         for _, rows, _ in cycles:
             inside = rows.start + np.flatnonzero(record.mask[rows])
@@ -50,11 +50,9 @@ def loop_widths(record: Record, estimate: Float[np.ndarray, " samples"]) -> Loop
                 continue
             widths = _width(y, u, legs), _width(u, error, legs)
             if np.isfinite(widths).all():
-                before.append(widths[0])
-                after.append(widths[1])
-    if not before:
-        return Loop(float("nan"), float("nan"), 0)
-    return Loop(float(np.mean(before)), float(np.mean(after)), len(before))
+                found.append(widths)
+    before, after = np.mean(found, axis=0).tolist() if found else [float("nan")] * 2
+    return Loop(before, after, len(found))
 
 
 def _width(level: np.ndarray, value: np.ndarray, legs: list[np.ndarray]) -> float:
