@@ -25,7 +25,7 @@ NOISE = 0.003
 QUICK: Any = {"noise": "gaussian", "starts": 1}
 
 
-def pressed(stiff: float, lossy: float, cycles: float = 4.0, seed: int = 0) -> Record:
+def pressed(stiff: float, lossy: float, cycles: float = 3.0, seed: int = 0) -> Record:
     """Cycles of a specimen that is a stiffening curve and a loop, each of its own size."""
     t = np.arange(0.0, cycles, 0.01)
     u = 2.0 - 2.0 * np.cos(2 * np.pi * t)
