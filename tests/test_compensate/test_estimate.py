@@ -2,10 +2,10 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -21,15 +21,19 @@ from tests.refusals import refuses
 from tests.thorough import rest_thorough
 
 BURGERS = Burgers(2.0, 40.0, 1.0, 5.0)
-GRID = Preisach(GridDensity(LOW, HIGH, weights(np.random.default_rng(0))), jnp.full(7, 0.5))
-PLAYS = PrandtlIshlinskii(jnp.array([0.5]), jnp.array([1.0]), jnp.asarray(1.0), jnp.array([0.1]))
-COMPENSATORS = {
-    "Preisach": invert(GRID),
-    "Burgers": invert(BURGERS),
-    "plays that move with the rate": invert(PLAYS),
-    "bisection": BracketedCompensator(GRID, LOW, HIGH),
-    "draws": invert(jax.tree.map(lambda *x: jnp.stack(x), BURGERS, Burgers(3.0, 60.0, 2.0, 9.0))),
+GRID = Preisach(GridDensity(LOW, HIGH, weights(np.random.default_rng(0))), np.full(7, 0.5))
+PLAYS = PrandtlIshlinskii([0.5], [1.0], 1.0, [0.1])
+COMPENSATORS: dict[str, Callable[[], Any]] = {
+    "Preisach": lambda: invert(GRID),
+    "Burgers": lambda: invert(BURGERS),
+    "plays that move with the rate": lambda: invert(PLAYS),
+    "bisection": lambda: BracketedCompensator(GRID, LOW, HIGH),
+    "draws": lambda: invert(
+        jax.tree.map(lambda *x: np.stack(x), BURGERS, Burgers(3.0, 60.0, 2.0, 9.0))
+    ),
 }
+"""How each is made, which takes longer than to collect the tests."""
+made = cache(lambda name: COMPENSATORS[name]())
 
 
 def record(seed: int, lengths: list[int], gaps: float = 0.0) -> Record:
@@ -52,7 +56,7 @@ def record(seed: int, lengths: list[int], gaps: float = 0.0) -> Record:
 )
 def test_it_is_simulate_of_each_sequence(name: str, seed: int, lengths: list[int], gaps: float):
     """Of a single sample, of a power of two, and of a length that is made longer to one."""
-    compensator, data = COMPENSATORS[name], record(seed, lengths, gaps)
+    compensator, data = made(name), record(seed, lengths, gaps)
     # NumPy's rows: JAX would compile a program for each slice.
     found = jax.tree.map(np.asarray, estimate(compensator, data))
     for _, rows in data.sequences():
