@@ -183,15 +183,15 @@ def _made(problem: Problem) -> Record:
 
 
 def _fit(record: Record, model: str) -> Numbers:
-    """Parameters, errors and verdict; a refusal's code."""
+    """Parameters, NaN where nothing tells them, errors and verdict; a refusal's code."""
     try:
         fit = hysid.fit(record, None, model, test_cycles=1)
     except InputError as error:
         return {"refused": np.array(error.code)}
-    values = [np.ravel(np.asarray(p.value, float)) for p in fit.parameters]
+    told = [np.nan if p.status == "unidentified" else float(p.value) for p in fit.parameters]
     return {
         "model": np.array(fit.name),
-        "parameters": np.concatenate(values) if values else np.zeros(0),
+        "parameters": np.array(told, float),
         "rms errors": np.array([one.rmse for one in fit.metrics.values() if one]),
         "verdict": np.array([fit.verdict.level, *fit.verdict.codes]),
     }
