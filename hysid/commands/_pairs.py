@@ -67,6 +67,7 @@ def _trained(asked: TrainPairs, out: Path, progress: Progress) -> dict[str, Any]
     results that are there already, and as `hysid.train_contacts` does.
     """
     forces, selection = asked.force, Selection(**asked.selection, output=asked.force[0])
+    selection.check_columns(*forces)
     identify.internal.check_free(out, asked.overwrite, DOCUMENT)
     check_writable(out)
     taught, held_out, table, record = [], [], None, None

@@ -115,15 +115,16 @@ class Selection(SelectionOptions):
         """The same rows with none held out."""
         return replace(self, **{name: FIELDS[name].default for name in HELD_OUT})
 
-    def check_columns(self) -> None:
-        """Raise `InputError` where one column is to be both the input and the output."""
+    def check_columns(self, *others: str | None) -> None:
+        """Raise `InputError` where one column is to be both the input and the output, or another output."""
         inputs = (self.input, self.frequency, self.loss)
         inputs = self.input if isinstance(self.input, tuple) else inputs
         roles = {"time": [self.time], "input": inputs, "condition": self.condition}
         said = [
             (n, "condition", "input or time") for n in self.condition if n in (*inputs, self.time)
         ]
-        said += [(self.output, r, "output") for r, names in roles.items() if self.output in names]
+        outputs = {self.output, *others} - {None}
+        said += [(n, r, "output") for r, names in roles.items() for n in names if n in outputs]
         for name, role, other in said[:1]:
             fix = f"Name another column (--{role} COL{', or --output COL' * (other == 'output')})."
             raise InputError("given-twice", f"{name!r} is given as {role} and as {other}.", fix=fix)

@@ -16,6 +16,7 @@ from hysteresis._escape import shell_word
 from hysteresis._show import aligned
 from hysteresis.records._csv import fulfilling
 from hysteresis.records._table import Table
+from hysteresis.records._units import name_and_unit
 from identify.internal import metrics, read_checked
 from identify.results._goodness_of_fit import Metrics
 
@@ -159,12 +160,16 @@ def estimate(
 def _check_channels(table: Table, sensor: SoftSensor) -> None:
     for channel in sensor.channels:
         if channel.name not in table.columns:
+            fix = "Rename the column; if the channel has failed, add it with empty cells."
+            bare = name_and_unit(channel.name)[0]
+            if alike := [name for name in table.columns if name_and_unit(name)[0] == bare]:
+                fix = f"Give {alike[0]!r} in {channel.unit}, under the name {channel.name!r}."
             have = ", ".join(map(repr, table.columns))
             raise InputError(
                 "wrong-channels",
                 f"The file has no column {channel.name!r}, a channel of the trained sensor; it has {have}.",
                 place=table.path, cause="The channel was not recorded, or its header has changed.",
-                fix="Rename the column; if the channel has failed, add it with empty cells.",
+                fix=fix,
             )  # fmt: skip
 
 

@@ -77,6 +77,7 @@ def read_sessions(
     twice.
     """
     named = [Path(file).resolve() for file in (*files, *tests)]
+    selection.check_columns(targets.force, targets.place, *targets.position)
     if not targets.force:  # a record's output is its first channel
         selection = replace(selection, output=_first(selection), output_unit=None)
     if twice := [file.name for k, file in enumerate(named) if file in named[:k]]:

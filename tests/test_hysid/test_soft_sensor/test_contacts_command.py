@@ -57,6 +57,7 @@ def test_what_cannot_be_used_is_answered(trained: Path, tmp_path: Path):
     alone = ("--where", "session=1,2,3,4,13", "--out", tmp_path / "x")
     refused(run(*one, *alone), "No sequence presses force D alone")
     refused(run(*one, "--out", trained), "--overwrite")
+    refused(run(*one, "--input", "force D (N)", "--out", tmp_path / "x"), "[given-twice]")
     document = json.loads((trained / "runtime.json").read_text())
     document["zero"][0] += 0.5
     (tmp_path / "changed.json").write_text(json.dumps(document))

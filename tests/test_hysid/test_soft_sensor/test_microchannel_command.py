@@ -147,6 +147,15 @@ def test_a_channel_that_is_not_there(trained: Trained):
     file = put(trained.folder / "lost.csv", rows, HEADER[:2] + HEADER[3:])
     done = run("microchannel", "estimate", trained.out, file)
     refused(done, f"{TWO!r}", "a channel of the trained sensor", "[wrong-channels]")
+    milli = TWO.replace("(V)", "(mV)")
+    file = put(trained.folder / "milli.csv", presses("A"), (*HEADER[:2], milli, *HEADER[3:]))
+    done = run("microchannel", "estimate", trained.out, file)  # renamed, it would be off by 1000
+    refused(done, f"Give {milli!r} in V, under the name {TWO!r}")
+
+
+def test_what_is_learnt_is_no_input(trained: Trained):
+    done = run(*trained.arguments, "--input", FORCE, "--overwrite")
+    refused(done, f"{FORCE!r} is given as input and as output", "[given-twice]")
 
 
 def test_a_stream_goes_on_behind_bad_samples(trained: Trained):
