@@ -13,6 +13,7 @@ import hysteresis
 import identify
 from hysteresis import InputError, Note, Record
 from hysteresis.curves import PolynomialCurve
+from tests.refusals import raises
 from tests.thorough import rest_thorough
 
 U = np.tile(np.concatenate([np.linspace(0, 2, 30), np.linspace(2, 0, 30)]), 3)
@@ -72,13 +73,9 @@ def test_a_sigma_that_is_none_is_refused_with_its_line(tmp_path: Path, value):
     cells = ["0.1"] * 30
     cells[7] = value
     path.write_text("force,x,s\n" + "".join(f"{k},{k},{s}\n" for k, s in enumerate(cells)))
-    with pytest.raises(InputError) as caught:
+    code = "not-finite" if value == "inf" else "bad-deviation"
+    with raises(code, "line 9", "'s'", "Fix: "):
         hysteresis.read_csv(path, "force", "x", sigma="s")
-    error = caught.value
-    assert error.code == ("not-finite" if value == "inf" else "bad-deviation")
-    assert "line 9" in str(error)
-    assert "'s'" in str(error)
-    assert error.fix
 
 
 def test_a_sigma_survives_whatever_is_done_to_a_record(tmp_path: Path):
