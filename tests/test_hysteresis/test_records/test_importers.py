@@ -185,10 +185,7 @@ def test_labview_segments_are_told_apart(table):
     ],
 )
 def test_what_cannot_be_read_is_said(table, content, code):
-    with pytest.raises(InputError) as caught:
-        table(content, "run.lvm")
-    assert caught.value.code == code
-    assert "run.lvm" in caught.value.place
+    refuses(code, lambda: table(content, "run.lvm"), "run.lvm")
 
 
 @pytest.mark.parametrize(
@@ -203,9 +200,7 @@ def test_what_cannot_be_read_is_said(table, content, code):
 def test_a_reader_that_is_not_installed_is_named(table, monkeypatch, module, extra, head):
     content = head or _empty_workbook()
     monkeypatch.setitem(sys.modules, module, None)
-    with pytest.raises(InputError, match=rf"pip install 'hysid\[{extra}\]'") as caught:
-        table(content)
-    assert caught.value.code == "missing-extra"
+    refuses("missing-extra", lambda: table(content), f"pip install 'hysid[{extra}]'")
 
 
 def _empty_workbook() -> bytes:
