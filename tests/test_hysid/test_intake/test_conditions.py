@@ -16,7 +16,7 @@ from tests.test_hysid.command import run, text
 
 U, Y, C = "field (A/m)", "flux (mT)", "temperature (K)"
 TRAINED = (280.0, 290.0, 310.0, 320.0)
-ROWS = 60
+ROWS = 120
 
 
 def dahl(u: np.ndarray, temperature: float) -> np.ndarray:
