@@ -352,9 +352,6 @@ def _judge(found: dict[str, Any], input_span: float, output_span: float) -> Verd
     """The level, and sentences: how far off, then what is gravest."""
     notes: dict[str, list[Note]] = {"FAIL": [], "CAUTION": [], "PASS": []}
 
-    def note(level: str, code: str, text: str) -> None:
-        notes[level].append(Note(code, text))
-
     names, errors, need = found["names"], found["errors"], found["max_error"]
     unit, share = names["input_unit"], found["nrmse_percent"]
     worst = quantity(errors.max_abs, unit, 3)
@@ -363,56 +360,58 @@ def _judge(found: dict[str, Any], input_span: float, output_span: float) -> Verd
     )
     said = Note("error", f"{text} by {worst} at most.")
     if not np.isfinite(errors.max_abs):
-        note("FAIL", "not-finite", "Some estimates are not finite.")
+        notes["FAIL"].append(Note("not-finite", "Some estimates are not finite."))
     elif need is not None and errors.max_abs > need:
         text = f"The largest error is above the {quantity(need, unit, 3)} asked for;"
         text += f" 95 % of the rows stay within {quantity(errors.q95, unit, 3)}."
-        note("FAIL", "above-max-error", text)
+        notes["FAIL"].append(Note("above-max-error", text))
     elif need is not None:
         text = f"No error is above the {quantity(need, unit, 3)} asked for."
-        note("PASS", "below-max-error", text)
+        notes["PASS"].append(Note("below-max-error", text))
     line = found["line_rmse"]
     if line is not None and errors.rmse > WORSE * line + ROUND_TRIP * input_span:
         text = f"The best straight line through these rows errs by {quantity(line, unit, 3)}"
-        note("FAIL", "worse-than-line", f"{text} rms only.")
+        notes["FAIL"].append(Note("worse-than-line", f"{text} rms only."))
     if (timed := speed(found)) is not None:
-        note(*timed)
+        notes[timed[0]].append(timed[1])
     if share > ERROR:
         text = f"The error is {share:.2g} % of the range, above {ERROR:g} %."
-        note("CAUTION", "large-error", text)
+        notes["CAUTION"].append(Note("large-error", text))
     early = found["statuses"].get("RUN_IN", 0.0)
     if early > RUN_IN:
         text = f"{100 * early:.3g} % of the estimates are RUN_IN: the readings seldom tell the first state."
-        note("CAUTION", "run-in", text)
+        notes["CAUTION"].append(Note("run-in", text))
     elif early:
         text = f"The first state is taken as unknown: {100 * early:.3g} % of the estimates are"
-        note("PASS", "run-in", f"{text} RUN_IN.")
+        notes["PASS"].append(Note("run-in", f"{text} RUN_IN."))
     if 1 - early - found["statuses"].get("OK", 0.0) > NOT_OK:
-        note("CAUTION", "not-ok", f"Not every estimate is OK: {_shares(found['statuses'])}.")
+        notes["CAUTION"].append(
+            Note("not-ok", f"Not every estimate is OK: {_shares(found['statuses'])}.")
+        )
     if flat := found["flat_width"]:
         text = "Where the model is flat the nearest input is held:"
-        note("PASS", "flat", f"{text} up to {quantity(flat, unit, 3)} are open.")
+        notes["PASS"].append(Note("flat", f"{text} up to {quantity(flat, unit, 3)} are open."))
     ratio = found["loop"].ratio
     if not np.isfinite(ratio):
         text = "No whole cycle has a loop, so how much of one is removed is not known."
-        note("CAUTION", "no-loop", text)
+        notes["CAUTION"].append(Note("no-loop", text))
     elif ratio > LEFT:
         text = f"Of the loop's width {ratio:.2g} is left: little hysteresis is removed."
-        note("CAUTION", "loop-left", text)
+        notes["CAUTION"].append(Note("loop-left", text))
     else:
-        note("PASS", "loop-removed", f"Of the loop's width {ratio:.2g} is left.")
+        notes["PASS"].append(Note("loop-removed", f"Of the loop's width {ratio:.2g} is left."))
     if (back := found["round_trip"]) is not None and back > ROUND_TRIP * output_span:
         text = "Run forward, the estimates miss the output by up to"
         text += f" {quantity(back, names['output_unit'], 3)}: this is not the model's inverse."
-        note("CAUTION", "round-trip", text)
+        notes["CAUTION"].append(Note("round-trip", text))
     if (doubt := found["doubt"]) is not None:
         if need is not None and doubt.worst > need and not notes["FAIL"]:
             text = (
                 f"Within the posterior errors reach {quantity(doubt.worst, unit, 3)}, above what is"
             )
-            note("CAUTION", "posterior-error", f"{text} asked.")
+            notes["CAUTION"].append(Note("posterior-error", f"{text} asked."))
         text = f"The posterior's 90 % band holds {100 * doubt.coverage:.2g} % of the true inputs."
-        note("PASS", "coverage", text)
+        notes["PASS"].append(Note("coverage", text))
     level: Level = "FAIL" if notes["FAIL"] else "CAUTION" if notes["CAUTION"] else "PASS"
     return Verdict(level, (said, *notes["FAIL"], *notes["CAUTION"], *notes["PASS"]))
 

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from hysteresis import Record
+from hysteresis import Note, Record
 
 from .._contract import AbstractCompensator
 from .._readings import readings_of
@@ -53,8 +53,8 @@ def latency(
     return Latency(float(np.median(taken)), float(np.quantile(taken, 0.999)), len(taken))
 
 
-def speed(found: dict[str, Any]) -> tuple[str, str, str] | None:
-    """The level, the code and the text of what is said of the rate that is needed."""
+def speed(found: dict[str, Any]) -> tuple[str, Note] | None:
+    """The level and the note of what is said of the rate that is needed."""
     if (rate := found["rate"]) is None:
         return None
     step = found["step"] or Step("JAX, called from Python here,", found["latency"].median)
@@ -64,12 +64,12 @@ def speed(found: dict[str, Any]) -> tuple[str, str, str] | None:
             f" {step.most_operations:,} at most on the training's readings: {rate:g} Hz needs a processor"
             f" of {1e-6 * rate * step.most_operations:.3g} million operations a second."
         )
-        return "PASS", "needs-processor", text
+        return "PASS", Note("needs-processor", text)
     mean, most = (f"{1e6 * x:.3g} µs" for x in (step.mean, step.most))
     one = f"A step in {step.target} takes {mean}:"
     if step.mean > 1 / rate:
-        return "FAIL", "too-slow", f"{one} too long for {rate:g} Hz."
+        return "FAIL", Note("too-slow", f"{one} too long for {rate:g} Hz.")
     if step.most > 1 / rate:
         text = f"Some steps in {step.target} take {most}: too long for {rate:g} Hz."
-        return "CAUTION", "sometimes-slow", text
-    return "PASS", "fast-enough", f"{one} {rate:g} Hz can be kept up."
+        return "CAUTION", Note("sometimes-slow", text)
+    return "PASS", Note("fast-enough", f"{one} {rate:g} Hz can be kept up.")
