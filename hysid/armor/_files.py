@@ -236,9 +236,9 @@ def read_presses(table: Table, shape: AbstractShape) -> Presses:
             place=table.path, fix="give equally many rows of each press.",
         )  # fmt: skip
     rows = np.stack([np.flatnonzero(number == k) for k in order])
-    read = {key: _column(table, key)[rows] for key in (*AXES, "force", "x", "y", "z")}
-    time = _column(table, "time")[rows] if _named(table, "time") else np.arange(rows.shape[1]) * 1.0
-    depth = _column(table, "displacement")[rows] if _named(table, "displacement") else None
+    read = {key: _whole(table, key)[rows] for key in (*AXES, "force", "x", "y", "z")}
+    time = _whole(table, "time")[rows] if _named(table, "time") else np.arange(rows.shape[1]) * 1.0
+    depth = _whole(table, "displacement")[rows] if _named(table, "displacement") else None
     points = np.stack([read[k] for k in "xyz"], axis=2)
     if np.ptp(points, axis=1).max() > FAR * float(shape.longest()):
         raise InputError(
@@ -271,6 +271,17 @@ def _touched_surfaces(
             fix="name the unit in the header, x (mm).",
         )  # fmt: skip
     return np.asarray(faces.surface)[best], normal[best]
+
+
+def _whole(table: Table, name: str) -> np.ndarray:
+    """A column without a gap."""
+    found = _column(table, name)
+    if (gap := ~np.isfinite(found)).any():
+        raise InputError(
+            "no-value", f"{_named(table, name)!r} has no number there.",
+            place=f"{table.path}, line {table.line[gap][0]}", fix="leave the whole press out.",
+        )  # fmt: skip
+    return found
 
 
 def _column(table: Table, name: str) -> np.ndarray:

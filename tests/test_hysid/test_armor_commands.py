@@ -208,3 +208,8 @@ def test_presses_that_tell_nothing_are_refused(folder: Path, force: float, far: 
     said = run("armor", "calibrate", made, *how, "--out", folder / "none")
     refused(said, "[bad-presses]")
     assert word in said.err
+    for k in (0, 7):  # a load, and a place, of which the first row counts
+        gap = np.where((np.arange(10) == k) & (np.arange(2)[:, None] == 1), np.nan, rows)
+        made = write(folder / f"{word}-gap.csv", header, gap)
+        said = run("armor", "calibrate", made, *how, "--out", folder / "none")
+        refused(said, "line 3", f"{header[k]!r} has no number there", "[no-value]")
