@@ -133,8 +133,10 @@ def test_a_change_is_told_parameter_by_parameter(folder):
     [
         (("new", "aged"), (), ("errors do not compare", "--change", "[not-comparable]")),
         (("new", "new"), (), ("named twice",)),
+        (("new",), (), ("too-few-fits",)),
         (("new",), ("--change",), ("between two fits; new is given", "[too-few-fits]")),
         (("new", "aged", "both"), ("--change",), ("new, aged, both are given", "[bad-option]")),
+        (("new", "too soft"), ("--change",), ("same rows", "[given-twice]")),
         (("new", "nowhere"), (), ("there is no fit.json", "[file-not-found]")),
     ],
 )
