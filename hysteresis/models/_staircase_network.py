@@ -210,8 +210,8 @@ def _inputs(
     u = u.reshape(samples, model.channels)
     columns = [u[..., None]]
     if plays:
-        half_widths = (jnp.array(x, u.dtype) for x in (model.scale, model.thresholds))
-        r = jnp.outer(*half_widths)[None]
+        scale, thresholds = (jnp.array(x, u.dtype) for x in (model.scale, model.thresholds))
+        r = jnp.outer(scale, thresholds)[None]
         low, high = (jnp.reshape(u[..., None] + s * r, (samples, -1)) for s in (-1, 1))
         columns.append(clamps(low, high, state.z.ravel(), start).reshape(samples, -1, plays))
     if lags:
