@@ -91,7 +91,8 @@ def starts_in(tree: Tree, model: Any, starts: Iterable[Start]) -> list[list[Tree
         times = np.zeros(len(read)) if history.times is None else np.asarray(history.times, float)
         dt = np.diff(times, prepend=times[0]).tolist()
         *_, states = states_over(tree, "find", dt, read.tolist())
-        found.append([vars(state) for state in states])
+        # Copies: CPython 3.13.0 empties lists of a `__dict__` that outlives its object.
+        found.append([dict(vars(state)) for state in states])
     return found
 
 

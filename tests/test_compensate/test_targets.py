@@ -2,6 +2,7 @@
 
 import ctypes
 import errno
+import gc
 import json
 import re
 import subprocess
@@ -181,6 +182,14 @@ def run_fixed(header: Path, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     given = [a.ctypes.data_as(ctypes.c_void_p) for a in (y, u, status)]
     assert ctypes.CDLL(f"{source}.so").run(ctypes.c_long(len(y)), *given) == 0
     return u, status
+
+
+def test_first_states_stay_where_memory_is_freed():
+    """CPython 3.13.0 empties lists of a `__dict__` that outlives its object."""
+    program = case.__wrapped__("relays").program
+    gc.collect()
+    ((relays,),) = program.document()["starts"]
+    assert len(relays["extremum"]) == len(relays["level"]) == 64
 
 
 @JUDGES["gcc"].needed
