@@ -52,16 +52,15 @@ class EachOnce(TyperCommand):
     """A command that refuses an option that is given twice and takes one value: the first would be lost."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        self.given(ctx, args)
-        return super().parse_args(ctx, args)
-
-    def given(self, ctx: Any, args: list[str]) -> Mapping[str, Any]:
-        """What the command line says, by the name of the option."""
-        said, _, order = self.make_parser(ctx).parse_args(args=list(args))
+        given, _, order = self.make_parser(ctx).parse_args(args=list(args))
         for one in order:
             if order.count(one) > 1 and not (one.multiple or getattr(one, "is_flag", False)):
                 raise typer.BadParameter("give it once", ctx=ctx, param_hint=repr(one.opts[0]))
-        return said
+        return super().parse_args(ctx, self.completed(ctx, args, given))
+
+    def completed(self, ctx: Any, args: list[str], given: Mapping[str, Any]) -> list[str]:
+        """The arguments, with what follows from those that are `given`, by the name of the option."""
+        return args
 
 
 class FindsConfig(EachOnce):
@@ -86,15 +85,14 @@ class FindsConfig(EachOnce):
                 with formatter.section(group):
                     formatter.write_dl(records)
 
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        given = self.given(ctx, args)
+    def completed(self, ctx: Any, args: list[str], given: Mapping[str, Any]) -> list[str]:
         looked_at = not (given.get("help") or ctx.resilient_parsing)
         file = next(iter(given.get("files") or ()), given.get("file"))
         if looked_at and isinstance(file, str):
             ctx.meta[REPLACED] = [n for group in INSTEAD if {*group} & {*given} for n in group]
             if (config := self._own_config(ctx, Path(file), given)) is not None:
-                args = ["--config", str(config), *args]
-        return super().parse_args(ctx, args)
+                return ["--config", str(config), *args]
+        return args
 
     def _own_config(self, ctx: Any, file: Path, given: Mapping[str, Any]) -> Path | None:
         """The configuration to add; looks at the file first, and says where it is not the one meant."""
