@@ -123,12 +123,12 @@ def fit_feedback(
     model = linear
     shares, by_group = screening(model, search.few)
     names: list[str] = []
-    open_, least = {*GROUPS}, search.error(model)
+    open_, least = {*GROUPS}, search.test.error(model)
     while open_ and len(names) < groups and not search.late():
         name = max(open_, key=lambda one: by_group[one])
         open_.remove(name)
         found = search.with_group(model, name)
-        if (error := search.error(found)) < WORTH * least:
+        if (error := search.test.error(found)) < WORTH * least:
             model, least, names = found, error, [*names, name]
             # What did not gain before may gain beside it.
             open_ = {*GROUPS} - {*names}
@@ -201,10 +201,6 @@ class _Search:
         told = np.ones((len(at), 1)), G.reshape(len(at), -1)
         model = chosen_modes(own, at, told, rest.error)
         return self.told(f"{len(model.poles)} modes", model)
-
-    def error(self, model: Feedback) -> float:
-        """Of what is held out."""
-        return self.test.error(model)
 
     def with_group(self, model: Feedback, name: str) -> Feedback:
         """With one more group of channels, fitted in three stages."""
