@@ -1,5 +1,7 @@
 """Levels by which several parts judge, each in one place."""
 
+import numpy as np
+
 CHANCE = 0.01
 """Of a false alarm: what chance alone makes less often is said."""
 
@@ -19,31 +21,60 @@ TRIES = 3
 """Times that something is tried which other processes may disturb."""
 
 GROUPS = 12
-"""Groups of cycles that are left out one by one, at most; of more, neighbours go together."""
+"""Groups of cycles, or values of a condition, that are left out one by one, at most; of more, neighbours go
+together."""
 
 HELD = 0.02
-"""Of the range: an input that stays within it is held."""
+"""Of a range or a size: what stays within it is held, or the same again."""
 
 FEWEST = 8
-"""Rows of a hold or of a spectrum, or lines of a multisine, at least."""
+"""Rows of a hold or of a spectrum, lines of a multisine, or sequences with known beginnings, at least."""
 
 FEW = 20
 """Rows, steps or draws without which nothing is said of their distribution."""
 
 SOME_ROWS = 2000
-"""Rows that are looked at, about, where many more tell no more."""
+"""Rows, lines or draws that are looked at, about, where many more tell no more."""
 
-STEPS = 40
+ENOUGH_ROWS = 8000
+"""Rows that many unknowns take: of a longer record one of every k, as neighbours are almost copies."""
+
+AT_ONCE = 512
+"""Rows or columns that are worked on at once: they stay in a processor's cache."""
+
+HELD_AT_ONCE = 1_000_000
+"""Rows, or rows times draws, series or candidates, that are held at once, at most: a minute of work, and a
+gigabyte."""
+
+STEPS = 200
 """Of a search, at most: one that converges ends before."""
+
+WORTH = 0.2
+"""Of the mean squared error: what a finer grid, or a lag, must take away."""
+
+WHOLE = 0.9
+"""Of the rows or the range of the largest one of its kind: what has so much of them is a whole one."""
+
+RADII = np.geomspace(0.01, 0.5, 10)
+"""Of stop operators beside other columns, in parts of an input's range."""
 
 MUCH = 1.5
 """Times: from there on a figure is much larger than another of its kind."""
+
+PART = 0.1
+"""Of a whole: a smaller part is not worth a word."""
 
 LITTLE = 1e-3
 """Of a range or a size: what is below is nearly nothing, as a digit of an instrument is."""
 
 NOTHING = 1e-6
 """Of a range or a size: what is below is rounding, or where a search has stopped."""
+
+ROUNDING = float(np.sqrt(np.finfo(float).eps))
+"""Half of a number's digits, 1.5e-8: of a sum of squares or a range, what is below is lost in rounding."""
+
+STILL = 1e-9
+"""Of a sum of squares, or of a cost a row: a step that gains less stands still."""
 
 SURE = 3.0
 """Standard errors beyond which a change is there."""

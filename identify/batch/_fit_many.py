@@ -19,6 +19,7 @@ from hysteresis import InputError, LinearSponge, Record
 from hysteresis._note import ProgressNote
 from hysteresis._precision import in_this_precision, is_double
 from hysteresis._serialisation import described
+from hysteresis.records._excitation import correlation
 
 from .._levels import FEW
 from ..fitting._candidates import Asked, candidates
@@ -34,7 +35,7 @@ from ._folder import Batch, Folder, Kept, digest, files_of, held_in_memory, para
 # Linear sponges by least squares in closed form: a row of the table in 0.1 ms, without a fit.
 
 
-CORRELATION = 0.6
+CORRELATION = 0.5
 """Least one with the input of a record that certainly passes `check_identifiable`."""
 
 
@@ -44,10 +45,8 @@ def line_row(record: Record, threshold: float) -> dict[str, Any] | None:
     u, y = record.input[record.mask], record.output[record.mask]
     if len(u) < FEW or record.channels or record.sigma is not None:
         return None
-    with np.errstate(divide="ignore", invalid="ignore"):
-        correlation = np.mean((u - u.mean()) * (y - y.mean())) / (u.std() * y.std())
     touched = u >= threshold
-    if not correlation > CORRELATION or np.ptp(u[touched]) == 0:
+    if not correlation(record) > CORRELATION or np.ptp(u[touched]) == 0:
         return None
     J = np.column_stack([np.where(touched, u, 0.0), touched])
     values = np.linalg.lstsq(J, y, rcond=None)[0]

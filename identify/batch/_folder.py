@@ -20,11 +20,12 @@ from hysteresis._precision import in_this_precision
 
 from ..files._fit_folder import OF_EARLIER, load, save, summary, to_json, write_fit
 from ..results._fit_result import FitResult
+from ..storage._checkpoint import APART
 from ..storage._file_set import write_set
 from ..storage._json import check_free, read_json, write_json
 
 SCHEMA = 1
-EVERY = 3.0
+EVERY = 1.0
 """Seconds between two writings of batch.json and batch.csv."""
 
 
@@ -169,8 +170,7 @@ class Folder:
 
     def write(self, batch: Batch, seconds: float, finished: bool, at_once: bool = False) -> None:
         """batch.json and batch.csv, now and then on the way, and `at_once` at the end."""
-        # A table of many rows takes long to write: no more than a tenth of the time.
-        if not at_once and time.monotonic() < self._written + max(EVERY, 10 * self._took):
+        if not at_once and time.monotonic() < self._written + max(EVERY, APART * self._took):
             return
         begin, rows = time.monotonic(), batch.table()
         document = {

@@ -10,11 +10,8 @@ from scipy.special import ndtri
 from hysteresis import InputError
 from hysteresis.records._loop_table import LoopTable
 
-from .._levels import CHANCE
+from .._levels import CHANCE, CONFIDENCE
 from ._change import holm
-
-POWER = 0.8
-"""Probability with which the needed specimens would show a difference as large as this one."""
 
 FEW = "fewer than two specimens of a group tell it"
 
@@ -91,7 +88,7 @@ def compare_loops(
             sizes = (part for z in (x, y) for part in (z.mean(), z.std(ddof=1), len(z)))
             p = float(welch(*sizes, equal_var=False).pvalue) if error else 0.0
             each = squares.sum() / difference**2
-            needed = max(2, int(np.ceil(each * (ndtri(1 - CHANCE / 2) + ndtri(POWER)) ** 2)))
+            needed = max(2, int(np.ceil(each * (ndtri(1 - CHANCE / 2) + ndtri(CONFIDENCE)) ** 2)))
         means = float(x.mean()), float(y.mean())
         found.append(LoopDifference(name, unit, *means, difference, float(error), p, needed))
     tested = [k for k, row in enumerate(found) if row.p is not None]

@@ -7,16 +7,14 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from .._levels import FEW
 from ..posterior._posterior import Posterior
 from ._change import untested
 from ._gaussian_estimate import Fitted, estimate, in_common, opened
 
-CHAINS = 16
-"""Chains that run side by side."""
-
-BURN_IN = 50
-"""Sweeps before the first draw. Successive draws are nearly independent, because the specimens are
-integrated out."""
+CHAINS = BURN_IN = FEW
+"""Chains that run side by side, and sweeps before the first draw. Successive draws are nearly independent,
+because the specimens are integrated out."""
 
 PRIOR = 0.5
 """Median of tau's prior: half of the specimens then lie within a factor of 1.4 in a positive parameter."""
@@ -114,7 +112,7 @@ def pool(
 
         >>> pooled = identify.pool(specimens, ["K"], draws=200)
         >>> pooled.new.shape, pooled.specimens.shape
-        ((208, 1), (208, 3, 1))
+        ((200, 1), (200, 3, 1))
     """
     opened_fits, found = opened(fits, posteriors)
     each = [estimate(*pair) for pair in zip(opened_fits, found, strict=True)]

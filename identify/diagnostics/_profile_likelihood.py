@@ -14,16 +14,17 @@ from jaxtyping import Array, Float
 from hysteresis import InputError, Note
 from hysteresis._note import warning
 
-from .._levels import CONFIDENCE, STEPS
+from .._levels import CONFIDENCE, NOTHING, STEPS
+from ..parametric._multistart import BEST
 from ..posterior._log_posterior import Target, target
 from ..posterior._mode import Maximum, likeliest_near
 from ..results._fit_result import FitResult
 
-REACH = float(np.log(1e6))
+REACH = -float(np.log(NOTHING))
 """How far an end is sought in a logarithm; of an unbounded parameter a million times its scale."""
 
-TRIED, OTHERS = 6, 1
-"""Starts followed to their end, and further maxima that profiles go out from, at most."""
+OTHERS = 1
+"""Further maxima that profiles go out from, at most."""
 
 
 class Profile(NamedTuple):
@@ -171,7 +172,7 @@ def _maxima(fit: FitResult, aim: Target, bound: float) -> _Maxima:
             begin = np.append(free, begins[0][model:])
             if all(np.abs(begin - other).max() > 0.1 for other in begins):
                 begins.append(begin)
-    found = [solve(aim, begin, everything) for begin in begins[:TRIED]]
+    found = [solve(aim, begin, everything) for begin in begins[:BEST]]
     ends = [end for end in found if np.isfinite(end.value)]
     ends.sort(key=lambda end: -round(float(end.value), 6))  # the fit's own first among equals
     top, others = np.asarray(ends[0].point), []
@@ -272,7 +273,7 @@ def _profile(aim: Target, index: int, unit: str, maxima: _Maxima, level: float) 
     tops += [sought.at(float(other[index]), other) for other in maxima.others]
     step = float(np.clip(0.3 * maxima.errors[index], 1e-5, 0.5))
     bent = _is_bent(aim, index, maxima.top)
-    reach = REACH if bent else 1e6
+    reach = REACH if bent else 1 / NOTHING
     points: list[Point] = []
     ends: dict[int, list[Point | None]] = {-1: [], 1: []}
     for each in tops:

@@ -5,17 +5,15 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jaxtyping import Float
 
-from .._levels import GROUPS
+from .._levels import CHANCE, GROUPS
 from ..posterior._log_posterior import target
 from ..posterior._mode import likeliest_near
 from ..results._fit_result import FitResult
 from ..results._repeatability import cycles_or_sequences
 from ._whiteness import innovations
-
-FAR = 4.0
-"""Deviations from which on a row is an outlier."""
 
 SHORT = 10
 """Rows of a sequence that is no cycle of its own."""
@@ -74,8 +72,9 @@ class Sensitivity(NamedTuple):
 
 
 def sensitivity(fit: FitResult) -> Sensitivity:
-    """The likelihood's maximum without the first cycle, without rows beyond four deviations, and without
-    each cycle in turn; sequences stand for cycles where there are several.
+    """The likelihood's maximum without the first cycle, without each cycle in turn, and without rows that
+    are farther off than chance puts any in one of a hundred records. Sequences stand for cycles where there
+    are several.
 
     Rows left out are not scored, but still drive the model and the noise. Each case is sought from the
     optimum by Newton's method; that takes a few steps.
@@ -123,6 +122,7 @@ def _cases(fit: FitResult) -> Iterator[tuple[str, np.ndarray]]:
             if len(group) > 1:
                 said = f"{kind}s {names[0]} to {names[-1]}"
             yield said, np.isin(which, group)
-    far = used & (np.abs(innovations(fit)) > FAR)
+    most = float(-scipy.special.ndtri(CHANCE / (2 * used.sum())))  # of so many normal deviations
+    far = used & (np.abs(innovations(fit)) > most)
     if count := int(far.sum()):
-        yield f"{count} row{'s'[: count > 1]} beyond {FAR:g} deviations", far
+        yield f"{count} row{'s'[: count > 1]} beyond {most:.2g} deviations", far

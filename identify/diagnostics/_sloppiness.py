@@ -12,7 +12,7 @@ from hysteresis import Note
 from hysteresis._note import warning
 from hysteresis._parameter import ParameterInfo
 
-from .._levels import NOTHING
+from .._levels import FACTOR, MUCH, NOTHING
 from ..parameters._settings import numbers_of
 from ..parameters._transform import transform_for
 from ..posterior._log_posterior import Target, target
@@ -21,7 +21,7 @@ from ..results._fit_result import FitResult
 from ._profile_likelihood import solve
 from ._whiteness import innovations
 
-FACTORS = (1.25, 1.5, 2.0, 3.0, 5.0, 10.0, 100.0, 1000.0)
+FACTORS = (MUCH, 2.0, 10.0, 100.0, FACTOR)
 """By which the leading parameter of a direction is moved, until that shows."""
 
 HARDLY = 0.5

@@ -13,9 +13,6 @@ from .._levels import CHANCE
 from ..noise._model import rows_of
 from ..results._fit_result import FitResult
 
-ORDERS = 8
-"""Of the autoregressive filter that whitens residuals without a noise model, at most."""
-
 
 class Correlation(NamedTuple):
     """Correlation of residuals with something else, lag by lag.
@@ -200,9 +197,11 @@ def _whitened(
 
     Its order is chosen by the Bayesian information criterion, its coefficients are Yule and Walker's.
     """
-    products, pairs = _products(signals[0], signals[0], used, starts, np.arange(ORDERS + 1))
+    # As many as R's `ar` tries.
+    most = int(10 * np.log10(used.sum()))
+    products, pairs = _products(signals[0], signals[0], used, starts, np.arange(most + 1))
     best, least = np.ones(1), np.log(max(products[0], 1e-300))
-    for order in range(1, ORDERS + 1 if products[0] > 0 else 1):
+    for order in range(1, most + 1 if products[0] > 0 else 1):
         a = -scipy.linalg.solve_toeplitz(products[:order], products[1 : order + 1])
         left = max(products[0] + a @ products[1 : order + 1], 1e-300)
         score = np.log(left) + order * np.log(pairs[0]) / pairs[0]

@@ -21,7 +21,7 @@ from hysteresis._limits import damage_told, load_arrays
 from hysteresis._serialisation import described, rebuilt
 from hysteresis._verdict import Verdict
 
-from .._levels import TRIES
+from .._levels import HELD_AT_ONCE, TRIES
 from ..noise._model import NoiseModel
 from ..noise._reml import PARTS
 from ..parameters._settings import from_words, in_words
@@ -36,8 +36,6 @@ from ._fit_document import checked
 SCHEMA = 1
 MAY_PASS = "", "wrong-checksum", "file-not-found"
 """Faults of a folder that another process may be writing: it is looked at again."""
-MOST_RESIDUALS = 4_000_000
-"""Residuals of candidates that are saved, so that their loops can be drawn: 16 MB."""
 OF_EARLIER = (
     "posterior.json", "posterior.nc", "posterior_models.npz", "chains.npz",
     "report.html",
@@ -293,7 +291,7 @@ def _fit_arrays(fit: FitResult) -> dict[str, Any]:
         ("baseline_residuals", [b.residuals for b in fit.baselines if b.residuals is not None]),
     ):
         count = len(tried) * len(fit.residuals)
-        if {len(one) for one in tried} == {len(fit.residuals)} and count <= MOST_RESIDUALS:
+        if {len(one) for one in tried} == {len(fit.residuals)} and count <= HELD_AT_ONCE:
             arrays[name] = np.array(tried, np.float32)
     if fit.starts is not None:
         arrays |= {f"starts_{k}": v for k, v in fit.starts._asdict().items()}

@@ -17,6 +17,7 @@ from hysteresis._format import quantity
 from hysteresis.curves import PolynomialCurve
 from hysteresis.records._cycles import default_dead_band, turning_points
 
+from .._levels import PART
 from ..linear._composition_fit import Tried, fitted, path_of
 from ..records._folds import held_out_errors
 from ..records._orientation import orientations
@@ -27,9 +28,6 @@ from ..results._goodness_of_fit import evidence
 from ._candidate import Candidate, Options, Trial
 from ._linear import state_of
 from ._training_data import TrainingData
-
-DEEP = 0.1
-"""Height of a valley's sides, of the output's range, and their lengths, of the input's way."""
 
 SHARE = 0.5
 """Of the ways of the input that have a valley on them."""
@@ -164,8 +162,8 @@ def _ways(record: Record, y: Float[np.ndarray, " samples"]) -> list[_Way]:
             sides = rows[rows <= lowest], rows[rows >= lowest]
             length = float(np.ptp(record.input[rows]))
             valley = all(
-                np.max(y[side]) - y[lowest] > DEEP * range_of_y
-                and np.ptp(record.input[side]) > DEEP * length
+                np.max(y[side]) - y[lowest] > PART * range_of_y
+                and np.ptp(record.input[side]) > PART * length
                 for side in sides
             )
             rises = bool(record.input[end] > record.input[begin])

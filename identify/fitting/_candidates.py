@@ -9,6 +9,7 @@ from hysteresis import AbstractModel, InputError, Preisach, Record
 from hysteresis._registry import OURS, find_model, model_names, registered, similar
 from hysteresis.preisach import GridDensity
 
+from .._levels import HELD
 from ..forc._curves import Forc, forc_curves
 from ..forc._everett import everett_surface
 from ..records._folds import held_out_errors
@@ -31,9 +32,6 @@ FEWEST = 10
 
 SHARE = 0.4
 """Of the rows, on the curves: half of those that also show the ways to the reversals."""
-
-APART = 0.05
-"""Reversals closer than this part of their mean distance are taken for one, measured twice."""
 
 
 class SurfaceCandidate(Candidate):
@@ -103,7 +101,7 @@ def consists_of_curves(record: Record) -> bool:
 def _curves(record: Record) -> tuple[Forc, ...]:
     """One curve for each reversal."""
     curves = forc_curves(record)
-    least = APART * (curves[-1].reversal - curves[0].reversal) / len(curves)
+    least = HELD * (curves[-1].reversal - curves[0].reversal) / len(curves)
     kept = list(curves[:1])
     for curve in curves[1:]:
         if curve.reversal > kept[-1].reversal + least:

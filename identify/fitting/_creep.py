@@ -10,7 +10,7 @@ from jaxtyping import Float
 from hysteresis import InputError, Note, Record, parameters
 from hysteresis.numerics._normal import NORMAL_95
 
-from .._levels import MUCH, UNCERTAIN
+from .._levels import MUCH, SOME_ROWS, UNCERTAIN
 from ..diagnostics._rows_beyond import extrapolation
 from ..noise._residual_statistics import estimate_noise
 from ..records._folds import block_errors, parts
@@ -31,8 +31,6 @@ AT_ONCE = 10
 """A clock that begins within so many of its median steps began with the load."""
 FIRST_ROW = "step-at-first-row"
 """Code of the note that says so."""
-NODES = 400
-"""Rows of the way to a hold that its spectrum sees, the last ones densest: the rest is nearly forgotten."""
 
 
 def stepped(record: Record, at_first_row: bool | None = None) -> Record:
@@ -117,7 +115,7 @@ def way_of(record: Record) -> Way | None:
         return None
     assert record.time is not None
     t, u = record.time[: begin + 1], record.input[: begin + 1] / record.input[-1]
-    before = np.unique(np.append(0, np.geomspace(1, begin + 1, NODES).astype(int) - 1))
+    before = np.unique(np.append(0, np.geomspace(1, begin + 1, SOME_ROWS).astype(int) - 1))
     rows = begin - before[::-1]
     return Way(t[rows], u[rows])
 

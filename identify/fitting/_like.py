@@ -16,7 +16,7 @@ from jaxtyping import Float
 
 from hysteresis import InputError, Mixture, Record
 
-from .._levels import NOTHING
+from .._levels import NOTHING, REPEATS
 from ..baselines._contract import AbstractBaseline
 from ..baselines._curves import MonotoneBaseline, replay
 from ..baselines._input_memory import branches_of
@@ -59,14 +59,10 @@ class LikeCandidate(ParametricCandidate):
             prior = f"normal({1 / len(self.earlier):.6g}, {spread:.6g})"
             said = {f"weights.{k}": {"prior": prior} for k in range(len(used))}
             note = f"Prior of the weights: {prior}, from how the earlier fits make up each other's records"
-            note += ", which two tell badly." if len(others) < MANY else "."
+            note += ", which two tell badly." if len(others) < REPEATS else "."
         mixed = replace(self, template=Mixture(models, weights[used], weights[-1]), earlier=())
         known = options._replace(parameters=said, starts=1)
         return [_noted(one, note) for one in ParametricCandidate.fitted(mixed, data, known)]
-
-
-MANY = 3
-"""Specimens whose scatter is more than a guess: that of two is known within a factor of three."""
 
 
 def _noted(trial: Trial, note: str) -> Trial:

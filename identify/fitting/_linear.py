@@ -15,7 +15,7 @@ from ..linear._composition_fit import Problem, Tried, fitted, path_of
 from ..linear._composition_lag import fit_lagging
 from ..linear._composition_parts import DRIFTS
 from ..linear._conditioned_fit import fit_conditioned
-from ..linear._linear_fit import LinearFit, outputs_together
+from ..linear._linear_fit import PAIRS, LinearFit, outputs_together
 from ..linear._preisach_fit import GRIDS, fit_preisach
 from ..records._folds import earned
 from ..records._latest import latest
@@ -27,7 +27,7 @@ from ..results._trained_condition import trained_condition
 from ._candidate import Candidate, Options, Trial
 from ._training_data import TrainingData
 
-DRAWS, FEW_DRAWS = 64, 16
+DRAWS, FEW_DRAWS = 64, 2 * PAIRS
 """Draws from which the errors of the totals are estimated; few until a fit is chosen."""
 
 

@@ -11,6 +11,7 @@ from jaxtyping import Float
 from hysteresis import AbstractModel, InputError, Scaled
 from hysteresis.records._excitation import check_rows
 
+from .._levels import ROUNDING, SOME_ROWS, STEPS
 from ..noise._adequacy import BELIEVED, nothing_speaks_against
 from ..noise._arithmetic import Rows
 from ..noise._model import NoiseModel, rows_of
@@ -28,7 +29,6 @@ from ..parametric._maximum_likelihood import (
 from ..parametric._multistart import (
     FEW,
     SPREADS,
-    STEPS,
     Optimum,
     Problem,
     longer,
@@ -43,12 +43,6 @@ from ..results._goodness_of_fit import Evidence, evidence
 from ._candidate import Candidate, Options, Trial
 from ._parametric_preisach import starts_of_shape
 from ._training_data import TrainingData
-
-THINNED = 1000
-"""Rows on which a start is looked for; a record of up to twice as many is not thinned."""
-
-EXACT = 1e-8
-"""Residuals, of the output's range, below which they are not noise but the solver's tolerance."""
 
 
 @dataclass(frozen=True)
@@ -263,7 +257,7 @@ def _search(
     """Every start and its objective on about a thousand rows, and the different optima; wider starts where
     none was finite."""
     record = data.record
-    rows, thin_starts = thinned_rows(record, THINNED)
+    rows, thin_starts = thinned_rows(record, SOME_ROWS)
     time = None if record.time is None else record.time[rows]
     thin = prepared_longer(template, time, record.input[rows], thin_starts)
     problem = Problem(bounds, template, thin, longer(y[rows]))
@@ -317,6 +311,6 @@ def _plainest(free: np.ndarray, at: Linearised, noise: str) -> Likeliest | None:
     the solver's tolerance."""
     found, remainder = plainest(free, np.asarray(at.residuals), np.asarray(at.jacobian), at.rows)
     size = np.ptp(np.asarray(at.rows.output)[np.asarray(at.rows.counted)])
-    named = noise == "gaussian" or found.noise.sigma < EXACT * size
+    named = noise == "gaussian" or found.noise.sigma < ROUNDING * size
     plain = noise == "auto" and nothing_speaks_against(remainder, at.rows)
     return found if named or plain else None

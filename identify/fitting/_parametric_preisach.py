@@ -22,7 +22,7 @@ held-out error of measured loops, because each is a parameter beside a density o
 ORDER = 12
 """Of the quadrature while a Gaussian density is fitted and used: errors of 1e-7 of the output's range."""
 
-NEAR = 1.5
+NEAR = 2.0
 """Cells from the diagonal within which relays of a grid count as reversible: a narrow loop and none are
 alike to its cells."""
 

@@ -12,10 +12,11 @@ from jaxtyping import Array
 
 from hysteresis import InputError, Record
 
+from .._levels import STEPS
 from ..parameters._transform import Transform
 from ..parametric._levenberg_marquardt import Found
 from ..parametric._levenberg_marquardt import least_squares as levenberg_marquardt_from
-from ..parametric._multistart import FEW, STEPS, longer, scaled_residuals
+from ..parametric._multistart import FEW, longer, scaled_residuals
 from ..parametric._standard_errors import covariance_of
 from ..records._folds import held_out_errors
 from ..results._fit_result import FitResult

@@ -6,6 +6,7 @@ from hysteresis import InputError, Note
 from hysteresis._format import quantity
 from hysteresis._verdict import Level, Verdict
 
+from .._levels import PART
 from ..diagnostics._profile_likelihood import another_minimum
 from ..diagnostics._rows_beyond import loops_left, unseen_time_constants
 from ..diagnostics._sloppiness import without_effect
@@ -21,9 +22,6 @@ USABLE = 15.0
 
 TIMES = 2.0
 """Held-out rows whose rms error is above this times that of the training rows differ from them."""
-
-SHARE = 0.1
-"""Of the held-out rows: so many beyond the trained range are named."""
 
 FIRST = ("turned-over", "zero-jump", "zero-moves")
 """Codes of warnings that come before the error: no model of new runs is right under them."""
@@ -212,7 +210,7 @@ def _held_out(fit: FitResult, found: Reasons) -> None:
         ("rate", beyond.rate, "the trained rates of the input"),
         ("time", beyond.time, "the longest time for which a trained input stayed near one value"),
     ):
-        if part.rows <= SHARE * int(fit.test.mask.sum() if fit.test is not None else 0):
+        if part.rows <= PART * int(fit.test.mask.sum() if fit.test is not None else 0):
             continue
         code = "beyond" if name == "input" else f"beyond-{name}"
         values = {

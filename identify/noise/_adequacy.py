@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from hysteresis.records._arrays import pieces
 
-from .._levels import FEW
+from .._levels import FEW, HELD_AT_ONCE
 from ._arithmetic import Rows
 
 # Correlated noise behind a linear fit whose many unknowns have followed part of it.
@@ -21,12 +21,8 @@ from ._arithmetic import Rows
 # noise is the one whose simulated residuals M e have the size and the correlation that were found.
 
 
-CORRELATIONS = 1 - np.geomspace(1.0, 0.05, 12)
+CORRELATIONS = 1 - np.geomspace(1.0, 0.05, 10)
 """Of neighbouring rows, that are simulated: even steps of log(1 - phi). Residuals are interpolated."""
-
-SIMULATED, VALUES = 32, 320_000
-"""Series of noise for each, and fewer if there are so many rows that they have more values together. The
-random numbers are the same for all, so that what is interpolated is smooth."""
 
 Noises = Float[np.ndarray, "rows series"]
 
@@ -53,7 +49,8 @@ def noise_behind(
 
     **Returns:** sigma, in the unit of the residuals, and phi between 0 and 0.95.
     """
-    count = int(np.clip(VALUES // len(residuals), 1, SIMULATED))
+    # The random numbers are the same for all, so that what is interpolated is smooth.
+    count = int(np.clip(HELD_AT_ONCE // len(residuals), 1, FEW))
     white = np.random.default_rng(0).normal(size=(len(residuals), count))
     noise = np.empty((len(residuals), len(CORRELATIONS), count))
     for k, phi in enumerate(CORRELATIONS):

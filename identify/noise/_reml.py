@@ -13,16 +13,14 @@ from scipy.optimize import OptimizeResult, minimize
 
 from hysteresis import InputError
 
+from .._levels import NOTHING, STILL
 from ._arithmetic import Arithmetic, Rows
 
 PARTS = ("sigma", "growth", "input_sigma", "misfit", "phi", "theta", "tail")
 """The parts a noise model may have, in the order of their unconstrained parameters."""
 
-STILL = 1e-11
-"""Change of the cost a row below which the search for the noise ends."""
-
-WITHIN = 12.0
-"""The search stays between minus this and this, unconstrained: phi up to 0.99999."""
+WITHIN = -float(np.log(NOTHING))
+"""The search stays between minus this and this, unconstrained: phi up to 0.999998."""
 
 
 class Linearised(NamedTuple):

@@ -9,11 +9,10 @@ import jax.numpy as jnp
 import optimistix
 from jaxtyping import Array, Bool, Float, Int
 
-REDUCTION = 1e-17
-"""Share of the sum of squares: a Gauss-Newton step that lowers it by less has nothing left to find."""
+from .._levels import ROUNDING, STILL
 
-STILL, PATIENCE = 1e-9, 12
-"""Share of the sum of squares by which a step has to lower it, and steps in a row that may fail to."""
+PATIENCE = 10
+"""Steps in a row that may fail to lower the sum of squares by the share `STILL`."""
 
 OPEN = 10.0
 """Standard error on the unconstrained scale, a factor of exp(10), beyond which a direction is not
@@ -73,7 +72,7 @@ class LevenbergMarquardt(optimistix.AbstractGaussNewton):
     """Levenberg-Marquardt for parameters on an unconstrained scale, of which the data may not identify all.
 
     It converges where a Gauss-Newton step along the identified directions would lower the sum of squares by
-    less than `REDUCTION` of it, or where `PATIENCE` steps in a row have lowered it by less than `STILL`.
+    less than its precision, or where `PATIENCE` steps in a row have lowered it by less than `STILL`.
     Along a direction whose standard error is beyond `OPEN` a parameter may go to infinity, each step lowers
     the cost by less, and none of it means anything: these directions are left out.
 
@@ -84,8 +83,8 @@ class LevenbergMarquardt(optimistix.AbstractGaussNewton):
 
     rows: Array
     limit: Array
-    rtol: float = REDUCTION
-    atol: float = REDUCTION
+    rtol: float = ROUNDING
+    atol: float = ROUNDING
     norm: Callable[[Any], Array] = eqx.field(default=optimistix.max_norm, static=True)
     descent: Any = SingularDescent()
     search: Any = TrustRegion(high_cutoff=0.75)
@@ -108,8 +107,8 @@ class LevenbergMarquardt(optimistix.AbstractGaussNewton):
         eps = jnp.finfo(squares.dtype).eps
         identified = factors.sizes * OPEN * jnp.sqrt(self.rows) >= jnp.sqrt(squares)
         left = jnp.sum(jnp.where(identified, factors.along, 0.0) ** 2)
-        # Rounding leaves a share of residuals of 1e-2 of the output, say, and all there is of exact data.
-        enough = max(REDUCTION, (1e4 * float(eps)) ** 2) * squares + (100 * eps) ** 2
+        # Rounding leaves a share of the sum of squares, and all there is of exact data.
+        enough = eps * squares + (100 * eps) ** 2
         done = (inner.num_steps > 0) & ((left <= enough) | (state.still >= PATIENCE))
         spent = (inner.num_steps >= self.limit) & ~done
         failed = optimistix.RESULTS.nonlinear_max_steps_reached

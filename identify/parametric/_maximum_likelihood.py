@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from .._levels import ENOUGH_ROWS, LITTLE, NOTHING, STEPS
 from ..noise._adequacy import BELIEVED, Left, believed, nothing_speaks_against
 from ..noise._arithmetic import Arithmetic, Rows
 from ..noise._model import NoiseModel
@@ -18,23 +19,11 @@ from ..parameters._transform import Transform
 from ._multistart import Optimum, Problem
 from ._standard_errors import Skewness, points_about, skewness
 
-ROUNDS = 40
-"""Gauss-Newton rounds at most; each linearises the model about the present estimate."""
-
-FIRST, HOPELESS = 3, BELIEVED / 100
+FIRST, HOPELESS = 2, BELIEVED / 100
 """After FIRST rounds the search stops where the adequacy test of the residuals has a smaller p-value."""
 
 STEP = 1.0
 """Largest change of an unconstrained parameter in one round."""
-
-ENOUGH = 1e-5
-"""The rounds have converged where the estimate moves by less than this many standard deviations."""
-
-LONG = 8192
-"""Of a record with more rows, the first LONG rows choose the kind of noise."""
-
-BEHIND = 20.0
-"""Difference of log evidence from the best kind, from which on a kind is not estimated again."""
 
 PLAIN = (("sigma",), ("sigma", "phi"), ("sigma", "phi", "theta"))
 """Kinds that are tried before the others: Gaussian and of one size, independent or correlated."""
@@ -99,15 +88,17 @@ def likeliest(
     z, least, choice, bounds = np.asarray(free), np.inf, len(kinds) > 1, problem.bounds
     near: dict[tuple[str, ...], np.ndarray] = {}
     evidence: dict[tuple[str, ...], float] = {}
-    for k in range(1, ROUNDS + 1):
+    for k in range(1, STEPS + 1):
         at = linearised_at(problem, rows, z)
         at = at._replace(pull=temper * at.pull, precision=temper * at.precision)
         if choice and k == 1:
             few = at
-            if len(at.residuals) > LONG:
-                first_rows = Rows(*(x[:LONG] for x in at.rows))
+            if len(at.residuals) > ENOUGH_ROWS:
+                first_rows = Rows(*(x[:ENOUGH_ROWS] for x in at.rows))
                 few = at._replace(
-                    residuals=at.residuals[:LONG], jacobian=at.jacobian[:LONG], rows=first_rows
+                    residuals=at.residuals[:ENOUGH_ROWS],
+                    jacobian=at.jacobian[:ENOUGH_ROWS],
+                    rows=first_rows,
                 )
             kinds = _worth_trying(few, kinds, near)
             if not kinds:
@@ -118,15 +109,17 @@ def likeliest(
                 if first.believed(few) < BELIEVED:
                     return None
                 kinds = (first.kind,)
-            # What is far behind stays there when the model is linearised anew.
-            kinds = tuple(one for one in kinds if evidence[one] < min(evidence.values()) + BEHIND)
+            # What is that far behind stays there when the model is linearised anew.
+            kinds = tuple(
+                one for one in kinds if evidence[one] < min(evidence.values()) - np.log(NOTHING)
+            )
         now = likeliest_about(at, kinds, near)
         if len(kinds) > 1 or not choice:
             evidence = evidence | now.evidence
         root = now.left.root(np.asarray(at.precision))
         cost = float(now.cost + temper * (bounds.penalty(jnp.asarray(z)) if bounds.asked else 0.0))
         moved, least = float(np.linalg.norm(root @ now.away)), min(least, cost)
-        if not moved > ENOUGH:  # not a number neither
+        if not moved > NOTHING:  # standard deviations; not a number neither
             break
         if k == FIRST and choice and now.believed(at) < HOPELESS:
             break
@@ -135,7 +128,7 @@ def likeliest(
         return None
     return Likeliest(
         z, root, widening(at, now.noise, now.kind), model_of(now.noise, now.kind), evidence,
-        now.believed(at), int(np.sum(rows.counted)), moved < 1e3 * ENOUGH,
+        now.believed(at), int(np.sum(rows.counted)), moved < LITTLE,
     )  # fmt: skip
 
 

@@ -11,25 +11,19 @@ from jaxtyping import Array, Float, Int
 from hysteresis import AbstractModel, Record
 from hysteresis.numerics._even_clock import even_step
 
-from .._levels import NOTHING
+from .._levels import MUCH, NOTHING, STEPS
 from ..parameters._transform import Transform
 from ..results._fit_result import Starts
 from ._levenberg_marquardt import Found
 from ._levenberg_marquardt import least_squares as levenberg_marquardt_from
 
-SPREADS = (1.5, 3.0, 6.0)
+SPREADS = MUCH * 2.0 ** np.arange(3)
 """Standard deviation of the starts on the unconstrained scale: 1.5 is a factor of 4.5 for a positive one.
 Wider where no output was finite: a density far outside the record vanishes in floating point."""
 
-FEW, BEST = 8, 8
+FEW = BEST = 8
 """Steps from every start, and starts that then go on to their end: after few steps the best one is not
 always first."""
-
-REFINED = 4
-"""Different optima, at most, that are tried on every row."""
-
-STEPS = 200
-"""Steps to an optimum, at most."""
 
 
 class Optimum(NamedTuple):
@@ -91,7 +85,7 @@ class Problem(NamedTuple):
     ) -> tuple[Starts, tuple[Optimum, ...]]:
         """A few steps of Levenberg-Marquardt from every start, and the best to their end; best first.
 
-        Also the optima that are different, the best ones of them. After `until` no further one is begun.
+        Also the optima that are different. After `until` no further one is begun.
         """
         ends = list[Optimum]()
         for z in starts:
@@ -122,7 +116,7 @@ class Problem(NamedTuple):
         for end in ends[:BEST]:
             if all(end.objective > (1 + NOTHING) * other.objective for other in optima):
                 optima.append(end)
-        return Starts(objective, np.linalg.norm(z - z[0], axis=1), z), tuple(optima[:REFINED])
+        return Starts(objective, np.linalg.norm(z - z[0], axis=1), z), tuple(optima)
 
 
 def thinned_rows(record: Record, most: int) -> tuple[Int[np.ndarray, " rows"], tuple[int, ...]]:

@@ -82,10 +82,6 @@ def _ways(covariance: np.ndarray) -> np.ndarray:
     return np.concatenate([roots, C / sd[:, None]])
 
 
-SATURATED = 7.0
-"""Distance from 0 on the unconstrained scale, between two bounds, beyond which a parameter is at one."""
-
-
 def covariance_of(
     jacobian: Float[np.ndarray, "rows parameters"],
     variance: float | Float[np.ndarray, " rows"],
@@ -132,7 +128,7 @@ def statuses(
     end = np.where(low, bounds.low, np.where(high, bounds.high, 0.0))
     with np.errstate(over="ignore"):
         near = (low | high) & (end != 0) & (np.exp(free) < LITTLE * np.abs(end))
-    at_bound = np.where(low & high, np.abs(free) > SATURATED, near)
+    at_bound = np.where(low & high, np.abs(free) > -np.log(LITTLE), near)
     lost = ~np.isfinite(error) | ((low | high) & (error > UNCERTAIN))
     return np.where(at_bound, "at bound", np.where(lost, "unidentified", "free"))
 

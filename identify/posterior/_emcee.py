@@ -117,7 +117,7 @@ FIRST_CHECK, NEXT_CHECK = 200, 1.2
 """The rule is tried after so many steps, and whenever they have grown by this factor: at the same steps
 however the run was cut up."""
 
-MOMENT = 0.25
+MOMENT = 1.0
 """Seconds of a block of steps: how often it can be interrupted, and says where it is."""
 
 

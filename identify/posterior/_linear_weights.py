@@ -14,9 +14,8 @@ from threadpoolctl import threadpool_limits
 
 from hysteresis import InputError, Record
 
-from .._levels import CHANCE, MANY_ROWS
+from .._levels import CHANCE, HELD, LITTLE, MANY_ROWS, NOTHING, SOME_ROWS
 from ..linear._composition import CompositionUnknowns
-from ..linear._composition_fit import SLACK
 from ..linear._composition_memory import memory_blocks, memory_of
 from ..linear._composition_parts import DRIFTS
 from ..linear._conditioned_unknowns import ConditionedUnknowns, shares_of
@@ -42,16 +41,6 @@ from ._weights_evidence import (
 )
 
 # The columns of a linear fit at the rows it was fitted to, its prior, and the sums that mean something.
-
-
-STRETCH = 1000
-"""Rows of each stretch of a composition's record that is too long for the sums."""
-
-WIDE = 1e-5
-"""What stands for the prior of the offset, over the mean of the others: it is as good as flat."""
-
-STEPS = 480
-"""Of each branch of the slow loop."""
 
 
 class WeightsDesign(NamedTuple):
@@ -109,7 +98,7 @@ def _of_composition(
 ) -> WeightsDesign:
     base = meaning.base if isinstance(meaning, ConditionedUnknowns) else meaning
     y = relative(base, record.output)
-    used = _stretches(used & (y > base.least + SLACK))  # below it an output tells only a limit
+    used = _stretches(used & (y > base.least + HELD))  # below it an output tells only a limit
     y = y * record.weights
     rows = np.flatnonzero(used)
     H, knots = np.zeros((len(meaning.totals.T),) * 2), 1
@@ -146,10 +135,10 @@ def _columns(
 
 
 def _with_offset(K: Float[np.ndarray, "n n"], period: int | None = None) -> np.ndarray:
-    """The prior's matrix with a wide prior for the offset, the first unknown of every `period`."""
+    """The prior's matrix, as good as flat for the offset, the first unknown of every `period`."""
     K = np.array(K)
     offsets = np.arange(0, len(K), period or len(K))
-    K[offsets, offsets] = WIDE * np.trace(K) / len(K)
+    K[offsets, offsets] = NOTHING * np.trace(K) / len(K)
     return K
 
 
@@ -158,8 +147,8 @@ def _stretches(used: Bool[np.ndarray, " samples"]) -> Bool[np.ndarray, " samples
     rows = np.flatnonzero(used)
     if len(rows) <= MANY_ROWS:
         return used
-    stretch = np.arange(len(rows)) // STRETCH
-    count, kept = int(stretch[-1]) + 1, MANY_ROWS // STRETCH
+    stretch = np.arange(len(rows)) // SOME_ROWS
+    count, kept = int(stretch[-1]) + 1, MANY_ROWS // SOME_ROWS
     taken = np.isin(stretch, np.linspace(0, count - 1, kept).astype(int))
     few = np.zeros_like(used)
     few[rows[taken]] = True
@@ -172,25 +161,25 @@ def slow_loop(base: CompositionUnknowns) -> Float[np.ndarray, "3 unknowns"]:
 
     What drifts does not count.
     """
-    up = np.linspace(base.low, base.high, STEPS + 1)
+    up = np.linspace(base.low, base.high, SOME_ROWS + 1)
     loop = np.concatenate([up, up[-2::-1]])
     u = np.concatenate([loop, loop[1:]])
     slowly = 1e7 * max([*base.times, base.step, 1e-9])
     record = Record.from_arrays(u, u, slowly * np.arange(len(u)))
-    memory = memory_of(base.memory(), record, np.arange(2 * STEPS, len(u)))
+    memory = memory_of(base.memory(), record, np.arange(2 * SOME_ROWS, len(u)))
     columns = base.columns(memory)
     columns[:, np.repeat([False, *(part in DRIFTS for part in base.parts)], base.sizes)] = 0.0
-    rising, falling = columns[: STEPS + 1], columns[: STEPS - 1 : -1]
+    rising, falling = columns[: SOME_ROWS + 1], columns[: SOME_ROWS - 1 : -1]
     side = -1.0 if base.leading else 1.0
     low, high = falling[0], falling[-1]
-    width = side * np.sign(base.scale) * np.trapezoid(falling - rising, dx=1 / STEPS, axis=0)
+    width = side * np.sign(base.scale) * np.trapezoid(falling - rising, dx=1 / SOME_ROWS, axis=0)
     return np.stack([(low + high) / 2, high - low, width])
 
 
 MOST = 100
 """Models of each ensemble: each is a quadratic problem with signs."""
 
-FIRM = 1e4
+FIRM = 1 / LITTLE
 """How much firmer the projection holds a sum than the data do."""
 
 KNOWN = 0.01

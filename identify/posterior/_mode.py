@@ -9,13 +9,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from .._levels import STEPS
+from .._levels import ROUNDING, STEPS
 from ._log_posterior import Target
 
 Function = Callable[[Float[Array, " numbers"]], Float[Array, ""]]
-
-GAIN = 1e-10
-"""What one more step would add, below which nothing is left to gain."""
 
 
 class Maximum(NamedTuple):
@@ -61,7 +58,7 @@ def maximise(
         new = jnp.where(moves, point + shrink * away, point)
         found = looked_at(new)
         # At the top the value differs by rounding alone.
-        better = (found[0] > value) | ((gain < GAIN) & jnp.isfinite(found[0]))
+        better = (found[0] > value) | ((gain < ROUNDING) & jnp.isfinite(found[0]))
         kept = [
             jnp.where(better, *x) for x in zip(found, (value, gradient, curvature), strict=True)
         ]
@@ -70,7 +67,7 @@ def maximise(
 
     def goes_on(carry: Any) -> Array:
         *_, shrink, gain, count = carry
-        return (gain > GAIN) & (shrink > 1e-7) & (count <= STEPS)
+        return (gain > ROUNDING) & (shrink > 1e-7) & (count <= STEPS)
 
     # The first step goes nowhere: it looks at the beginning.
     begin = (jnp.full((), -jnp.inf), jnp.zeros_like(point), jnp.eye(len(point)))

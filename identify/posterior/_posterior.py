@@ -14,14 +14,11 @@ from jaxtyping import Array, Float, Int
 from hysteresis._drawing import html_of, plot_of
 from hysteresis._show import aligned, at_most
 
+from .._levels import HELD_AT_ONCE, PART, SOME_ROWS
 from ._convergence import Chains, has_two_modes, rhat
 from ._log_posterior import Target
 
 # What draws of a posterior say of every row: its likelihood, and readings to be expected there.
-
-
-NUMBERS, DRAWS = 1_000_000, 250
-"""Draws of an ensemble that are evaluated, at most; fewer where rows times draws are more than so many."""
 
 
 class PerRow(NamedTuple):
@@ -44,7 +41,7 @@ def per_row(
     """Of some of the draws, evenly taken."""
     rows = np.flatnonzero(np.asarray(aim.rows.counted))
     ensembles, draws, parameters = points.shape
-    most = min(max(NUMBERS // (len(rows) * ensembles), 5), DRAWS, draws)
+    most = min(max(HELD_AT_ONCE // (len(rows) * ensembles), 5), SOME_ROWS // ensembles, draws)
     some = points[:, np.linspace(0, draws - 1, most).astype(int)]
     told = _at_points(aim, jnp.asarray(some.reshape(-1, parameters)))
     likelihood, predicted, scale = (np.asarray(a)[:, rows] for a in told[:3])
@@ -71,10 +68,6 @@ def _at_points(aim: Target, points: Float[Array, "points parameters"]) -> tuple[
     return jax.lax.map(at, points, batch_size=16)
 
 
-NARROWER = 0.1
-"""A posterior whose variance is less than this part below the prior's is as wide as its prior."""
-
-
 class Summary(NamedTuple):
     """One parameter's marginal posterior, and whether the sampler can be believed.
 
@@ -96,7 +89,7 @@ class Summary(NamedTuple):
     @property
     def words(self) -> tuple[str, ...]:
         """What to mind: two modes, a posterior as wide as its prior."""
-        wide = self.contraction is not None and self.contraction < NARROWER
+        wide = self.contraction is not None and self.contraction < PART
         return ("two modes",) * (self.modes > 1) + ("as wide as its prior",) * wide
 
 

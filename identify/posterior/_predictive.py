@@ -12,7 +12,7 @@ from jaxtyping import Array, Float, Int
 from hysteresis import AbstractModel, Record
 from hysteresis.models._extrapolation import extended
 
-from .._levels import SOME_ROWS
+from .._levels import CHANCE, CONFIDENCE, ROUNDING, SOME_ROWS
 from ..noise._model import NoiseModel, rows_of
 from ..noise._reml import PARTS
 from ..noise._residual_statistics import estimate_noise
@@ -24,12 +24,9 @@ from ._mode import likeliest_near
 from ._posterior import Posterior
 from ._sample import sample
 
-LEVELS = (0.5, 0.9, 0.99)
+LEVELS = (0.5, CONFIDENCE, 1 - CHANCE)
 DRAWS = 100
 """Draws of the model, at most."""
-
-HALVINGS = 25
-"""Of the interval around a quantile of a mixture: 3e-8 of it are left."""
 
 
 class Bands(NamedTuple):
@@ -176,7 +173,7 @@ def _quantile(
     each = scipy.special.ndtri(q) if tail is None else scipy.special.stdtrit(1 / tail, q)[:, None]
     ends = y + scale * each
     low, high = ends.min(0), ends.max(0)
-    for _ in range(HALVINGS):
+    for _ in range(round(-np.log2(ROUNDING))):
         at = (low + high) / 2
         x = (at - y) / scale
         below = scipy.special.ndtr(x) if tail is None else scipy.special.stdtr(1 / tail[:, None], x)

@@ -15,7 +15,7 @@ from hysteresis import InputError
 from hysteresis._serialisation import described
 from hysteresis.numerics._normal import NORMAL_95
 
-from .._levels import FEW, UNCERTAIN
+from .._levels import FEW, SOME_ROWS, UNCERTAIN
 from ..results._detail import (
     Composition,
     DiscreteSpectrum,
@@ -36,12 +36,9 @@ from ._motion_target import MotionTarget, motion_target
 from ._posterior import Posterior, per_row, posterior_of
 
 MOST_STEPS = 20_000
-DOUBTFUL, WIDE, PILOT = 0.7, 1.0, 600
+DOUBTFUL, WIDE, PILOT = 0.5, 1.0, 600
 """Deviation of a logarithm from which on a posterior may have long tails; that from which on the parameter
 is held, if a short run shows it; steps of that run."""
-
-PRIOR_DRAWS = 1000
-"""Enough for a variance to 5 per cent."""
 
 
 def sample(
@@ -292,7 +289,7 @@ def _prior(aim: Target | MotionTarget, seed: int) -> tuple[np.ndarray, np.ndarra
     """Independent draws of the priors, cut off at the bounds: in their units, and in the free space."""
     random, values, free = np.random.default_rng([seed, 2]), [], []
     for bounds in (aim.bounds, aim.noise_bounds):
-        columns = [prior.draws(random, PRIOR_DRAWS) for prior in bounds.priors]
+        columns = [prior.draws(random, SOME_ROWS) for prior in bounds.priors]
         values.append(np.stack(columns, 1))
         free.append(bounds.from_values(values[-1]))
     inside = np.isfinite(np.hstack(free)).all(1)

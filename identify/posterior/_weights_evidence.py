@@ -25,7 +25,8 @@ import scipy.linalg
 import scipy.optimize
 from jaxtyping import Float
 
-from .._levels import FACTOR
+from .._levels import FACTOR, ROUNDING
+from ..linear._cross_validation import STRENGTHS as PRIOR_STRENGTHS
 
 # Sums over rows from which the normal equations under AR(1) noise follow for any correlation.
 
@@ -90,22 +91,19 @@ DECADES = np.log(FACTOR)
 PRIOR_VARIANCE = (float(DECADES**2), float(np.pi**2 / 3), float(DECADES**2))
 """Of the prior: phi is uniform between -1 and 1, so 2 atanh phi has a logistic distribution."""
 
-USUAL = 1e-3
+USUAL = PRIOR_STRENGTHS[len(PRIOR_STRENGTHS) // 2]
 """Median of the prior of the strength."""
 
-STRENGTHS = np.log(np.geomspace(1e-9, 1e2, 200))
-"""Logarithms of the strengths that the readings are asked about."""
-
-LOST = 1e-8
-"""Eigenvalue, over the rows, below which the data say nothing along a direction."""
+STRENGTHS = np.log(USUAL) + DECADES * np.linspace(-2, 2, 100)
+"""Logarithms of the strengths that the readings are asked about: two deviations of the prior either way."""
 
 ENDS = (-2.0, 4.0)
 """Of atanh phi."""
 
-NEAR, STEP = 8.0, 0.5
+NEAR, STEP = 10.0, 0.5
 """Correlations are close together within so many deviations of the likeliest, and so far apart there."""
 
-COARSE = 25
+COARSE = 10
 """Correlations between the `ENDS`."""
 
 Points = Float[np.ndarray, "points 3"]
@@ -130,7 +128,7 @@ def basis_of(
     """The basis of the normal matrix H, a mean over rows, and the prior's K."""
     values, U = scipy.linalg.eigh(H, K, check_finite=False)
     values, U = values[::-1], U[:, ::-1]
-    known = max(int((values > LOST).sum()), 1)
+    known = max(int((values > ROUNDING).sum()), 1)
     return Basis(U, known, K @ U[:, :known], K)
 
 

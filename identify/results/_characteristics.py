@@ -15,13 +15,10 @@ from hysteresis import Record
 from hysteresis._format import number_of
 from hysteresis.records._loop_table import LoopTable, loop_table
 
-from .._levels import FEWEST, HELD, SURE
+from .._levels import FEWEST, HELD, LITTLE, SURE
 
-LEVEL, SCATTER = 1e-3, 6.0
+SCATTER = 6.0
 """At its level an input is this close, of its range, or this many median deviations."""
-
-RESTS = 0.05
-"""Of the way that the input goes in the time of a hold where it moves: more is a slow turn."""
 
 ALIKE = 0.5
 """Of the largest change in a hold: holds that change by so much are compared."""
@@ -170,10 +167,11 @@ def holds_of(record: Record) -> list[np.ndarray]:
             rows = np.arange(run[0], run[-1] + FEWEST)
             # Where it arrives and leaves it still moves: from the first row at the level to the last.
             away = np.abs(u[rows] - np.median(u[rows]))
-            at = np.flatnonzero(away <= max(SCATTER * np.median(away), LEVEL * span))
+            at = np.flatnonzero(away <= max(SCATTER * np.median(away), LITTLE * span))
             rows = rows[at[0] : at[-1] + 1]
             moved = np.ptp(u[rows])
-            if moved <= HELD * span and moved <= RESTS * pace * np.ptp(t[where][rows]):
+            # Of the way that it goes in the time of a hold where it moves: more is a slow turn.
+            if moved <= HELD * span and moved <= HELD * pace * np.ptp(t[where][rows]):
                 found.append(where.start + rows)
     return found
 

@@ -16,7 +16,7 @@ from hysteresis.records._loop_cut import Pair, largest_row, step_of
 from hysteresis.records._loop_figures import Loops
 from hysteresis.records._row_noise import student
 
-from .._levels import FEWEST, REPEATS
+from .._levels import FEWEST, REPEATS, WHOLE
 from ._characteristics import holds_of
 
 LEAST, RESOLUTIONS = 0.1, 500
@@ -26,7 +26,7 @@ resolutions on. Below, they would be those of noise."""
 BAND = 0.01
 """Of the full scale: so close to the end of a hold an output has settled."""
 
-UPPER, LOWER = 0.5, 0.1
+UPPER, LOWER = 0.5, LEAST
 """Of the range: a hold above the one tells creep, one below the other behind a load its recovery."""
 
 DEFINITIONS = {
@@ -131,10 +131,6 @@ def _cells(row: SheetRow) -> tuple[str, ...]:
     return row.name, value, row.unit.replace("percent", "%"), row.basis
 
 
-ALIKE = 0.9
-"""Of the widest loop's range, which all loops of a sheet pass: 5 % may lack at either end."""
-
-
 @np.errstate(all="ignore")
 def data_sheet(record: Record) -> DataSheet:
     """The data sheet of a sensor whose output was read while its input went up and down.
@@ -165,7 +161,7 @@ def data_sheet(record: Record) -> DataSheet:
             fix="Load and unload the sensor over its range, at least once.",
         )  # fmt: skip
     low, high = (float(end[0]) for end in loops.common)
-    if high - low < ALIKE * float((loops.high - loops.low).max()):
+    if high - low < WHOLE * float((loops.high - loops.low).max()):
         raise InputError(
             "not-comparable", "The runs go over different ranges of the input.", place=record.source,
             fix="Give runs over one range, or a data sheet of each.",

@@ -15,9 +15,8 @@ from jaxtyping import Bool, Float, Int
 from hysteresis import AbstractModel, Record
 from hysteresis._parameter import parameter_at
 
-from .._levels import GROUPS, MANY_ROWS
+from .._levels import GROUPS, HELD, MANY_ROWS, ROUNDING
 from ..linear._composition import CompositionUnknowns
-from ..linear._composition_fit import SLACK
 from ..linear._composition_memory import memory_blocks
 from ..linear._cross_validation import NormalEquations, normal_equations_of
 from ..linear._linear_fit import LinearFit
@@ -36,8 +35,8 @@ LEAST = 2
 KNOWN = 0.25
 """Two groups alike hold a half each of what is known; a quarter is half of that."""
 
-HALVES, ROUNDING = (*0.5 ** np.arange(8), 0.0), 1e-9
-"""Parts of a step that are tried, and how much more than nothing an error may grow by it."""
+HALVES = (*0.5 ** np.arange(10), 0.0)
+"""Parts of a step that are tried."""
 
 
 class WithoutGroup(NamedTuple):
@@ -120,7 +119,7 @@ def _of_composition(
     meaning: CompositionUnknowns, record: Record, group: Int[np.ndarray, " samples"]
 ) -> dict[int, NormalEquations]:
     y = relative(meaning, record.output)
-    used = (group >= 0) & (y > meaning.least + SLACK)  # below it an output tells only a limit
+    used = (group >= 0) & (y > meaning.least + HELD)  # below it an output tells only a limit
     found: dict[int, NormalEquations] = {}
     for here, memory in memory_blocks(meaning.memory(), record, np.flatnonzero(used)):
         w, own = record.weights[here], group[here]

@@ -21,8 +21,8 @@ from ._detail import Parametric
 from ._fit_result import FitResult
 from ._parameters import with_ties
 
-STEP = 1e-4
-"""Of a parameter's value, or of its standard error where that is 0, for differences."""
+STEP = float(np.cbrt(np.finfo(float).eps))
+"""Of a parameter's value, or of its standard error where that is 0, for central differences."""
 
 
 class Repeatability(NamedTuple):

@@ -16,8 +16,8 @@ from hysteresis._atomic_file import atomic_file
 from hysteresis._limits import damage_told, load_arrays, parse_json
 
 FORMAT = 2
-WRITING_SHARE = 0.1
-"""The largest part of the time that is spent on writing; a large checkpoint is written less often."""
+APART = 10
+"""Times as long as a write takes, between two of them: large files are written less often."""
 
 
 class Work(NamedTuple):
@@ -63,7 +63,7 @@ class Checkpoint:
 
     def is_due(self, since: float) -> bool:
         """Whether to write again, `since` seconds after the last write."""
-        return since >= max(self.every, self._write_seconds / WRITING_SHARE)
+        return since >= max(self.every, APART * self._write_seconds)
 
     def write(self, arrays: Mapping[str, np.ndarray], done: int) -> None:
         """Keep what `done` steps made. Raises `InputError` if it cannot be written; the old file stays."""

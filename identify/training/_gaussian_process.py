@@ -9,10 +9,7 @@ from jaxtyping import Array, Float
 from hysteresis import InputError
 from hysteresis.numerics._squared_exponential import Kernel
 
-MOST_ROWS = 600
-"""Rows used to choose the scales. The cost grows with their cube, and more rows change little."""
-
-STEPS = 200
+from .._levels import AT_ONCE, STEPS
 
 
 def fit_kernel(
@@ -49,8 +46,8 @@ def fit_kernel(
             "not-finite", "a feature or a value is not a finite number.", fix="exclude that row."
         )
     rows = np.arange(len(x))
-    if len(x) > MOST_ROWS:
-        rows = np.sort(np.random.default_rng(seed).choice(len(x), MOST_ROWS, replace=False))
+    if len(x) > AT_ONCE:  # the cost grows with their cube, and more rows change little
+        rows = np.sort(np.random.default_rng(seed).choice(len(x), AT_ONCE, replace=False))
     start = np.log(np.concatenate([[y.std()], np.full(x.shape[1], 3.0), [0.1 * y.std()]]))
     return _maximised(jnp.asarray(x[rows]), jnp.asarray(y[rows]), jnp.asarray(start))
 

@@ -114,7 +114,7 @@ def test_what_a_line_is_without_a_cycle_is_the_line_through_the_others() -> None
     assert found.names == ("K", "b")
     # Five training cycles and the outlier.
     assert [case.said for case in found.cases] == [
-        "the first cycle", "cycle 2", "cycle 3", "cycle 4", "cycle 5", "1 row beyond 4 deviations"
+        "the first cycle", "cycle 2", "cycle 3", "cycle 4", "cycle 5", "1 row beyond 4.1 deviations"
     ]  # fmt: skip
     for case, left_out in zip(
         found.cases, [*(train.cycle == k for k in range(1, 6)), np.arange(len(train)) == far],
@@ -122,7 +122,7 @@ def test_what_a_line_is_without_a_cycle_is_the_line_through_the_others() -> None
     ):  # fmt: skip
         rows = train.mask & (train.input >= THRESHOLD) & ~left_out
         exact = np.polyfit(train.input[rows], output[rows], 1)
-        # Newton's last step leaves a gain of 1e-10: 1e-5 standard errors.
+        # Newton's last step leaves a gain of 1.5e-8: 2e-4 standard errors, of which b has 2 %.
         np.testing.assert_allclose(case.values, exact, rtol=1e-5)
         assert case.rows == (train.mask & left_out).sum()
     softer = np.where(train.cycle == 1, 1.2 * train.output, train.output)
