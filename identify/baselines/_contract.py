@@ -8,12 +8,10 @@ from jaxtyping import Bool, Float
 
 from hysteresis import Record
 
+from .._levels import ENOUGH_ROWS
 from ..records._folds import thinned
 from ._input_memory import branches_of
 from ._linear import cubic_per_branch, straight_line
-
-MOST = 20_000
-"""Rows that a baseline is fitted to, at most: evenly from all."""
 
 
 @runtime_checkable
@@ -49,7 +47,7 @@ def backwards(train: Record, used: Bool[np.ndarray, " samples"], record: Record)
     They are fitted to the `used` rows of `train`. Conditions are columns of the line.
     """
     turned, asked = _turned(train), _turned(record)
-    rows = thinned(np.flatnonzero(used & np.isfinite(train.output)), MOST)
+    rows = thinned(np.flatnonzero(used & np.isfinite(train.output)), ENOUGH_ROWS)
     found = []
     for one in (straight_line((*train.conditions,)), cubic_per_branch(turned, branches_of(turned))):
         unknowns = one.fitted(one.prepared(turned), turned.output, rows, turned.weights)

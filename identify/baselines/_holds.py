@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from hysteresis import Record
 
-EXPONENTS = np.concatenate([-np.linspace(0.02, 1, 50)[::-1], [0.0], np.linspace(0.02, 1, 50)])
+EXPONENTS = np.linspace(-1, 1, 101).round(2)
 """Tried for a power law; 0 is the logarithm."""
 
 

@@ -24,7 +24,7 @@ LAGS = tuple(2**k for k in range(6))
 FEW = 2
 """So many further columns also multiply all others."""
 
-PENALTIES = (1e-6, 1e-4, 1e-2)
+PENALTIES = tuple((10.0 ** np.arange(-6, -1, 2)).tolist())
 """Of ridge regression, of the mean square of a standardised column; the best on the folds is taken."""
 
 

@@ -6,7 +6,8 @@ import numpy as np
 
 from hysteresis import Record
 
-from ..baselines._contract import MOST, AbstractBaseline
+from .._levels import ENOUGH_ROWS
+from ..baselines._contract import AbstractBaseline
 from ..baselines._curves import MonotoneBaseline, replay
 from ..baselines._holds import of_holds
 from ..baselines._input_memory import branches_of
@@ -58,7 +59,7 @@ def _judged(
     seen, y = baseline.prepared(record), record.output
 
     def fitted(which: tuple[int, ...]) -> Any:
-        rows = thinned(np.flatnonzero(np.isin(parts.label, which)), MOST)
+        rows = thinned(np.flatnonzero(np.isin(parts.label, which)), ENOUGH_ROWS)
         return baseline.fitted(seen, y, rows, record.weights)
 
     def error(unknowns: Any, test: tuple[int, ...]) -> np.ndarray:

@@ -37,7 +37,7 @@ from ..dynamics._output_error import (
 )
 from ..dynamics._recorded_motion import RecordedMotion
 from ..noise._residual_statistics import Noise, estimate_noise
-from ..records._folds import block_errors
+from ..records._folds import QUARTERS, block_errors
 from ..results._fit_result import Candidate, FitResult, Parameter
 from ..results._goodness_of_fit import Baseline, Metrics, metrics
 from ..results._motion_detail import Motion, digest_of
@@ -46,9 +46,6 @@ from ._verdict import judge
 
 NAMES = (OSCILLATOR, *(f"{OSCILLATOR}({one})" for one in CLASSES))
 """What `fit` and --model call them; without a class, all classes are tried."""
-
-HELD_OUT = 0.25
-"""Part of a record without a period that is held out while its error is judged."""
 
 
 def oscillator_asked(model: Any) -> str | None:
@@ -235,7 +232,7 @@ def _held_out(optimum: Optimum, record: Record) -> Float[np.ndarray, " blocks"] 
         y, cut, how = parts[-1], 0, {"steps": 2, "damping": 1e-6}
     else:
         whole, how = Setting.of(motion, coarse, (), 0), {"steps": 4, "damping": 1e-4}
-        y, cut = y[: len(motion.force)], int(len(motion.force) * (1 - HELD_OUT))
+        y, cut = y[: len(motion.force)], len(motion.force) - len(motion.force) // QUARTERS
         part = replace(
             motion, force=motion.force[:cut], displacement=motion.displacement[:cut], rows=(0, cut)
         )
@@ -260,7 +257,7 @@ def _linear_baseline(
     predicted = own.as_fitted(fit.train.input)
     figures = tested.metrics | {"train": metrics(fit.train.output, predicted, fit.used)}
     error = (predicted - fit.train.output)[fit.used]
-    rows = motion.period if motion.periodic else int(HELD_OUT * len(error))
+    rows = motion.period if motion.periodic else len(error) // QUARTERS
     blocks = np.array(block_errors(error[-rows:]))
     blocks = blocks if fit.blocks is not None and len(fit.blocks) == len(blocks) else np.array([])
     span = float(np.ptp(fit.train.output[fit.used]))

@@ -21,10 +21,12 @@ from jaxtyping import Bool, Float, Int
 from hysteresis import ChannelMap, InputError, Note, Record
 from hysteresis.models._channel_map import memory_columns
 
+from .._levels import ENOUGH_ROWS
+from ..records._conditions import BLOCKS, MOST_FOLDS
 from ..records._folds import Fold, earned, held_out_errors, thinned
 from ..records._latest import repeats, slow_times
 from ..records._new_record import combine
-from ._cross_validation import ROWS, normal_equations_of
+from ._cross_validation import normal_equations_of
 from ._group_strengths import APART, Group, GroupedColumns, Strengths
 
 CELLS = 16
@@ -35,12 +37,6 @@ RADII = (0.02, 0.055, 0.15, 0.4)
 
 SETTLING = 3
 """First cycles left out, at most."""
-
-GROUPS = 5
-"""Groups that several sequences make, at most, each held out in turn."""
-
-BLOCKS = 6
-"""Of a single sequence."""
 
 
 def fit_channel_map(record: Record, keep_conditioning: bool = False) -> tuple[ChannelMap, Record]:
@@ -150,7 +146,7 @@ class _Problem:
         self.nodes = np.linspace(low, high, CELLS + 1, axis=1)
         self.radii = RADII if remembers else ()
         self.times = slow_times(record) if remembers else ()
-        rows = thinned(np.flatnonzero(record.mask), ROWS)
+        rows = thinned(np.flatnonzero(record.mask), ENOUGH_ROWS)
         y = (record.output[rows] - self.centre) / self.scale
         X, groups = self._columns(record, (x - low) / (high - low), rows)
         learnt, tested = used[rows], cut.tested[rows]
@@ -248,7 +244,7 @@ def _parts(record: Record, most: int) -> _Cut:
     several = len(counted) > 1
     if several:
         for k, rows in enumerate(counted):
-            part[rows] = k % GROUPS
+            part[rows] = k % MOST_FOLDS
     else:
         tested = tested & _settled(record, most)
         before = np.cumsum(tested) - tested

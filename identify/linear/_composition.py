@@ -36,6 +36,7 @@ from hysteresis.curves import Clip
 from hysteresis.numerics._hats import hats_of
 from hysteresis.preisach import GridDensity, Initial
 
+from .._levels import AT_ONCE
 from ._composition_memory import Memory, MemoryLayout, rises
 from ._composition_parts import (
     CELLS,
@@ -66,14 +67,11 @@ from ._unknown_vectors import in_units, split, upper_triangular
 SPEEDS = np.array([0.02, 0.1, 0.5, 2.0])
 """Of Coulomb friction, in parts of the speed that a quarter of the samples exceed."""
 
-DECAYS = np.array([1 / 16, 1 / 4, 1.0, 4.0])
+DECAYS = 4.0 ** np.arange(-2, 2)
 """Time constants of a drift in time, in parts of the longest sequence."""
 
 SMOOTHING, SHARP = 2.0, 0.3
 """Time constant of the velocity's filter, in sampling steps, and where the input's steps hardly differ."""
-
-AT_ONCE = 512
-"""Rows whose columns are made at once: they stay in a processor's cache."""
 
 Columns = Float[np.ndarray, "samples unknowns"]
 Samples = Float[np.ndarray, " samples"]

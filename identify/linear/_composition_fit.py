@@ -11,7 +11,7 @@ from hysteresis import Record
 from hysteresis.preisach import Initial
 from hysteresis.records._change import change
 
-from .._levels import MANY_ROWS
+from .._levels import AT_ONCE, ENOUGH_ROWS, HELD, MANY_ROWS
 from ..records._folds import (
     LEAST_GAIN,
     Fold,
@@ -30,8 +30,8 @@ from ..records._latest import (
     relaxation_times,
     usual_speed,
 )
-from ..records._orientation import SLACK, output_falls, slack
-from ._composition import AT_ONCE, SHARP, SMOOTHING, CompositionUnknowns
+from ..records._orientation import output_falls, slack
+from ._composition import SHARP, SMOOTHING, CompositionUnknowns
 from ._composition_memory import Memory, memory_blocks, memory_of
 from ._composition_parts import (
     CELLS,
@@ -43,8 +43,9 @@ from ._composition_parts import (
     STRENGTHS,
     TIME_DRIFT,
 )
+from ._composition_prior import RIDGE
+from ._cross_validation import STRENGTHS as PRIOR_STRENGTHS
 from ._cross_validation import (
-    ROWS,
     Choice,
     Equations,
     NormalEquations,
@@ -54,18 +55,17 @@ from ._cross_validation import (
     normal_equations_of,
     total,
 )
-from ._cross_validation import STRENGTHS as PRIOR_STRENGTHS
 from ._linear_fit import LinearFit
 from ._sliders import PLACE_STOPS, SPAN_STOPS, STOPS
 from ._unknown_vectors import relative
 
 Samples = Float[np.ndarray, " samples"]
 
-STRENGTHS_OF_PRIOR = PRIOR_STRENGTHS[1:4]
+STRENGTHS_OF_PRIOR = PRIOR_STRENGTHS[1:-1]
 """Prior strengths tried, the strongest first; of a weakest one that is chosen, weaker ones too."""
 
-WEAKEST = 1e-6
-"""The weakest of all."""
+WEAKEST = 10 * RIDGE
+"""The weakest of all: another one were the ridge."""
 
 DRIFT_GAIN = 0.5
 """What must go for a drift that no cycles show, or weights of either sign: they explain anything a bit."""
@@ -130,7 +130,7 @@ def _begun(
     """With the branches relaxed where the record starts, or at its lowest input and stretched at once from
     there: whichever all parts together predict held-out rows better with. Also the memory at their rows."""
     rows = fitted_rows(parts)
-    apart = whole.times and whole.rest - whole.low > SLACK * (whole.high - whole.low)
+    apart = whole.times and whole.rest - whole.low > HELD * (whole.high - whole.low)
     ways = [whole._replace(relaxed=relaxed) for relaxed in ((True, False) if apart else (False,))]
     begun = [(way, memory_of(way.memory(), record, rows)) for way in ways]
     some = tuple(part for part in whole.parts if part not in DRIFTS)
@@ -181,7 +181,7 @@ def unknowns_for(
 
 def fitted_rows(parts: Parts) -> Int[np.ndarray, " rows"]:
     """The rows on which a composition is chosen."""
-    return thinned(np.flatnonzero(parts.label >= 0), ROWS)
+    return thinned(np.flatnonzero(parts.label >= 0), ENOUGH_ROWS)
 
 
 class Problem:
@@ -230,7 +230,7 @@ class Problem:
 
     def _taut(self, y: Float[np.ndarray, " rows"]) -> Bool[np.ndarray, " rows"]:
         """Rows above the floor: below, an output tells only a limit."""
-        return y > self.floor + SLACK
+        return y > self.floor + HELD
 
     def mapped(
         self, choice: "Tried", some: tuple[str, ...], which: tuple[int, ...] | None = None

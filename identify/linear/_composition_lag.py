@@ -11,25 +11,17 @@ from jaxtyping import Bool
 from hysteresis import Note, Record
 from hysteresis.preisach import Initial
 
+from .._levels import ENOUGH_ROWS, WORTH
 from ..records._clocks import least_at, shifted
 from ..records._folds import Parts
 from ..records._folds import parts as parts_of
 from ._composition_fit import Problem, Tried, best_prior, fitted_rows, path_of, unknowns_for
 from ._composition_memory import Memory, memory_of
 from ._composition_parts import CURVE, MAXWELL, RELAYS, STRENGTHS
-from ._cross_validation import ROWS
-
-LAG_ROWS = 10_000
-"""Rows that are enough to find a lag with."""
+from ._cross_validation import STRENGTHS as PRIOR_STRENGTHS
 
 MEMORIES = ((CURVE, MAXWELL, STRENGTHS), (CURVE, RELAYS))
 """What a lag is found with: a curve with relaxing branches, and one with relays."""
-
-LAG_PRIOR = 1e-5
-"""Prior strength with which a lag is looked for."""
-
-WORTH = 0.2
-"""Share of the mean squared error that a lag must remove before the fit takes it into account."""
 
 
 STRETCH = Note("rows", "Rows with which a lag is looked for.")
@@ -108,7 +100,7 @@ def find_lag(record: Record, floor: float | None = None) -> Lag | None:
         there, memory = moved(lag)
         problem = Problem(there, cut, whole.of(*some)._replace(leading=leading), memory)
         problem.inside = inside.get((some, leading), problem.inside)
-        residuals = problem.A @ problem.solution(cut.all, some, LAG_PRIOR) - problem.y
+        residuals = problem.A @ problem.solution(cut.all, some, PRIOR_STRENGTHS[-1]) - problem.y
         residuals *= problem.weights[rows]
         inside[some, leading] = problem.inside
         return float(np.mean(residuals[problem.taut] ** 2))
@@ -129,7 +121,7 @@ def find_lag(record: Record, floor: float | None = None) -> Lag | None:
         lag, curvature = least_at(at, count * step, step)
         if not curvature:
             continue
-        facts = min(ROWS, int(few.mask.sum()))
+        facts = min(ENOUGH_ROWS, int(few.mask.sum()))
         deviation = float(np.sqrt(2 * at(lag) / curvature / facts))
         if abs(lag) > 2 * deviation:
             found[Lag(lag, deviation, some, leading)] = np.prod(lefts)
@@ -142,14 +134,14 @@ def _stretch(record: Record) -> tuple[Record, int]:
     What a cut sequence remembers from before is not known, so the first quarter of it does not count.
     """
     labels = record.labels
-    few = record.take_sequences(labels[:: max(1, min(len(labels), len(record) // LAG_ROWS))])
+    few = record.take_sequences(labels[:: max(1, min(len(labels), len(record) // ENOUGH_ROWS))])
     cycles = max(1, int((np.diff(few.cycle, prepend=0) != 0).sum()))
-    thin = max(1, 4 * len(few) // (cycles * LAG_ROWS))
+    thin = max(1, 4 * len(few) // (cycles * ENOUGH_ROWS))
     rows, mask = [], few.mask.copy()
     for _, here in few.sequences():
         used = np.flatnonzero(mask[here])
         end = here.start + int(used[-1]) + 1 if len(used) else here.stop
-        begin = max(here.start, end - thin * LAG_ROWS)
+        begin = max(here.start, end - thin * ENOUGH_ROWS)
         if begin > here.start:
             mask[begin : begin + (end - begin) // 4] = False
             rows.append(np.arange(begin, end))

@@ -11,14 +11,8 @@ from typing import Generic, NamedTuple, TypeAlias, TypeVar
 import numpy as np
 from jaxtyping import Bool, Float
 
-STRENGTHS = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5)
+STRENGTHS = tuple((1 / 10.0 ** np.arange(1, 6)).tolist())
 """Prior strengths tried, the strongest first; in squares of the output's range."""
-
-ROWS = 8000
-"""Rows that a dense problem takes: of a longer record one of every k, as neighbours are almost copies."""
-
-JITTER = 1e-12
-"""Added to the diagonal, over its mean, so that Cholesky's factorisation exists."""
 
 Problem = TypeVar("Problem")
 
@@ -73,8 +67,9 @@ def total(normal: Iterable[NormalEquations]) -> NormalEquations:
 
 
 def jittered(H: Float[np.ndarray, "n n"]) -> Float[np.ndarray, "n n"]:
-    """H with a trace of `JITTER`, in place."""
-    H[np.diag_indices(len(H))] += JITTER * np.trace(H) / len(H)
+    """H with what rounding may take from its eigenvalues on the diagonal, so that Cholesky's factorisation
+    exists; in place."""
+    H[np.diag_indices(len(H))] += np.finfo(float).eps * len(H) * np.trace(H)
     return H
 
 

@@ -28,6 +28,7 @@ import scipy.linalg
 from jaxtyping import Float, Int
 from scipy.optimize import minimize
 
+from .._levels import STEPS
 from ..records._folds import Fold
 from ._cross_validation import NormalEquations, total
 
@@ -48,9 +49,6 @@ CENTRE, EXPECTED, WIDTH = np.log(0.01), np.log(10.0), 3.0
 
 FOLDS_TELL = 30.0
 """What the mean logarithm of the folds' errors weighs against that."""
-
-STEPS = 60
-"""Of the search, at most."""
 
 
 class Group(NamedTuple):

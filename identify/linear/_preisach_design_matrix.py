@@ -16,9 +16,7 @@ from jaxtyping import Float, Int
 from hysteresis.preisach import GridDensity, Preisach
 from hysteresis.preisach._everett import GridPairs
 from hysteresis.preisach._preisach import PreisachInput
-
-ROWS = 1 << 16
-"""Rows of a block."""
+from hysteresis.records._arrays import pieces
 
 
 class NodeSpace(NamedTuple):
@@ -142,10 +140,10 @@ def design_rows(model: Preisach, prepared: PreisachInput) -> Any:
 
 
 def design_blocks(model: Preisach, prepared: PreisachInput) -> Iterator[DesignBlock]:
-    """B in blocks of at most `ROWS` rows, for a model with a `GridDensity` and a reversible part."""
+    """B in blocks of rows, for a model with a `GridDensity` and a reversible part."""
     prepared = jax.tree.map(np.asarray, prepared)
-    for begin in range(0, len(prepared.sign), ROWS):
-        yield design_block(model, prepared, slice(begin, min(begin + ROWS, len(prepared.sign))))
+    for rows in pieces(len(prepared.sign)):
+        yield design_block(model, prepared, rows)
 
 
 def design_block(

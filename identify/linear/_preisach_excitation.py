@@ -21,9 +21,10 @@ from hysteresis import InputError, Preisach, Record
 from hysteresis.preisach import GridDensity
 from hysteresis.preisach._preisach import PreisachInput
 
+from .._levels import AT_ONCE
 from ..records._run_model import located
 from ._preisach_design_matrix import NodeSpace, design_block, design_blocks, design_rows
-from ._preisach_normal_equations import CHUNK, normal_equations
+from ._preisach_normal_equations import normal_equations
 
 
 class Identifiability(NamedTuple):
@@ -177,8 +178,8 @@ def _swing(
     assert isinstance(grid.density, GridDensity)
     space = NodeSpace(grid.density.cells)
     found = []
-    for k in range(0, len(ends), CHUNK):
-        B = design_block(grid, prepared, ends[k : k + CHUNK]).matrix
+    for k in range(0, len(ends), AT_ONCE):
+        B = design_block(grid, prepared, ends[k : k + AT_ONCE]).matrix
         found.append(_extremes(space.to_unknowns(B.T.toarray()).T))
     return _extremes(np.vstack(found))
 

@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float
 from hysteresis import Record
 from hysteresis.preisach import Initial
 
+from .._levels import WORTH
 from ..noise._adequacy import noise_behind, spread_over_rows
 from ..records._folds import Parts, best_of, earned, simplest
 from ..records._orientation import output_falls
@@ -95,9 +96,6 @@ NodesOf: TypeAlias = Callable[[int], tuple[float, ...] | None]
 
 GRIDS = (COARSE, 2 * COARSE, 4 * COARSE)
 """Cells of the grids tried, each of the later ones refined where the one before has its mass."""
-
-BETTER = 0.8
-"""Of the mean square, that of an rms error a tenth less: what another grid has to reach."""
 
 
 def steep_nodes(
@@ -185,7 +183,7 @@ def fit_preisach(
             problem = PreisachProblem(record, merged, meaning)
             choices = choices + tried(problem, (best.strength * k for k in (10.0, 1.0, 0.1, 0.01)))
             best = _best(choices)
-            if best.blocks.mean() > BETTER * before.blocks.mean():
+            if best.blocks.mean() > (1 - WORTH) * before.blocks.mean():
                 break
         return choices
 
@@ -196,7 +194,7 @@ def fit_preisach(
     if finer and 2 * coarse * np.diff(nodes).min() < high - low:
         problem = PreisachProblem(record, merged, shape._replace(nodes=nodes))
         steep = tried(problem, STRENGTHS)
-        if _best(steep).blocks.mean() < BETTER * best.blocks.mean():
+        if _best(steep).blocks.mean() < (1 - WORTH) * best.blocks.mean():
             choices = path(steep, lambda n: steep_nodes(u, y, n))
             best = _best(choices)
     chosen = simplest(choices, best)

@@ -16,11 +16,9 @@ import numpy as np
 import scipy.sparse as sparse
 from jaxtyping import Float, Int
 
+from .._levels import AT_ONCE
 from ._cross_validation import NormalEquations
 from ._preisach_design_matrix import DesignBlock, NodeSpace
-
-CHUNK = 1024
-"""Columns of the normal matrix worked on at once: bounds the memory."""
 
 
 class NodeSums:
@@ -89,8 +87,8 @@ def gathered(space: NodeSpace, columns: Any, P: Any) -> Float[np.ndarray, "unkno
     """P'S' of columns in node space."""
     turned = P.T.tocsr()
     found = []
-    for k in range(0, columns.shape[1], CHUNK):
-        some = columns[:, k : k + CHUNK]
+    for k in range(0, columns.shape[1], AT_ONCE):
+        some = columns[:, k : k + AT_ONCE]
         dense = some.toarray() if sparse.issparse(some) else np.ascontiguousarray(some)
         found.append(turned @ space.to_unknowns(dense))
     return np.hstack(found)

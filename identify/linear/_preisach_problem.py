@@ -21,7 +21,7 @@ from hysteresis import Record
 
 from ..records._folds import Parts, block_errors
 from ..records._run_model import located
-from ._cross_validation import JITTER, NormalEquations, total
+from ._cross_validation import NormalEquations, total
 from ._nnls import nonnegative_least_squares
 from ._preisach_design_matrix import DesignBlock, design_blocks
 from ._preisach_normal_equations import normal_equations
@@ -53,7 +53,7 @@ class PreisachObjective:
         """H and b of x'Hx/2 - b'x over some parts."""
         H, b = self.total(which).means
         H = H + strength * self.prior
-        H[0, 0] *= 1 + JITTER
+        H[0, 0] *= 1 + len(H) * np.finfo(float).eps
         return H, b
 
     def log_evidence(

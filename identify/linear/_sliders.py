@@ -17,7 +17,7 @@ THRESHOLDS = np.geomspace(0.006, 0.45, 14)
 BANDS = np.diff(THRESHOLDS, prepend=0.0)
 """Widths of the bands between them."""
 
-PLACES, SPANS = np.array([0.0, 0.5, 1.0]), np.array([0.0, 0.125, 0.25, 0.5, 1.0])
+PLACES, SPANS = np.array([0.0, 0.5, 1.0]), np.append(0.0, 2.0 ** np.arange(-3, 1))
 """Levels of the position and of the range covered, in parts of the input's range."""
 
 LEVELS = {PLAYS: PLACES[:1], STOPS: PLACES[:1], PLACE_STOPS: PLACES, SPAN_STOPS: SPANS}

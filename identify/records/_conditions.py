@@ -6,14 +6,10 @@ from jaxtyping import Bool, Float, Int
 from hysteresis import InputError, Record
 from hysteresis.records._branch_rows import STILL
 
-from ._folds import Fold, Parts
+from .._levels import GROUPS
+from ._folds import QUARTERS, Fold, Parts
 
-MOST = 12
-"""Trained values that are kept apart; more of them, or a condition that varies, are put into bins."""
-
-BINS = 8
-
-BLOCKS = 6
+BLOCKS = QUARTERS + 2
 """Of consecutive rows, where no condition can be held out; the first and the last are always trained."""
 
 MOST_FOLDS = 5
@@ -80,9 +76,9 @@ def condition_parts(record: Record, name: str) -> Parts:
     of consecutive rows.
     """
     values, c = trained_values(record, name), record.columns[name]
-    if values is None or len(values) > MOST:
-        ends = np.linspace(c[record.mask].min(), c[record.mask].max(), BINS + 1)
-        bin_of = np.clip(np.digitize(c, ends[1:-1]), 0, BINS - 1)
+    if values is None or len(values) > GROUPS:
+        ends = np.linspace(c[record.mask].min(), c[record.mask].max(), GROUPS + 1)
+        bin_of = np.clip(np.digitize(c, ends[1:-1]), 0, GROUPS - 1)
     else:
         bin_of = _nearest(c, values)
     fold, how = _folds_of(record, values, c)

@@ -5,9 +5,11 @@ from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
+import scipy
 from jaxtyping import Bool, Float, Int
 
 from hysteresis import Record
+from hysteresis.records._change import FEWEST
 from hysteresis.records._cycles import counted_cycles, default_dead_band, turning_points
 
 
@@ -18,7 +20,7 @@ class Fold(NamedTuple):
     test: tuple[int, ...]
 
 
-MANY_CYCLES = 8
+MANY_CYCLES = 2 * FEWEST
 """Cycles of a single sequence from which on more than the last one is predicted from those before."""
 
 
@@ -26,8 +28,11 @@ KIND = 0.2
 """Relative difference of neighbouring ranges from which on they are of two kinds."""
 
 
-PIECES, GROUPS = 8, 4
-"""Pieces of each branch of a single loop, and groups of them that are held out in turn: a quarter each."""
+QUARTERS = 4
+"""Groups that are held out in turn: a quarter each."""
+
+PIECES = 2 * QUARTERS
+"""Pieces of each branch of a single loop, dealt to the groups."""
 
 
 class Parts(NamedTuple):
@@ -152,8 +157,10 @@ def parts(record: Record, keep_conditioning: bool = False, most: int = 5) -> Par
         for leg in np.unique(branch):
             piece = np.arange(np.sum(branch == leg)) * PIECES // np.sum(branch == leg)
             # Pieces of neighbouring branches at the same inputs are not held out together.
-            label[rows[branch == leg]] = (piece + leg * GROUPS // 2) % GROUPS
-        folds = tuple(Fold(tuple(p for p in range(GROUPS) if p != k), (k,)) for k in range(GROUPS))
+            label[rows[branch == leg]] = (piece + leg * QUARTERS // 2) % QUARTERS
+        folds = tuple(
+            Fold(tuple(p for p in range(QUARTERS) if p != k), (k,)) for k in range(QUARTERS)
+        )
         how = "pieces of every branch, held out in turn, as each branch is passed once"
         return Parts(label, folds, None, how, by_cycles=False)
     label[rows] = late
@@ -177,7 +184,7 @@ def _is_new(
         here, before = late & (falls == way), u[~late & (falls == way)]
         new |= here & ~((u >= before.min(initial=np.inf)) & (u <= before.max(initial=-np.inf)))
     rows = np.bincount(falls, minlength=2)
-    return bool(new.sum() > 0.5 * late.sum() and rows.min() >= GROUPS * PIECES)
+    return bool(new.sum() > 0.5 * late.sum() and rows.min() >= QUARTERS * PIECES)
 
 
 def _inside(
@@ -217,11 +224,9 @@ def thinned(rows: Int[np.ndarray, " rows"], most: int) -> Int[np.ndarray, " fewe
     """
     k = max(1, -(-len(rows) // most))
     first = np.arange(0, len(rows), k)
-    place = (np.arange(len(first)) * GOLDEN % 1 * k).astype(int)
+    place = (np.arange(len(first)) * scipy.constants.golden % 1 * k).astype(int)
     return rows[np.minimum(first + place, len(rows) - 1)]
 
-
-GOLDEN = (np.sqrt(5) - 1) / 2
 
 BLOCKS_OF_FOLD = 10
 """Blocks of consecutive rows into which the errors of a fold are cut."""

@@ -6,9 +6,10 @@ import numpy as np
 from jaxtyping import Bool
 
 from hysteresis import Record
+from hysteresis.records._change import ALIKE, FEWEST
 from hysteresis.records._cycles import counted_cycles, default_dead_band, turning_points
 
-from .._levels import MUCH
+from .._levels import MUCH, REPEATS, WHOLE
 from ._folds import Fold, Parts
 
 # How fast and how far the input of a record moves, and whether its differences are its speeds.
@@ -17,12 +18,6 @@ from ._folds import Fold, Parts
 EVEN = 0.05
 """Of a usual step of the input: where nine in ten steps differ from the one before by less, their noise
 makes two per cent of a speed."""
-
-ALIKE = 0.15
-"""By which part of their size ranges of one amplitude may differ."""
-
-WHOLE = 0.9
-"""Part of a cycle's rows that count, against the cycle with the greatest one, if it is a whole one."""
 
 
 def rates_differ(record: Record) -> bool:
@@ -82,17 +77,11 @@ def moves_evenly(record: Record, usual: float) -> bool:
     return bool(len(bends)) and bool(np.quantile(bends, 0.9) < EVEN * usual)
 
 
-FEWEST = 6
+SOME_OF = 2 * REPEATS
 """Cycles that a record needs for some of them to be enough."""
 
-SEVERAL = 4
-"""Cycles of one kind that repeat each other: two show a change, and two more how well it is known."""
 
-LEAST = 3
-"""Cycles that are always learnt from."""
-
-
-def repeats(record: Record, fewest: int = SEVERAL) -> bool:
+def repeats(record: Record, fewest: int = FEWEST) -> bool:
     """Whether so many cycles of a single sequence are alike in their range and rate."""
     cycles = counted_cycles(record, record.mask, 0.0)[0]
     if len(record.labels) > 1 or len(cycles) < fewest:
@@ -105,14 +94,14 @@ def latest(record: Record, parts: Parts) -> list[Parts]:
     """The same parts and held-out rows, of which the last half of the trained cycles, and the last three,
     are learnt from; none where cycles differ in range or rate: first ones then tell what later ones do not.
     """
-    if not parts.folds or not repeats(record, FEWEST):
+    if not parts.folds or not repeats(record, SOME_OF):
         return []
     # Rows in no cycle are a part of their own behind the cycles, and learnt from.
     of_cycles = set(parts.label[record.mask & (record.cycle > 0)].tolist())
 
     def last(which: tuple[int, ...], count: int | None) -> tuple[int, ...]:
         cycles = [p for p in which if p in of_cycles]
-        count = max(LEAST, -(-len(cycles) // 2)) if count is None else count
+        count = max(REPEATS, -(-len(cycles) // 2)) if count is None else count
         return tuple(p for p in which if p not in of_cycles or p in cycles[-count:])
 
     return [
@@ -120,7 +109,7 @@ def latest(record: Record, parts: Parts) -> list[Parts]:
             folds=tuple(Fold(last(fold.train, count), fold.test) for fold in parts.folds),
             kept=last(parts.all, count),
         )
-        for count in (None, LEAST)
+        for count in (None, REPEATS)
     ]
 
 

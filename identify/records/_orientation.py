@@ -8,6 +8,7 @@ from hysteresis.records._arrays import pieces
 from hysteresis.records._cycles import noise_level
 from hysteresis.records._excitation import loop_direction
 
+from .._levels import HELD, HELD_AT_ONCE
 from ._folds import thinned as thinned_rows
 
 # Fewer rows of a long record: one in k counts, and those stay that the input's path needs.
@@ -19,9 +20,6 @@ from ._folds import thinned as thinned_rows
 # are furthest off the lines are added until none is off: O(n) a round, about ten rounds.
 
 
-MOST = 1_000_000
-"""Rows that a fit works on: a minute of work, and a gigabyte."""
-
 FINE, COARSE = 1e-4, 1e-2
 """Of the input's range: how far the path may be off where rows are enough, and where they are few. The
 best models leave some thousandths unexplained, and a verdict allows some hundredths."""
@@ -31,17 +29,17 @@ NOISE = 8.0
 
 
 def thinned(record: Record) -> Record:
-    """A record of at most `MOST` rows, of which half or fewer count; a shorter one as it is.
+    """A record of at most `HELD_AT_ONCE` rows, of which half or fewer count; a shorter one as it is.
 
     The rows kept for the path do not count. A record whose path needs more rows, say of ten to a cycle, is
     given back whole.
     """
-    if len(record) <= MOST:
+    if len(record) <= HELD_AT_ONCE:
         return record
     u, counted = record.input, np.zeros(len(record), bool)
-    counted[thinned_rows(np.flatnonzero(record.mask), MOST // 2)] = True
+    counted[thinned_rows(np.flatnonzero(record.mask), HELD_AT_ONCE // 2)] = True
     tolerance, most = _tolerance(u), COARSE * float(np.ptp(u))
-    while (rows := _kept(record, counted, tolerance)).size > MOST:
+    while (rows := _kept(record, counted, tolerance)).size > HELD_AT_ONCE:
         if (tolerance := 2 * tolerance) > most:
             return record
     said = (
@@ -52,10 +50,10 @@ def thinned(record: Record) -> Record:
 
 
 def _kept(record: Record, counted: np.ndarray, tolerance: float) -> np.ndarray:
-    """The rows that count and those that the path needs, rising; more than `MOST` where it needs more."""
+    """The rows that count and those that the path needs, rising; more than `HELD_AT_ONCE` if need be."""
     kept = counted.copy()
     kept[record.starts] = kept[record.starts - 1] = True  # the first and the last row of a sequence
-    while np.count_nonzero(kept) <= MOST:
+    while np.count_nonzero(kept) <= HELD_AT_ONCE:
         beyond = _furthest(record, np.flatnonzero(kept), tolerance)
         if not beyond.size:
             break
@@ -93,13 +91,8 @@ def _furthest(record: Record, kept: np.ndarray, tolerance: float) -> np.ndarray:
 
 
 TOLD = 0.3
-"""Loops tell their direction where so much of their area has it."""
-
-SLIGHT = 0.3
-"""A correlation of input and output up to which loops outweigh the slope."""
-
-SLACK = 0.02
-"""Part of the output's range within which it lies on its floor."""
+"""Loops tell their direction where so much of their area has it; a correlation of input
+and output beyond it outweighs them."""
 
 
 def orientations(record: Record) -> tuple[bool, ...]:
@@ -137,7 +130,7 @@ def output_falls(record: Record) -> bool:
     _, run, rows = np.unique(run, return_inverse=True, return_counts=True)
     u, y = (x - (np.bincount(run, x) / rows)[run] for x in (u, y))
     slope = _correlation(u, y)
-    if abs(slope) > SLIGHT or abs(loop_direction(record)) < TOLD:
+    if abs(slope) > TOLD or abs(loop_direction(record)) < TOLD:
         return slope < 0
     follows = record.mask[1:] & record.mask[:-1]
     follows[record.starts[1:] - 1] = False
@@ -152,7 +145,7 @@ def slack(record: Record) -> tuple[float, ...]:
     """
     y = record.output[record.mask] * (-1 if output_falls(record) else 1)
     least = np.quantile(y, 0.01)
-    down = y[y < least + SLACK * np.ptp(y)]
+    down = y[y < least + HELD * np.ptp(y)]
     return (float(np.median(down)),) if len(down) > 0.05 * len(y) else ()
 
 

@@ -13,7 +13,7 @@ TRUTH = Burgers(2.0, 60.0, 1.0, 5.0, 0.2)
 @pytest.fixture(autouse=True)
 def few(monkeypatch: pytest.MonkeyPatch) -> None:
     """As if a thousand rows were many."""
-    monkeypatch.setattr("identify.records._orientation.MOST", MOST)
+    monkeypatch.setattr("identify.records._orientation.HELD_AT_ONCE", MOST)
 
 
 def pressed(noise: float = 0.0, turns: int = 12) -> Record:

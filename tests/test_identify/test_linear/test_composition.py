@@ -178,7 +178,7 @@ def test_weights_are_those_of_the_squared_errors(monkeypatch: pytest.MonkeyPatch
     tried = problem.tried(whole.parts, 1e-4).blocks
     assert not np.allclose(tried, plain.tried(whole.parts, 1e-4).blocks, rtol=0.01)
     # Chosen on a third of the rows, fitted to all.
-    monkeypatch.setattr("identify.linear._composition_fit.ROWS", 300)
+    monkeypatch.setattr("identify.linear._composition_fit.ENOUGH_ROWS", 300)
     final = Problem(data, cut, whole, weights=w).final(whole.parts)
     np.testing.assert_allclose(final.H, want, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(final.b, problem.A.T @ (squares * problem.y), rtol=1e-9, atol=1e-9)
