@@ -4,9 +4,9 @@
 
 x is shared by all sequences: a curve and powers of the input, stops that are relaxed before the first row,
 the same by the distance from the middle of the range, stops that have come from that middle, and the
-input's rate, and its root, behind low-pass filters of 0 to 64 sampling steps (eddies, ringing). z is of
+input's rate, and its root, behind low-pass filters of 0 to 512 sampling steps (eddies, ringing). z is of
 each sequence: an offset, the first state of every stop, which the rows before the first one have left
-there, the strength of the stops and of some rates. So a sequence is predicted from its known rows k by
+there, the strength of the stops and of the rate. So a sequence is predicted from its known rows k by
 
     y = F x + K_k (K_kk + s^2)^-1 (y_k - F_k x),    K = R V R' + cov(c)
 
@@ -18,6 +18,7 @@ Source: Robinson, That BLUP is a good thing: the estimation of random effects, S
 """
 
 from collections.abc import Iterator
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -27,45 +28,36 @@ from jaxtyping import Float
 from hysteresis import Record
 from hysteresis.numerics._blocked_recurrences import clamped, relaxed
 from hysteresis.numerics._hats import hats_of
+from hysteresis.numerics._normal import NORMAL_95
 
+from .._levels import FEWEST, LITTLE
+from ._folds import QUARTERS
 from ._latest import usual_speed
-
-LEAST, FOLDS = 12, 6
-"""Sequences with known and with unknown rows, and groups of them that are held out in turn."""
 
 THRESHOLDS = 2.0 ** np.arange(-8, -1)
 """Of the stops, in parts of the input's range."""
 
-CUTOFFS = 2.0 ** np.arange(7)
+CUTOFFS = 2.0 ** np.arange(10)
 """Time constants of the low-pass filters, in sampling steps."""
 
-OWN_RATES = [0, 3, 5]
-"""Which rates a sequence has strengths of its own for: unfiltered, behind 4 and behind 16 steps."""
-
-CELLS, PLACES, POWERS = np.linspace(-1, 1, 21), np.array([0.0, 0.5, 1.0]), np.arange(1, 8)
+CELLS, PLACES, POWERS = np.linspace(-1, 1, 10), np.array([0.0, 0.5, 1.0]), np.arange(1, 10)
 """Knots of the curve, and of the distance from the middle, in halves of the range; powers of the place."""
 
-LOOSE = {"rates": 10.0, "roots": 0.03, "stops": 0.1, "curve": 0.1, "places": 0.1, "powers": 1.0}
-"""How large shared weights of each kind are expected, in parts of one another; squares."""
+LOOSE = {"rates": 100.0, "powers": 10.0}
+"""How much larger the squares of these shared weights are expected than those of others."""
 
-START = np.array([3e-4, 1e-2, 3e-3, 3e-3, 1e-3, 30.0, 3e-3, 3e-4])
-"""Variances of offset, first states, stops, rates and what fades out; its time in sampling steps; variance
-of the error; the ridge. Outputs are in units of the rms of a usual sequence."""
+START = np.array([LITTLE, LITTLE, LITTLE, LITTLE, LITTLE, 10.0, LITTLE, LITTLE])
+"""Variances of offset, first states, stops, the rate and what fades out; its time in sampling steps;
+variance of the error; the ridge. Outputs are in units of the rms of a usual sequence."""
 
-VARIANCES = [0, 1, 2, 3, 4, 6]
-"""Which of these are."""
+MOVES = 10.0, np.sqrt(10.0)
+"""By which each of these is divided and multiplied, the larger one first."""
 
-MOVES, ROUNDS = (0.1, 10.0, 0.3, 3.0), 2
-"""By which each of these is multiplied in turn, and how often."""
-
-REWEIGHED = 4
+REWEIGHED = 10
 """Solutions of least squares, each with the sequences weighed by what the one before errs by in them."""
 
-NORMAL = 2.71
-"""Nine of ten squares of a normal number are less: a sequence that is far off does not widen the others."""
-
-SEARCHED, FITTED = 100, 200
-"""Rows of a sequence in the search, and afterwards: evenly spread, and the last known one."""
+ROWS = 100
+"""Of a sequence: evenly spread, and the last known one."""
 
 
 Equations = tuple[np.ndarray, np.ndarray, float]
@@ -96,7 +88,7 @@ class SequenceTerms(NamedTuple):
         """Outputs, and their standard deviation where the known rows leave it open, 0 in these."""
         values, deviation = np.empty(len(record)), np.zeros(len(record))
         for rows, one in self._sequences(record):
-            known = one.known[_some(len(one.known), FITTED)]
+            known = one.known[_some(len(one.known))]
             gain, left = one.gain(known, np.arange(len(one.y)), np.array(self.settings))
             fixed = one.F @ np.array(self.shared)
             y = fixed + gain @ (one.y - fixed)[known]
@@ -144,9 +136,9 @@ class SequenceTerms(NamedTuple):
         curve = hats_of(inside, CELLS)
         kinds = {"rates": rates, "roots": roots, "stops": stops, "curve": curve, "places": by_place,
                  "powers": powers}  # fmt: skip
-        F = np.hstack([np.sqrt(LOOSE[kind]) * columns for kind, columns in kinds.items()])
+        F = np.hstack([np.sqrt(LOOSE.get(kind, 1.0)) * columns for kind, columns in kinds.items()])
         wide = np.tile(THRESHOLDS / THRESHOLDS[-1], 2) ** 0.5
-        return F, [np.ones((len(u), 1)), first * wide, stops[:, :n], rates[:, OWN_RATES]], clock
+        return F, [np.ones((len(u), 1)), first * wide, stops[:, :n], rates[:, :1]], clock
 
 
 class _Sequence(NamedTuple):
@@ -176,10 +168,10 @@ class _Sequence(NamedTuple):
         gain = scipy.linalg.solve(own, across.T, assume_a="pos").T if len(known) else across
         return gain, (R[rows] ** 2).sum(1) + fading - (gain * across).sum(1)
 
-    def equations(self, settings: np.ndarray, most: int) -> Equations:
+    def equations(self, settings: np.ndarray) -> Equations:
         """Of the errors of the rows that count, times their weights: H, b and the mean square of y."""
-        known = self.known[_some(len(self.known), most)]
-        rows = self.counted[_some(len(self.counted), most)]
+        known = self.known[_some(len(self.known))]
+        rows = self.counted[_some(len(self.counted))]
         gain, _ = self.gain(known, rows, settings)
         w = self.weights[rows] / np.sqrt(len(rows))
         A = w[:, None] * (self.F[rows] - gain @ self.F[known])
@@ -187,9 +179,9 @@ class _Sequence(NamedTuple):
         return A.T @ A, A.T @ y, float(y @ y)
 
 
-def _some(count: int, most: int) -> np.ndarray:
-    """So many places at most, evenly spread, with the last one."""
-    return np.arange(count - 1, -1, -max(1, -(-count // most)))[::-1]
+def _some(count: int) -> np.ndarray:
+    """`ROWS` places at most, evenly spread, with the last one."""
+    return np.arange(count - 1, -1, -max(1, -(-count // ROWS)))[::-1]
 
 
 def sequence_rms(record: Record, predicted: Float[np.ndarray, " samples"]) -> float:
@@ -217,20 +209,22 @@ def learnt(record: Record) -> SequenceTerms | None:
     if not high > low:
         return None
     each = [one for _, one in empty._sequences(record) if len(one.known) and len(one.counted)]
-    if len(each) < LEAST:
+    if len(each) < FEWEST:
         return None
     search = _Search(each)
     settings = search.best()
-    shared = search.solved([one.equations(settings, FITTED) for one in each], settings)
+    shared = search.solved([one.equations(settings) for one in each], settings)
     found = empty._replace(
         settings=tuple(settings.tolist()), shared=tuple(shared.tolist()),
-        error=search.error(settings, FITTED),
+        error=search.error(settings),
     )  # fmt: skip
     # Variances that are all larger give the same values: the search leaves their size open.
     values, deviation = found.predicted(record)
     off = ((values - record.output) / np.where(deviation > 0, deviation, np.inf))[record.mask]
     optimism = found.error / sequence_rms(record, values)
-    settings[VARIANCES] *= np.quantile(off**2, 0.9) / NORMAL * optimism**2
+    # By nine in ten: a sequence that is far off does not widen the others.
+    wider = np.quantile(off**2, 0.9) / NORMAL_95**2 * optimism**2
+    settings[[*range(settings.size - 3), -2]] *= wider  # all but the time and the ridge
     return found._replace(settings=tuple(settings.tolist()))
 
 
@@ -238,7 +232,7 @@ class _Search:
     def __init__(self, each: list[_Sequence]) -> None:
         self.each = each
         # Not by their order: levels and rates often follow it.
-        self.fold = np.random.default_rng(0).permutation(len(each)) % FOLDS
+        self.fold = np.random.default_rng(0).permutation(len(each)) % QUARTERS
 
     def solved(self, equations: list[Equations], settings: np.ndarray) -> np.ndarray:
         """The least mean of sqrt(e_i^2 + m), e_i the rms error of a sequence and m the median of e_i^2."""
@@ -255,11 +249,11 @@ class _Search:
             weights /= weights.mean()
         return x
 
-    def error(self, settings: np.ndarray, most: int = SEARCHED) -> float:
+    def error(self, settings: np.ndarray) -> float:
         """The mean rms error of the unknown rows of held-out sequences."""
-        equations = [one.equations(settings, most) for one in self.each]
+        equations = [one.equations(settings) for one in self.each]
         found = []
-        for fold in range(FOLDS):
+        for fold in range(QUARTERS):
             own = [one for one, k in zip(equations, self.fold, strict=True) if k != fold]
             x = self.solved(own, settings)
             held = [one for one, k in zip(equations, self.fold, strict=True) if k == fold]
@@ -269,8 +263,8 @@ class _Search:
     def best(self) -> np.ndarray:
         """Settings by moves of one at a time, each kept where the error falls."""
         best, least = START.copy(), self.error(START)
-        for k in [*range(len(START))] * ROUNDS:
-            for move in MOVES:
+        for factor, k in product(MOVES, range(len(START))):
+            for move in (1 / factor, factor):
                 tried = best.copy()
                 tried[k] *= move
                 if (error := self.error(tried)) < least:
