@@ -10,7 +10,7 @@ from jaxtyping import Float
 from hysteresis import InputError, Oscillator, Sum
 from hysteresis.dynamics._oscillator import forces_of
 
-from .._levels import FEWEST
+from .._levels import FEWEST, MUCH, SOME_ROWS
 from ..dynamics._classes import COARSER, periods_to_steady_state
 from ..dynamics._duhem_search import duhem_family
 from ..dynamics._measured_motion import LEAST_ROWS, measured_motion
@@ -21,11 +21,11 @@ from ..results._fit_result import FitResult
 LEVELS = 2.0 ** np.arange(-2, 3)
 """Of the fitted record's rms force."""
 
-BANDS = (*((1 / f, f) for f in (1.25, 2.0, 4.0)), (0.1, 1.0))
+BANDS = tuple((1 / f, f) for f in (MUCH, 2.0, 10.0))
 """About the resonance, by which they are multiplied; the fitted record's band is tried too."""
 
-HIGHEST, ROWS = 0.45, 4096
-PLACES = 33
+HIGHEST = 0.45
+PLACES = 100
 """Forces at which the standard deviation of the slopes f+ and f- is taken."""
 
 
@@ -150,7 +150,7 @@ def design_excitation(
     slopes = np.kron(np.eye(2), hats(np.linspace(z.min(), z.max(), PLACES), limit, knots))
     slopes = slopes @ family.T[PLANT + STATE :]
     size = float(np.sqrt(np.mean((slopes @ q) ** 2)))
-    rows = rows or (motion.period or ROWS)
+    rows = rows or (motion.period or SOME_ROWS)
     if rows < LEAST_ROWS:
         raise InputError("bad-option", f"a period of {rows} rows.", fix=f"at least {LEAST_ROWS}.")
     usual = float(np.sqrt(np.mean((motion.force - motion.force.mean()) ** 2)))

@@ -7,6 +7,7 @@ import numpy as np
 from hysteresis import InputError
 from hysteresis.dynamics._recorder import stages_of
 
+from .._levels import NOTHING, SURE
 from ._duhem_search import SIZES, refined, started
 from ._linear_approximation import LinearApproximation
 from ._measured_motion import MeasuredMotion
@@ -21,11 +22,8 @@ COARSER = 4
 FAR_FROM_ONE = 2.0
 """chi2 per row from which plays are tried from another start."""
 
-TELLS = 20.0
-"""Difference of chi2 by which one recorder explains a record better than another."""
-
-STEADY, MOST_WARM = 12.0, 20
-"""Time constants of the decay, of a quarter of the linear damping, before steady state."""
+MOST_WARM = 20
+"""Periods before steady state, at most."""
 
 
 def search(
@@ -108,13 +106,14 @@ def _recorder(motion: MeasuredMotion, found: Optimum, oversampling: int, warm: i
         off = motion.whitened(motion.displacement - y)
         left.append(float(off @ off) / motion.sigma**2)
     best = int(np.argmin(left))
-    return settings[best] if left[best] < left[0] - TELLS * max(1.0, found.chi) else settings[0]
+    return settings[best] if left[best] < left[0] - SURE**2 * max(1.0, found.chi) else settings[0]
 
 
 def periods_to_steady_state(
     motion: MeasuredMotion, linear: LinearApproximation, rows: int | None = None
 ) -> int:
-    """How many periods, of the motion or of so many rows, pass from rest until the transient is gone."""
+    """How many periods, of the motion or of so many rows, pass from rest until the transient is gone, which
+    decays by a quarter of the linear damping."""
     rate = max(linear.damping, 0.0) / (8 * linear.mass)
     time = (rows or len(motion.force)) * motion.dt
-    return int(np.clip(np.ceil(STEADY / max(rate * time, 1e-9)), 1, MOST_WARM))
+    return int(np.clip(np.ceil(-np.log(NOTHING) / max(rate * time, 1e-9)), 1, MOST_WARM))

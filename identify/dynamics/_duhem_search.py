@@ -23,7 +23,9 @@ from ._output_error import (
     levenberg_marquardt,
 )
 
-SIZES = (5, 9, 17, 33)
+SIZES = tuple(2**k + 1 for k in range(2, 6))
+"""Knots, one more between each two of those before."""
+
 SIDE_BY_SIDE = 2
 SHARES, LOSSES, SKEWS = (0.5, 0.25, 0.75), (0.5, 0.15), (-0.5, 0.5)
 """Starts: the part of the stiffness that is hysteretic; how much of it the rms force takes away; how

@@ -19,6 +19,7 @@ from threadpoolctl import threadpool_limits
 
 from hysteresis import Feedback, InputError, StopsAndPowers
 
+from .._levels import LITTLE
 from ._feedback_search import Spectra, gauss_newton
 from ._feedback_unknowns import Unknowns
 from ._modes import WORTH, chosen_modes, in_own_units
@@ -34,9 +35,6 @@ from ._screening import GROUPS, Screened, drives_of, screening, to_unit
 
 THRESHOLDS = np.geomspace(0.004, 2.5, 10)
 """Of the stops of a channel, in root mean squares of its drive at the middle level."""
-
-SMALL = -1e-3
-"""First weight of a new stop: how it moves the modes has to be seen, not to be right."""
 
 
 class FeedbackFit(NamedTuple):
@@ -226,7 +224,7 @@ class _Search:
 def with_channels(model: Feedback, shapes: Any, direct: Any) -> Feedback:
     """One more channel for each drive, entering where an input does."""
     n, nu, ny = len(shapes), model.inputs, model.outputs
-    law = StopsAndPowers(THRESHOLDS, np.full(len(THRESHOLDS), SMALL), [1e-4, 0.0, 0.0])
+    law = StopsAndPowers(THRESHOLDS, np.full(len(THRESHOLDS), -LITTLE), [1e-4, 0.0, 0.0])
     wide = np.zeros(np.array(model.direct.shape) + n)
     o, i = model.direct.shape
     wide[:o, :i] = model.direct

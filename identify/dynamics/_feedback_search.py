@@ -13,6 +13,7 @@ import numpy as np
 from hysteresis import Feedback
 from hysteresis.dynamics._feedback import Lines, Steady, steady_state
 
+from .._levels import HELD
 from ._feedback_unknowns import (
     Point,
     Unknowns,
@@ -23,9 +24,9 @@ from ._feedback_unknowns import (
     numbers_by_unknowns,
     refined,
 )
+from ._output_error import TRIES
 from ._vector_fitting import real
 
-TRIES = 6
 STRONG, PROBED = 0.5, 8
 """Part by which equivalent gains may be wrong around the loop, as so many of the unknowns show: by that
 part a step of Gauss-Newton then falls short. While it is less than half, each step leaves less than half of
@@ -33,9 +34,6 @@ the way, and the exact tangents cost more than the steps that they save."""
 
 HEARD = 30.0
 """How many times its noise an output counts for at least: one of noise alone would hide what others say."""
-
-LEFT = 1e-2
-"""Part of the drives that a steady state may leave in a step that is taken."""
 
 
 class Spectra(NamedTuple):
@@ -104,7 +102,7 @@ def simulated(model: Feedback, data: Spectra, starts: list[Steady] | None = None
     ]
     found = Found(model, states, np.inf)
     cost = float((np.abs(data.left(found.output)) ** 2).sum())
-    settled = max(state.left for state in states) < LEFT and np.isfinite(cost)
+    settled = max(state.left for state in states) < HELD and np.isfinite(cost)
     return found._replace(cost=cost) if settled else found
 
 

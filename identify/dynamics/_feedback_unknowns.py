@@ -19,11 +19,10 @@ from hysteresis.dynamics._feedback import Lines, Steady, level_of, settled
 from hysteresis.dynamics._recorder import clock
 from hysteresis.running import Numbers, numbers_of, tangents
 
-EXACT, ROUNDS = 0.03, 12
-"""Part of the drives' changes that is left around the loop at last, and most rounds."""
+from .._levels import HELD, STEPS
 
 SLOWEST = 2e-4
-"""Least decay of a pole, in units of the frequencies at hand."""
+"""Least decay of a pole, in parts of the highest excited frequency."""
 
 
 def numbers_by_unknowns(law: Any) -> tuple[Numbers, np.ndarray]:
@@ -197,7 +196,7 @@ def jacobian(T: np.ndarray, of: list[Change], kept: slice) -> np.ndarray:
     return np.concatenate(columns, 2)
 
 
-def refined(point: Point, of: list[Change], rounds: int = ROUNDS) -> tuple[np.ndarray, float]:
+def refined(point: Point, of: list[Change], rounds: int = STEPS) -> tuple[np.ndarray, float]:
     """`jacobian` at all lines with exact tangents around the loop; and how far off that one is, as a part
     of the drives' changes."""
     ny, n, every = point.model.outputs, len(point.gains), slice(None)
@@ -213,6 +212,6 @@ def refined(point: Point, of: list[Change], rounds: int = ROUNDS) -> tuple[np.nd
         found = (first + T[:, :, -n:] @ beside).astype(np.complex64)
         size = float(np.linalg.norm(loop @ beside) / max(np.linalg.norm(dZ), 1e-300))
         off = off if turn else size
-        if size < EXACT:
+        if size < HELD:  # what is left of the drives' changes around the loop
             break
     return found, off

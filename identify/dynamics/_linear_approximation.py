@@ -8,19 +8,15 @@ from jaxtyping import Complex, Float
 
 from hysteresis import InputError
 
+from .._levels import FEW, HELD, LITTLE
 from ._measured_motion import MeasuredMotion
-from ._periodic_tests import EXCITED, excited_lines, linear_response
+from ._periodic_tests import excited_lines, linear_response
 from ._vector_fitting import real
 
 Lines: TypeAlias = Complex[np.ndarray, " lines"] | Any
 """A complex number of each line."""
 
-LEAKED = 0.03
-"""Part of the largest line from which a line of a record without a period is excited."""
-
-PASSES = 12
-SMOOTHED = 25
-"""Lines over which the power of the distortion is averaged."""
+PASSES = 10
 
 
 class LinearApproximation(NamedTuple):
@@ -62,7 +58,7 @@ def linear_approximation(motion: MeasuredMotion) -> LinearApproximation:
     """
     U, Y = np.fft.rfft(motion.force), np.fft.rfft(motion.displacement)
     w = 2 * np.pi * motion.frequencies
-    lines = excited_lines(U[None, :, None], EXCITED if motion.periodic else LEAKED)
+    lines = excited_lines(U[None, :, None], LITTLE if motion.periodic else HELD)
     if len(lines) < 4:
         raise InputError(
             "no-excitation",
@@ -87,7 +83,7 @@ def linear_approximation(motion: MeasuredMotion) -> LinearApproximation:
     if motion.periodic:
         _, left, free = linear_response(U[None, :, None], Y[None, :, None], lines, 1)
         power = np.abs(left[0, :, 0] / U[lines]) ** 2 / free
-        distortion = np.sqrt(scipy.ndimage.uniform_filter1d(power, SMOOTHED, mode="nearest"))
+        distortion = np.sqrt(scipy.ndimage.uniform_filter1d(power, FEW, mode="nearest"))
     m, c, k = (float(x) for x in found[:3])
     linear = LinearApproximation(m, c, k, f, response, noise, distortion)
     _check(linear)

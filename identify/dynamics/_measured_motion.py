@@ -11,24 +11,12 @@ from numpy.typing import ArrayLike
 from hysteresis import InputError, Note, Record
 from hysteresis._format import quantity
 
-EVEN = 1e-3
-"""Relative difference of a time step from the median up to which a clock is even."""
+from .._levels import CHANCE, FEW, HELD, LITTLE
 
-REPEATED = 0.02
-"""A force repeats itself where the rms difference one period apart is below this part of its own."""
+LEAST_ROWS = 64
 
-LEAST_PERIOD, LEAST_ROWS = 16, 64
-
-LEAST_NOISE = 1e-3
-"""Part of the motion's standard deviation that its noise is taken for at least: of records without noise
-chi2 would tell the error of the integration."""
-
-BANDS, WHITE = 16, 50.0
-"""White noise has the same power in each of so many bands: the sum of squares by which they differ, in
-units of its scatter, is then above this one time in a hundred thousand."""
-
-LEAST_COLOR = 0.03
-"""Part of the noise's rms to which a line's noise is raised: less would tell of the integration."""
+BANDS = 10
+"""White noise has the same power in each of so many bands."""
 
 EXPLAINED = 1.3
 """chi2 per row up to which the noise explains what a model leaves."""
@@ -125,7 +113,8 @@ def measured_motion(record: Record, period: int | None = None) -> MeasuredMotion
         color = noise_color(scatter, len(parts), rows)
     else:
         sigma = noise_level(mean, used, periodic=period > 0)
-    sigma = max(sigma, LEAST_NOISE * float(np.std(mean)))
+    # Of records without noise chi2 would tell the error of the integration.
+    sigma = max(sigma, LITTLE * float(np.std(mean)))
     notes: list[Note] = []
     if period:
         text = f"The force repeats itself every {rows} rows; {len(parts)} periods are averaged."
@@ -199,7 +188,7 @@ def period_of(u: Float[np.ndarray, " samples"]) -> int:
     both = squares[n - lags] + squares[n] - squares[lags]
     apart = np.maximum(both - 2 * products, 0) / np.maximum(both, 1e-300)
     away = np.cumsum(apart > 0.5) > 0  # it has to leave itself before it can come back
-    close = np.flatnonzero((apart < REPEATED**2) & away & (lags >= LEAST_PERIOD))
+    close = np.flatnonzero((apart < HELD**2) & away & (lags >= FEW))
     if not len(close):
         return 0
     # Of a run of neighbouring lags the closest one.
@@ -208,16 +197,16 @@ def period_of(u: Float[np.ndarray, " samples"]) -> int:
 
 
 def check_period(u: np.ndarray, rows: int) -> None:
-    if rows < LEAST_PERIOD or rows > len(u):
+    if rows < FEW or rows > len(u):
         raise InputError(
             "bad-option",
             f"a period of {rows} rows; the record has {len(u)}.",
-            fix=f"give a period from {LEAST_PERIOD} to {len(u)} rows.",
+            fix=f"give a period from {FEW} to {len(u)} rows.",
         )
     if len(u) < 2 * rows:
         return
     apart = np.sqrt(np.mean((u[rows:] - u[:-rows]) ** 2)) / max(np.std(u), 1e-300)
-    if apart > 5 * REPEATED:
+    if apart > 5 * HELD:
         own = period_of(u)
         raise InputError(
             "not-periodic",
@@ -239,14 +228,15 @@ def noise_color(
     means = np.array([part.mean() for part in parts])
     freedom = np.array([len(part) for part in parts]) * (periods - 1)
     logs = np.log(means) - np.average(np.log(means), weights=freedom)
-    if np.sum(freedom * logs**2) < WHITE:
+    if np.sum(freedom * logs**2) < scipy.special.chdtri(BANDS - 1, CHANCE):
         return None
     reach = max(8, len(lines) // 64)
     smooth = scipy.ndimage.uniform_filter1d(lines, 2 * reach + 1, mode="mirror")
     power = np.concatenate([smooth[:1], smooth, smooth[-1:]])
     each = np.full(len(power), 2.0)
     each[0], each[-1] = 1.0, 1.0 if rows % 2 == 0 else 2.0
-    power = np.maximum(power * rows / np.sum(power * each), LEAST_COLOR**2)
+    # Less would tell of the integration.
+    power = np.maximum(power * rows / np.sum(power * each), HELD**2)
     return np.sqrt(power * rows / np.sum(power * each))
 
 

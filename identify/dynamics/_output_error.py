@@ -18,13 +18,13 @@ from hysteresis.running import Known, Numbers, numbers_of, place_of, run, tangen
 from ._measured_motion import MeasuredMotion
 from ._recorded_motion import as_recorded
 
-ALONE = 1.5
+ALONE = 2.0
 """Numbers of the law for each unknown up to which derivatives are taken by the former."""
 
 FAR = 30.0
 """A simulated motion beyond this many times the largest measured one has failed."""
 
-TRIES = 7
+TRIES = 10
 """So often the damping is raised tenfold before a step is given up."""
 
 PATIENCE = 3
@@ -33,7 +33,7 @@ PATIENCE = 3
 BOUC_WEN = 3
 """Knots of Bouc-Wen's force."""
 
-PLANT, STATE = 3, 3
+PLANT, STATE = 3, len(MOTION)
 """Mass, damping, stiffness; displacement, velocity and hysteretic force at first."""
 
 

@@ -20,11 +20,9 @@ from numpy.typing import ArrayLike
 from hysteresis import InputError
 from hysteresis.dynamics._feedback import Lines
 
+from .._levels import LITTLE
 from ._feedback_search import Spectra
 from ._measured_motion import check_period, period_of
-
-EXCITED = 1e-3
-"""Part of the largest line of an input from which a line is excited."""
 
 SAME_LEVEL = 1.05
 """Inputs whose sizes differ by less have one level."""
@@ -169,7 +167,7 @@ def steady_ones(data: Spectra, noise: np.ndarray) -> np.ndarray:
     return left <= UNSTEADY * typical
 
 
-def excited_lines(U: Any, least: float = EXCITED) -> np.ndarray:
+def excited_lines(U: Any, least: float = LITTLE) -> np.ndarray:
     """Numbers of the lines that some input excites, the constant one left out."""
     size = np.abs(U).max(0)
     size[0] = 0.0

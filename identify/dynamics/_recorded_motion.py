@@ -11,11 +11,8 @@ from hysteresis.dynamics._oscillator import MOTION, before_first
 from hysteresis.dynamics._recorder import clock
 from hysteresis.running import Numbers, numbers_of, run
 
-from ._measured_motion import EVEN, REPEATED, even_clock, period_of
-
-MOST_PERIODS = 40
-SETTLED = 1e-9
-"""Part of the largest displacement by which two periods may still differ in steady state."""
+from .._levels import HELD, LITTLE, ROUNDING, STEPS
+from ._measured_motion import even_clock, period_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +68,7 @@ class RecordedMotion:
         spectrum = np.fft.rfft(once) * np.conj(np.fft.rfft(some, self.period))
         shift = int(np.argmax(np.fft.irfft(spectrum, self.period)))
         wanted = np.resize(np.roll(once, -shift), len(part))
-        if np.std(wanted - part) > 5 * REPEATED * np.std(once):
+        if np.std(wanted - part) > 5 * HELD * np.std(once):
             return None
         return np.resize(np.roll(self.as_fitted(once), -shift), len(part))
 
@@ -81,7 +78,7 @@ class RecordedMotion:
         for _, rows in record.sequences():
             time = None if record.time is None else record.time[rows]
             dt = even_clock(time, record.line[rows], record.time_unit)
-            own = abs(dt / self.dt - 1) < EVEN
+            own = abs(dt / self.dt - 1) < LITTLE
             steps = self.substeps if own else max(1, round(self.substeps * dt / self.dt))
             yield rows, np.asarray(record.input, float)[rows], steps, self.dt if own else dt
 
@@ -91,10 +88,10 @@ class RecordedMotion:
         fine = np.append(fine, fine[0])  # where the next period begins
         numbers, times = self._numbers, clock(len(fine), dt / substeps)
         found = run(numbers, fine, times)
-        for _ in range(MOST_PERIODS):
+        for _ in range(STEPS):
             before = found.value
             found = run(numbers._replace(m=found.m), fine, times)
-            if not np.abs(found.value - before).max() > SETTLED * np.abs(found.value).max():
+            if not np.abs(found.value - before).max() > ROUNDING * np.abs(found.value).max():
                 break
         return as_recorded(found.value[:-1], substeps, self.stages, True)
 
