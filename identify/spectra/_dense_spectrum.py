@@ -33,7 +33,7 @@ from ._prony_series import Fitted, Problem, Times, to_unit
 
 DENSITIES = (2, 3, 4)
 """Time constants a decade that are tried. One between two of four differs from a mixture of them by 1 %."""
-SMOOTHNESS = tuple(10.0 ** np.arange(-12, 2.1, 0.5))
+SMOOTHNESS = tuple(10.0 ** np.arange(-10, 2, 0.5))
 """Values of lambda that are tried, over the square of a column's size."""
 
 

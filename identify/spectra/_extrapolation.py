@@ -22,23 +22,17 @@ import numpy as np
 import scipy.special
 from jaxtyping import Float
 
-from .._levels import CONFIDENCE
+from .._levels import CONFIDENCE, HELD, LITTLE
 from ..linear._nnls import SignedMinimum
 from ..noise._residual_statistics import Noise
+from ._dense_spectrum import DENSITIES
 from ._prony_series import Fitted, Input, Problem, response, to_unit
 
-A_DECADE = 4
-"""Time constants of the grid in each decade: one between two differs from a mixture of them by 1 %."""
-BEYOND = np.geomspace(1.0, 100.0, 8)
-"""Times, in spans of the record, at which the extremes of a step's answer are looked for."""
-INSIDE, MOST = 3, 15
-"""Times in each decade inside the record at which they are, and in all; in between the range is a little
-narrow."""
-FIRST = 1e-3
-"""Of lambda |e| |c| / q, where the search for the largest lambda begins."""
+BEYOND = np.geomspace(1.0, 100.0, 10)
+"""Times, in spans of the record, at which the extremes of a step's answer are looked for. Inside the record
+they are as many a decade as the grid has; in between the range is a little narrow."""
 TRIED = 10
 """Values of lambda tried, at most; one so near to the limit is taken for it."""
-NEAR = 0.02
 
 
 class Allowed(NamedTuple):
@@ -64,7 +58,7 @@ class Allowed(NamedTuple):
 def allowed(problem: Problem, fitted: Fitted, noise: Noise, step: float, span: float) -> Allowed:
     """The fitted spectrum, and those that minimise and maximise the step response at each time."""
     slowest = span * BEYOND[-1]
-    count = int(A_DECADE * np.log10(3 * slowest / step))
+    count = int(DENSITIES[-1] * np.log10(3 * slowest / step))
     even = np.linspace(np.log(step / 3), np.log(slowest), count)
     # A time constant beside a fitted one changes no range by 0.2 %, and costs a third of the time.
     beside = np.abs(even[:, None] - fitted.log_tau).min(1, initial=np.inf) < 0.25 * (
@@ -89,7 +83,7 @@ def allowed(problem: Problem, fitted: Fitted, noise: Noise, step: float, span: f
     quantile = float(scipy.special.fdtri(fitted.parameters, facts, CONFIDENCE))
     limit = least * (1 + fitted.parameters * quantile / facts)
 
-    found, near = [fit], dict.fromkeys((1.0, -1.0), (FIRST, best))
+    found, near = [fit], dict.fromkeys((1.0, -1.0), (LITTLE, best))
     for e in _step_answers(problem, log_tau, step, span) / size:
         unit = limit / (np.linalg.norm(e) * np.linalg.norm(best))
         # The edge at the time before is near.
@@ -102,7 +96,7 @@ def allowed(problem: Problem, fitted: Fitted, noise: Noise, step: float, span: f
                     inner, low = c, way
                 else:
                     outer, high = c, way
-                if low and used < 2 and (outer is not None or used > 1 - NEAR):
+                if low and used < 2 and (outer is not None or used > 1 - HELD):
                     break
                 # Among spectra of the same branches the square grows by that of lambda.
                 aim = 0.8 if used > 1 else 1.2
@@ -128,7 +122,7 @@ def _step_answers(
     problem: Problem, log_tau: Float[np.ndarray, " branches"], step: float, span: float
 ) -> Float[np.ndarray, "times columns"]:
     """The unit step response of each column, 0 for an offset, at the times of the search."""
-    count = min(MOST, 1 + int(INSIDE * np.log10(span / step)))
+    count = 1 + int(DENSITIES[-1] * np.log10(span / step))
     inside = np.geomspace(step, span, count, endpoint=False)
     way = problem.inputs[0].way
     at = Input(problem.kind, np.append(inside, span * BEYOND), way=way)

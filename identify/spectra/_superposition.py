@@ -36,8 +36,6 @@ from ._spectrum import BEYOND, Spectrum, noise_of, spectrum
 PerTemperature = Float[np.ndarray, " temperatures"]
 NEAR = 0.5
 """Kelvins within which a temperature is that of a run."""
-CHOICES = 4
-"""Times that the evidence chooses the smoothness again after that."""
 
 
 class Shifts(NamedTuple):
@@ -199,7 +197,7 @@ def _fitted_shifts(
     low, high = np.log(ends.min() / BEYOND**2), np.log(ends.max() * BEYOND**2)
     grid = np.linspace(low, high, 2 + int(np.ceil(3 * (high - low) / np.log(10))))
     found = smoothed(_shifted(problem, log_a), grid)
-    for _ in range(CHOICES):
+    for _ in range(STEPS):
         log_a = _descended(problem, log_a, free, grid, found)
         last, found = found, smoothed(_shifted(problem, log_a), grid)
         if found.strength == last.strength:
