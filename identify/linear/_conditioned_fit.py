@@ -19,7 +19,7 @@ from ._conditioned_unknowns import ConditionedUnknowns, on_axis, shares_of
 from ._cross_validation import jittered
 from ._linear_fit import LinearFit
 
-COUNTS = (2, 3, 5)
+COUNTS = (2, 5)
 """Numbers of knots tried, beside one, with which the condition does not matter. With more values trained,
 those next to even steps on the axis are knots."""
 
@@ -28,9 +28,6 @@ NO_ZERO = ("degC", "degF")
 
 CONDITIONED = tuple(part for part in PARTS if part not in DRIFTS)
 """A condition may change slowly in a run, so a drift is not told from its effect."""
-
-GROWN_WITH = 3
-"""Knots at most while parts join: how many there are at last is chosen with all parts."""
 
 
 def fit_conditioned(
@@ -53,7 +50,7 @@ def fit_conditioned(
         base = ConditionedProblem(record, parts, name, leading, initial)
         problem = _several(base, (CURVE,), STRENGTHS_OF_PRIOR, base.axes).problem
         assert isinstance(problem, ConditionedProblem)
-        path = _path(problem.of(problem.axis, min(problem.knot_count, GROWN_WITH)))
+        path = _path(problem.of(problem.axis, min(problem.knot_count, COUNTS[0])))
         last = path[-1]
         strengths, axes = (last.strength,), (problem.axis,)
         chosen = _several(problem, last.parts, strengths, axes)
