@@ -64,6 +64,9 @@ MUCH = 1.5
 PART = 0.1
 """Of a whole: a smaller part is not worth a word."""
 
+SEAM = 0.01
+"""Of a range: what is so near to its end, or to a value, is as good as there."""
+
 LITTLE = 1e-3
 """Of a range or a size: what is below is nearly nothing, as a digit of an instrument is."""
 

@@ -11,8 +11,8 @@ from hysteresis.models._viscoelastic import AbstractViscoelastic
 from hysteresis.records._cycles import loop_sums, noise_level
 from hysteresis.records._excitation import WIDER
 
-from .._levels import HELD, LITTLE
-from ..results._fit_result import SEAM, FitResult
+from .._levels import HELD, LITTLE, SEAM
+from ..results._fit_result import FitResult
 from ..results._trained_condition import Extrapolation, RowsBeyond
 from ._whiteness import speed
 

@@ -70,7 +70,9 @@ def to_unit(model: Feedback, shapes: Any, direct: Any, data: Spectra) -> tuple[A
 STOPS = (0.05, 0.2, 0.8)
 """Of the screening, in root mean squares of the drive."""
 
-LAWS = {"stops": (0, 1, 2), "square": (3,), "cube": (4,), "level": (-1,)}
+LAWS = {
+    "stops": tuple(range(len(STOPS))), "square": (len(STOPS),), "cube": (len(STOPS) + 1,), "level": (-1,),
+}  # fmt: skip
 """Which of the reactions to a drive they are; the last one is the drive by the logarithm of its level."""
 
 

@@ -8,7 +8,7 @@ from hysteresis.records._arrays import pieces
 from hysteresis.records._cycles import noise_level
 from hysteresis.records._excitation import loop_direction
 
-from .._levels import HELD, HELD_AT_ONCE
+from .._levels import HELD, HELD_AT_ONCE, SEAM
 from ._folds import thinned as thinned_rows
 
 # Fewer rows of a long record: one in k counts, and those stay that the input's path needs.
@@ -20,8 +20,8 @@ from ._folds import thinned as thinned_rows
 # are furthest off the lines are added until none is off: O(n) a round, about ten rounds.
 
 
-FINE, COARSE = 1e-4, 1e-2
-"""Of the input's range: how far the path may be off where rows are enough, and where they are few. The
+FINE = 1e-4
+"""Of the input's range: how far the path may be off where rows are enough; where they are few, `SEAM`. The
 best models leave some thousandths unexplained, and a verdict allows some hundredths."""
 
 NOISE = 8.0
@@ -38,7 +38,7 @@ def thinned(record: Record) -> Record:
         return record
     u, counted = record.input, np.zeros(len(record), bool)
     counted[thinned_rows(np.flatnonzero(record.mask), HELD_AT_ONCE // 2)] = True
-    tolerance, most = _tolerance(u), COARSE * float(np.ptp(u))
+    tolerance, most = _tolerance(u), SEAM * float(np.ptp(u))
     while (rows := _kept(record, counted, tolerance)).size > HELD_AT_ONCE:
         if (tolerance := 2 * tolerance) > most:
             return record

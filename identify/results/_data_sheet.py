@@ -16,15 +16,12 @@ from hysteresis.records._loop_cut import Pair, largest_row, step_of
 from hysteresis.records._loop_figures import Loops
 from hysteresis.records._row_noise import student
 
-from .._levels import FEWEST, REPEATS, WHOLE
+from .._levels import FEWEST, REPEATS, SEAM, WHOLE
 from ._characteristics import holds_of
 
 LEAST, RESOLUTIONS = 0.1, 500
 """Errors of the reading are told from the first of ten even steps of the range on, and from so many
 resolutions on. Below, they would be those of noise."""
-
-BAND = 0.01
-"""Of the full scale: so close to the end of a hold an output has settled."""
 
 UPPER, LOWER = 0.5, LEAST
 """Of the range: a hold above the one tells creep, one below the other behind a load its recovery."""
@@ -362,11 +359,11 @@ class _Sheet(NamedTuple):
         if not self.held:
             yield self.none("settling", why, record.time_unit)
             return
-        times, band = [], max(BAND * abs(self.scale), 3 * noise)
+        times, band = [], max(SEAM * abs(self.scale), 3 * noise)
         for _, t, y in self.held:
             away = np.flatnonzero(np.abs(y - _end(y)) > band)
             times.append(t[min(away[-1] + 1, len(t) - 1)] - t[0] if len(away) else 0.0)
-        decides = "3 times the noise" if band == 3 * noise else f"{100 * BAND:g} %"
+        decides = "3 times the noise" if band == 3 * noise else f"{100 * SEAM:g} %"
         within = quantity(band, record.output_unit, 3)
         basis = f"{number_of(len(times), 'hold')}, within {within} ({decides})"
         step = np.median(np.diff(self.held[0][1]))

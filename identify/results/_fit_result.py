@@ -20,6 +20,7 @@ from hysteresis.models._extrapolation import extended
 from hysteresis.records._csv import with_known
 from hysteresis.records._loop_table import LoopTable
 
+from .._levels import SEAM
 from ..noise._model import NoiseModel
 from ..noise._residual_statistics import Noise
 from ..parameters._settings import Settings
@@ -37,9 +38,6 @@ from ._parameters import Status as Status
 from ._parameters import correlated, named
 from ._trained_condition import Extrapolation, TrainedCondition, told, trained_condition
 from ._trained_condition import check_units as check_units
-
-SEAM = 0.01
-"""Of the trained range of the input or of a channel: so little beyond it is not extrapolation."""
 
 PURPOSES = ("predict", "compensate", "constants")
 """What a fit may be for, and its verdict with it."""

@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from hysteresis import GeneralizedKelvinVoigt, GeneralizedMaxwell, InputError
 
-from .._levels import FEWEST, HELD, SOME_ROWS
+from .._levels import FEWEST, SEAM, SOME_ROWS
 from ..noise._arithmetic import Rows
 from ..noise._reml import Linearised
 from ..noise._residual_statistics import Noise, estimate_noise, lasting_noise
@@ -26,7 +26,7 @@ SUPPORT = 6.0
 """What a further time constant has to gain: strong evidence, after Kass and Raftery, JASA 90 (1995)."""
 TOGETHER = 2.0
 """Storage and loss contradict each other where together they leave so many times what each alone does, and
-more than `HELD` of the reading."""
+more than `SEAM` of the reading."""
 BEYOND = 3.0
 """How far beyond the record's step and span a time constant is searched, as a factor."""
 
@@ -243,7 +243,7 @@ def _contradiction(problem: Problem, fitted: Fitted, ends: np.ndarray) -> list[s
         own = replace(problem, weights=np.where(part, problem.weights, 0.0))
         alone[part] = dense_spectrum(own, *ends).residuals[part]
     both, each = (float(np.sqrt(np.mean(x[counted] ** 2))) for x in (fitted.residuals, alone))
-    if both < TOGETHER * each or both < HELD:
+    if both < TOGETHER * each or both < SEAM:
         return []
     return [
         f"Storage and loss moduli contradict each other: one spectrum leaves {100 * both:.2g} % of the"
