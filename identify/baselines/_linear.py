@@ -10,13 +10,11 @@ from jaxtyping import Float
 from hysteresis import Record
 from hysteresis.numerics import _input_memory as input_memory
 
+from .._levels import RADII
 from ..records._latest import slow_times
 from ._input_memory import OncePerInput
 
 Design = Callable[[Record], Float[np.ndarray, "samples columns"]]
-
-RADII = np.geomspace(0.01, 0.5, 10)
-"""Of stop operators, of the trained input's range."""
 
 LAGS = tuple(2**k for k in range(6))
 """Rows back."""

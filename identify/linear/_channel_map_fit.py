@@ -21,7 +21,7 @@ from jaxtyping import Bool, Float, Int
 from hysteresis import ChannelMap, InputError, Note, Record
 from hysteresis.models._channel_map import memory_columns
 
-from .._levels import ENOUGH_ROWS
+from .._levels import ENOUGH_ROWS, RADII
 from ..records._conditions import BLOCKS, MOST_FOLDS
 from ..records._folds import Fold, earned, held_out_errors, thinned
 from ..records._latest import repeats, slow_times
@@ -31,9 +31,6 @@ from ._group_strengths import APART, Group, GroupedColumns, Strengths
 
 CELLS = 16
 """Cells of each channel's even grid."""
-
-RADII = (0.02, 0.055, 0.15, 0.4)
-"""Of the stops of a channel, in parts of its range."""
 
 SETTLING = 3
 """First cycles left out, at most."""
@@ -144,7 +141,7 @@ class _Problem:
         low, high = x[used].min(0), x[used].max(0)
         high = np.where(high > low, high, low + 1.0)  # one that moved in the cycles left out alone
         self.nodes = np.linspace(low, high, CELLS + 1, axis=1)
-        self.radii = RADII if remembers else ()
+        self.radii = tuple(RADII[1::2].tolist()) if remembers else ()
         self.times = slow_times(record) if remembers else ()
         rows = thinned(np.flatnonzero(record.mask), ENOUGH_ROWS)
         y = (record.output[rows] - self.centre) / self.scale

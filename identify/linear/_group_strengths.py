@@ -28,7 +28,7 @@ import scipy.linalg
 from jaxtyping import Float, Int
 from scipy.optimize import minimize
 
-from .._levels import STEPS
+from .._levels import ROUNDING, STEPS
 from ..records._folds import Fold
 from ._cross_validation import NormalEquations, total
 
@@ -40,9 +40,6 @@ FLAT = 1e-4
 
 APART = 100.0
 """Between groups of neighbours, in units of `Group.places`: they have nothing in common."""
-
-KEPT = 1e-7
-"""Of a group's directions, over the largest prior variance that each brings: others are left out."""
 
 CENTRE, EXPECTED, WIDTH = np.log(0.01), np.log(10.0), 3.0
 """Of the logarithm of a strength before any row is seen, in parts of the noise of a row."""
@@ -118,7 +115,7 @@ def _turn(
     variance = float(np.trace(K @ G))
     root = np.real(scipy.linalg.sqrtm(K / variance))
     value, vector = np.linalg.eigh(root @ G @ root)
-    return root @ vector[:, value > KEPT * value.max()], variance
+    return root @ vector[:, value > ROUNDING * value.max()], variance
 
 
 class Strengths:
