@@ -9,7 +9,7 @@ Given which z are positive that is Gaussian, with the evidence, the noise's size
 
     2 log p = log |lambda D'D| - log |A'A + lambda D'D| - m log(|y - A z|^2 + lambda |D z|^2),
 
-for m rows. Its maximum over lambda and over the grid's density is the spectrum. A short series
+for m rows. Its maximum over lambda is the spectrum. A short series
 starts from that: neighbours are merged, each time the two whose merging moves the columns least (Ward),
 until so many are left, and all time constants are refined.
 
@@ -31,8 +31,8 @@ from .._levels import SOME_ROWS
 from ..linear._nnls import SignedMinimum
 from ._prony_series import Fitted, Problem, Times, to_unit
 
-DENSITIES = (2, 3, 4)
-"""Time constants a decade that are tried. One between two of four differs from a mixture of them by 1 %."""
+A_DECADE = 4
+"""Time constants in a decade: one between two differs from a mixture of them by 1 %."""
 SMOOTHNESS = tuple(10.0 ** np.arange(-10, 2, 0.5))
 """Values of lambda that are tried, over the square of a column's size."""
 
@@ -40,8 +40,8 @@ SMOOTHNESS = tuple(10.0 ** np.arange(-10, 2, 0.5))
 def dense_spectrum(problem: Problem, low: float, high: float) -> Fitted:
     """The spectrum of the greatest evidence, its log time constants from `low` to `high`."""
     decades = (high - low) / np.log(10)
-    grids = [np.linspace(low, high, 2 + int(np.ceil(k * decades))) for k in DENSITIES]
-    return max((smoothed(problem, grid) for grid in grids), key=lambda found: found.evidence).fitted
+    grid = np.linspace(low, high, 2 + int(np.ceil(A_DECADE * decades)))
+    return smoothed(problem, grid).fitted
 
 
 class Smoothed(NamedTuple):

@@ -25,7 +25,7 @@ from jaxtyping import Float
 from .._levels import CONFIDENCE, HELD, LITTLE
 from ..linear._nnls import SignedMinimum
 from ..noise._residual_statistics import Noise
-from ._dense_spectrum import DENSITIES
+from ._dense_spectrum import A_DECADE
 from ._prony_series import Fitted, Input, Problem, response, to_unit
 
 BEYOND = np.geomspace(1.0, 100.0, 10)
@@ -58,7 +58,7 @@ class Allowed(NamedTuple):
 def allowed(problem: Problem, fitted: Fitted, noise: Noise, step: float, span: float) -> Allowed:
     """The fitted spectrum, and those that minimise and maximise the step response at each time."""
     slowest = span * BEYOND[-1]
-    count = int(DENSITIES[-1] * np.log10(3 * slowest / step))
+    count = int(A_DECADE * np.log10(3 * slowest / step))
     even = np.linspace(np.log(step / 3), np.log(slowest), count)
     # A time constant beside a fitted one changes no range by 0.2 %, and costs a third of the time.
     beside = np.abs(even[:, None] - fitted.log_tau).min(1, initial=np.inf) < 0.25 * (
@@ -122,7 +122,7 @@ def _step_answers(
     problem: Problem, log_tau: Float[np.ndarray, " branches"], step: float, span: float
 ) -> Float[np.ndarray, "times columns"]:
     """The unit step response of each column, 0 for an offset, at the times of the search."""
-    count = 1 + int(DENSITIES[-1] * np.log10(span / step))
+    count = 1 + int(A_DECADE * np.log10(span / step))
     inside = np.geomspace(step, span, count, endpoint=False)
     way = problem.inputs[0].way
     at = Input(problem.kind, np.append(inside, span * BEYOND), way=way)
