@@ -29,7 +29,7 @@ from ..records._new_record import combine
 from ._cross_validation import normal_equations_of
 from ._group_strengths import APART, Group, GroupedColumns, Strengths
 
-CELLS = 16
+CELLS = 10
 """Cells of each channel's even grid."""
 
 SETTLING = 3
