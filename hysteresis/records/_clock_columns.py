@@ -20,20 +20,23 @@ from ._units import named_unit
 
 DAY = 86_400.0
 _STAMP = re.compile(
-    r"(?:(?P<a>\d{1,4})(?P<sign>[./-])(?P<b>\d{1,2})(?P=sign)(?P<c>\d{1,4})[\sT,;]+)?"
+    r"(?:(?P<a>\d{1,4})(?P<sign>[./-])(?P<b>\d{1,2}|[A-Za-z]{3})(?P=sign)(?P<c>\d{1,4})[\sT,;]+)?"
     r"(?P<h>\d{1,4}):(?P<m>\d\d)(?::(?P<s>\d\d))?(?:(?:[.,]|(?<=:\d\d:\d\d):)(?P<f>\d{1,9}))?"
-    r"\s*(?:(?P<half>[AaPp])\.?[Mm]\.?)?(?P<zone>Z|[+-]\d\d:\d\d)?"
+    r"\s*(?:(?P<half>[AaPp])\.?[Mm]\.?)?(?P<zone>Z|UTC|[+-]\d\d:?\d\d)?"
 )
 """A date, which begins with its year or ends with it, and a time of day; or minutes and seconds alone."""
 _DATED = re.compile(r"date|datum", re.IGNORECASE)
+_MONTHS = ["Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec"]
 _SINCE_1970 = {1e9: 1.0, 1e12: 1e-3, 1e15: 1e-6, 1e18: 1e-9}
 """Seconds since 1970 are between one and two thousand millions, from 2001 to 2033, in such steps."""
 _DAYS_SINCE_1900 = 36_526.0, 54_789.0
 """Of the years from 2000 to 2049."""
 SEVERAL = 3.0
-"""Usual steps that a counter goes at most while it turns over."""
+"""Usual steps that a counter goes at most while it turns over; runs that begin again stop elsewhere."""
 _COUNTED = {"millis": "ms", "micros": "us"}
 """Functions of a microcontroller, and the unit of what they return."""
+_TURNS = (2.0**16, 2.0**32, 2.0**32 / 1e3, 2.0**32 / 1e6)
+"""Where counters turn over: of 16 and 32 bits, and of microseconds told as milliseconds and as seconds."""
 
 
 def with_clocks(table: Table) -> Table:
@@ -43,24 +46,24 @@ def with_clocks(table: Table) -> Table:
     """
     columns, units, notes = dict(table.columns), dict(table.units), list(table.notes)
     for name, x in table.columns.items():
+        unit = named_unit(name, None, table.units.get(name))
+        counted = None if unit else _COUNTED.get(name.strip("() ").lower())
         if x.dtype.kind != "f":
             found = _stamps(x)
-        elif named_unit(name, None, table.units.get(name)) is None:
-            if unit := _COUNTED.get(name.strip("() ").lower()):
-                columns[name], units[name] = _unwrapped(x), unit
-                if columns[name] is not x:
-                    notes.append(
-                        Note("clock", f"Column {name!r} turned over: read as one that goes on.")
-                    )
-                continue
-            found = _since_a_day(name, x)
         else:
-            continue
+            found = None if unit or counted else _since_a_day(name, x)
         if found is not None:
             columns[name], was = found
             units[name] = "s"
             read = f"Column {name!r} holds {was}: read as seconds from the first row."
             notes.append(Note("clock", read))
+        elif x.dtype.kind == "f" and kind_of(name, unit or "1").name == "time":
+            columns[name] = _unwrapped(x)
+            if counted:
+                units[name] = counted
+            if columns[name] is not x:
+                read = f"Column {name!r} turned over: read as one that goes on."
+                notes.append(Note("clock", read))
     return replace(table, columns=columns, units=units, notes=tuple(notes))
 
 
@@ -102,8 +105,8 @@ def _seconds(one: dict[str, str]) -> float:
         hours = hours % 12 + 12 * (one["half"] in "pP")
     if not one["s"]:  # of minutes and seconds a sixtieth is meant
         fraction *= 60
-    zone = one["zone"].replace("Z", "")
-    off = int(f"{zone[:1]}1") * (60 * int(zone[1:3]) + int(zone[4:])) if zone else 0
+    zone = one["zone"] if one["zone"] not in ("Z", "UTC") else ""
+    off = int(f"{zone[:1]}1") * (60 * int(zone[1:3]) + int(zone[-2:])) if zone else 0
     return 3600.0 * hours + 60 * (int(one["m"]) - off) + int(one["s"] or 0) + fraction
 
 
@@ -117,23 +120,28 @@ def _days(parts: Sequence[dict[str, str]]) -> np.ndarray:
     found: list[np.ndarray] = []
     for order in orders:
         try:
-            days = [date(*(int(one[key]) for key in order)).toordinal() for one in parts]
+            days = [date(*(_calendar(one[key]) for key in order)).toordinal() for one in parts]
         except ValueError:  # there is no month 13
             continue
         found.append(np.array(days, float) - days[0])
     return DAY * min(found, key=lambda days: (bool((np.diff(days) < 0).any()), np.ptp(days)))
 
 
+def _calendar(word: str) -> int:
+    """A year, a month or a day; MATLAB writes Mar. Raises `ValueError` where it is neither."""
+    return int(word) if word.isdecimal() else _MONTHS.index(word.capitalize()) + 1
+
+
 def _unwrapped(x: np.ndarray) -> np.ndarray:
     """A counter of 16 or 32 bits that has turned over, as one that goes on."""
     good = np.flatnonzero(np.isfinite(x))
     step = np.diff(x[good], prepend=x[good[:1]])
-    back, usual = step < 0, np.median(np.abs(step))
-    for bits in (16, 32):
-        turned = back & (np.abs(step + 2.0**bits) <= SEVERAL * usual)
-        if turned.any() and (turned == back).all():
+    back, usual = step < 0, np.median(np.abs(step)) if step.size else 0.0
+    for size in _TURNS if back.any() else ():
+        turned = back & (step + size > 0) & (step + size <= SEVERAL * usual)
+        if (turned == back).all():
             x = x.copy()
-            x[good] += 2.0**bits * np.cumsum(turned)
+            x[good] += size * np.cumsum(turned)
     return x
 
 

@@ -229,6 +229,8 @@ def clock_of(cells: list[str], tmp_path, header: str = "when") -> np.ndarray:
         ["2020/11/5 23:58", "2020/11/5 23:59", "2020/11/6 0:00"],
         ["05.11.2020 23:58", "05.11.2020 23:59", "06.11.2020 00:00"],
         ["11/30/2020 11:58 PM", "11/30/2020 11:59 PM", "12/1/2020 12:00 AM"],
+        ["30-Nov-2020 23:58:00", "30-NOV-2020 23:59:00", "01-Dec-2020 00:00:00"],
+        ["2020-11-30 23:58:00 UTC", "2020-12-01 01:59:00+0200", "2020-11-30 19:00:00 -05:00"],
     ],
 )  # fmt: skip
 def test_dates_and_times_of_day_are_seconds(cells, tmp_path):
@@ -271,13 +273,17 @@ def test_counters_of_a_microcontroller_have_their_unit(tmp_path):
     assert read_csv(tmp_path / "run.csv", "force (N)", "x (mm)", "millis").time_unit == "ms"
 
 
+@pytest.mark.parametrize("header", ["micros", "time (ms)", "t"])
 @pytest.mark.parametrize("bits", [16, 32])
-def test_a_counter_that_turns_over_goes_on(bits, tmp_path):
+def test_a_counter_that_turns_over_goes_on(bits, header, tmp_path):
     """Also twice; one that begins again is left as it is."""
     count = 2**bits - 1000 + np.arange(0, 3 * 2**bits, 2**bits // 7)
-    clock = clock_of([str(k % 2**bits) for k in count], tmp_path, "micros")
+    clock = clock_of([str(k % 2**bits) for k in count], tmp_path, header)
     np.testing.assert_array_equal(clock, count)
-    again = clock_of(["0", "500", "1000", "0", "500"], tmp_path, "micros")
+    told = clock_of([str(k % 2**bits / 1e3) for k in count], tmp_path, header)
+    if bits == 32:  # microseconds told as milliseconds
+        np.testing.assert_allclose(told, count / 1e3, rtol=1e-12)
+    again = clock_of(["0", "500", "1000", "0", "500"], tmp_path, header)
     np.testing.assert_array_equal(again, [0, 500, 1000, 0, 500])
 
 
