@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
+from .._escape import shell_word
 from .._model import AbstractModel, Series, Tree
 from .._parameter import array_module, check_increasing, check_shapes, is_concrete, parameter
 from .._registry import register
@@ -202,7 +203,7 @@ def condition_column(record: Record, name: str) -> np.ndarray:
     """
     if name not in record.columns:
         said = f"the model depends on {name!r}, and the record has no such column."
-        mend = f"name it: --condition {name!r}, or condition={name!r}."
+        mend = f"name it: --condition {shell_word(name)}, or condition={name!r}."
         raise InputError("no-condition", said, place=record.source, fix=mend)
     return np.asarray(record.columns[name], float)
 

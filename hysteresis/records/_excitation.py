@@ -7,6 +7,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from .._errors import InputError
+from .._escape import shell_word
 from .._format import number_of, quantity
 from .._note import Note, warning
 from ._abstract_record import AbstractRecord
@@ -202,7 +203,7 @@ def _created_energy(record: AbstractRecord) -> list[Note]:
     cause, mend = "Columns swapped, or a lag between them", "exchange --input and --output"
     if correlation(record) < 0:
         cause = "The sign of one column is turned"
-        mend = f"turn it (--turn {record.output_name!r})"
+        mend = f"turn it (--turn {shell_word(record.output_name)})"
     force, length = units[::-1] if to_force else units
     said = (
         f"Loops create energy ({taken:.3g} {force} {length} a loop): no specimen does. {cause}? If"

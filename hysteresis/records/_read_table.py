@@ -29,6 +29,8 @@ from .importers._text import arranged, splitter, without_table
 
 _RULED, _RULE = "-=+|_ ", re.compile(r"[\s|+:]*(-{3,}|={3,}|_{3,})[-=_\s|+:]*")
 """A line drawn below a header, and the characters that it begins with."""
+_MINUS = re.compile(r"(?<![^\WeE])\u2212(?=[.,]?\d)")
+"""A minus sign that is no hyphen, as Swedish and Norwegian programs write it before a number."""
 MOST_NOTES = 200
 """Lines above a table that may tell of it."""
 HEAD, LEAST_LINES = 2**18, 1000
@@ -149,6 +151,7 @@ def _sheet(asked: _Asked, data: bytes) -> Sheet:
     """The columns of a text."""
     path = asked.path
     text, notes = decode(path, data)
+    text = _MINUS.sub("-", text) if "\u2212" in text else text
     if sheet := labview(path, text) or json_lines(path, text):
         return replace(sheet, notes=(*notes, *sheet.notes))
     every = re.split(r"\r\n|\r|\n", text)

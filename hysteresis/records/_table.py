@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from .._errors import InputError
+from .._escape import shell_word
 from .._note import Note
 from ._abstract_record import AbstractRecord
 from ._cells import LARGEST, LONG_CELL, floats, missing, parsed
@@ -93,13 +94,14 @@ class Table:
                 code, fix = "text-cell", ""
                 overload = str(text[bad[0]]).upper() in _OVERLOAD
                 cause = "sensor overload?" if overload else "text among the numbers."
-                if line[bad[0]] == self.line[0] and not overload:
+                below = floats(text[bad[0] + 1 :][:1], self.decimal)  # a row of units: a number
+                if line[bad[0]] == self.line[0] and not (overload or np.isnan(below).any()):
                     cause = "a row of units?"
                     fix = f"units_row={line[0]} (--units-row {line[0]}) takes it for one; "
         k = bad[0]
         cell = str(text[k])
         if not fix or fix.endswith("; "):
-            fix += f"na_values=[{cell!r}] (--na-values {cell}) reads it as missing."
+            fix += f"na_values=[{cell!r}] (--na-values {shell_word(cell)}) reads it as missing."
         problem = f"{name!r} = {cell!r} cannot be used as a number."
         place = f"{self.path}, line {line[k]}, column {name!r}"
         raise InputError(code, problem, place=place, cause=cause, fix=fix)

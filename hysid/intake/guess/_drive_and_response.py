@@ -309,6 +309,10 @@ def _step(seen: Seen, columns: list[Column], still: list[Column]) -> Choice:
         raise InputError("cannot-decide", said, place=table.path, fix=fix)
     for name in table.columns:
         _grouped(table, name)
+    words = [
+        f"{n!r} ({str(x[0])[:20]!r}, ...)" for n, x in table.columns.items() if x.dtype.kind != "f"
+    ]
+    text = f" Columns of text: {', '.join(words[:4])}." if words else ""
     if time is None or not found:
         what = f"{len(found) or 'None'} of them can be an input or an output; a loop needs two that change."
         if len(found) > 1:
@@ -316,7 +320,7 @@ def _step(seen: Seen, columns: list[Column], still: list[Column]) -> Choice:
             what = f"{alike} hold one quantity; a loop needs two that change."
         raise InputError(
             "cannot-decide",
-            f"Columns of numbers: {', '.join(map(repr, numbers)) or 'none'}. {what}",
+            f"Columns of numbers: {', '.join(map(repr, numbers)) or 'none'}. {what}{text}",
             place=table.path,
             cause="A single column, words instead of numbers, or a separator other than , ; tab |.",
             fix="Export input and output side by side; for creep give --step VALUE.",
@@ -354,6 +358,7 @@ def _step(seen: Seen, columns: list[Column], still: list[Column]) -> Choice:
             said = f"{output.name!r} changes over time, and nothing says which column drives it: "
             said += f"{', '.join(others[:20])}."
             both = "or name both columns (--input COL --output COL)."
+        said += text
         fix = f"Give the constant input (hysid init FILE --step VALUE), {both}"
         raise InputError("cannot-decide", said, place=table.path, fix=fix)
     options = {"step": value} | ({"input_unit": unit} if unit else {})

@@ -276,6 +276,9 @@ def test_creep_has_a_step():
     alone = put(text([row[:2] for row in rows], ("t (s)", "strain")), "alone.csv")
     refused(run("init", alone), "'strain'", "--step VALUE", "[cannot-decide]")
     assert run("init", alone, "--step", "10").code == 0
+    percent = [(*row[:2], f"{row[1]} %") for row in rows]
+    words = put(text(percent, ("t (s)", "strain", "load")), "words.csv")
+    refused(run("init", words), "Columns of text: 'load' ('", "[cannot-decide]")
 
 
 BAD: dict[str, tuple[str | bytes, tuple[str, ...]]] = {

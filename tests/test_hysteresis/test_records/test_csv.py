@@ -66,6 +66,10 @@ def test_a_cell_of_text(read):
     assert coded.mask.sum() == 19
     other = text.replace("0.8,1,2.5", "0.8,1,stop")
     refuses("text-cell", lambda: read(other, na_values=["OVLD"], nan="omit"), "line 10", "'stop'")
+    every = table([(t, x, f"{y} N") for t, x, y in ROWS])  # a row of units is alone
+    refuses("text-cell", lambda: read(every), "line 2", "text among", "--na-values '0.0 N'")
+    swedish = table([(t, x, str(-y).replace("-", "\u2212")) for t, x, y in ROWS])
+    np.testing.assert_array_equal(read(swedish).output, [-y for *_, y in ROWS])
     endless = with_cell(9, f"0.7,0,{'9' * 300}")  # no number is that long
     refuses("text-cell", lambda: read(endless), "line 9", f"'{F}'", "'999")
 
