@@ -90,6 +90,8 @@ def clipped(record: AbstractRecord) -> list[Clipped]:
             if limit in (0.0, x[0]) or len(rows) < max(MANY, 0.01 * len(x)):
                 continue
             if role == "output":
+                if not record.mask[rows].any():  # they are excluded
+                    continue
                 at, elsewhere = _ways_at_rest(record, limit)
                 stuck = np.ptp(u[rows]) > 0.02 * np.ptp(u) and at > FURTHER * elsewhere
             else:
@@ -111,8 +113,12 @@ def suspicions(record: AbstractRecord) -> list[Note]:
         others = f" and {len(runs) - 1} more runs" if len(runs) > 1 else ""
         other = "input" if role == "output" else "output"
         at = quantity(limit, getattr(record, f"{role}_unit"))
+        # A word for missing values is one in every column that is read.
+        elsewhere = any(x is not None and (x == limit).any() for x in (record.input, record.time))
+        lines = ",".join(f"{record.line[run[0]]}-{record.line[run[-1]]}" for run in runs)
+        mask = f"exclude-lines {lines}" if elsewhere else f"na-values {limit:.15g} --nan omit"
         mend = (
-            f"mask or censor (--na-values {limit:.15g} --nan omit), or measure with a wider range"
+            f"mask or censor (--{mask}), or measure with a wider range"
             if role == "output"
             else "measure with a wider range, or leave those rows' cycles out (--where)"
         )

@@ -231,7 +231,7 @@ def test_a_file_that_may_not_be_read(monkeypatch):
         (
             CLIPPED_X,
             ("of the output at 10 mm: clipped, lines ", "4 more runs while the input moves",
-             "--na-values 10 --nan omit"),
+             "--exclude-lines "),
         ),
         (
             CLIPPED_F,
@@ -315,12 +315,16 @@ def test_a_process_exits_with_two_and_one_line():
 
 
 def test_the_mask_of_clipped_rows_masks_them():
-    """A limit of many digits, as a sensor's is."""
-    put(CLIPPED_X.replace(",10,", ",10.0519657,"))
+    """A limit of many digits, as a sensor's is; and one that the force reads in other rows."""
+    put(text([[t, f, f"{min(float(x), 10.0519657):.9g}", c] for t, f, x, c in ROWS]))
     said = run("check", "run.csv", *COLUMNS).out
     value = said.partition("--na-values ")[2].partition(" ")[0]
     said = run("check", "run.csv", *COLUMNS, "--na-values", value, "--nan", "omit").out
     assert "clipped" not in said
+    put(CLIPPED_X)
+    said = run("check", "run.csv", *COLUMNS).out
+    lines = said.partition("--exclude-lines ")[2].partition(")")[0]
+    assert "clipped" not in run("check", "run.csv", *COLUMNS, "--exclude-lines", lines).out
 
 
 def test_a_constant_output_says_nothing_false_of_the_input():
