@@ -88,7 +88,9 @@ def telling(file: Path, fix: str = "") -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        said = f"{file.name} cannot be written: {error.strerror}."
+        blocked = isinstance(error, FileExistsError | NotADirectoryError)
+        why = "a file is where a folder is needed" if blocked else error.strerror
+        said = f"{file.name} cannot be written: {why}."
         raise InputError("cannot-write", said, place=str(file.parent), fix=fix) from error
 
 

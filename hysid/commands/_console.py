@@ -248,6 +248,8 @@ def explain(error: Exception) -> tuple[dict[str, str], str, int]:
         return error.document, str(error), USER  # type: ignore[attr-defined]
     if isinstance(error, OSError):
         place, why = str(error.filename or "the disk"), f"{error.strerror or error}."
+        if isinstance(error, FileExistsError | NotADirectoryError):
+            why = "a file is where a folder is needed."
         return fault("os-error", why, place), f"{place}: {why}", USER
     said = ": ".join([type(error).__name__, *str(error).splitlines()[:1]])
     if isinstance(error, ImportError):

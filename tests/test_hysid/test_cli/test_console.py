@@ -67,6 +67,7 @@ def test_a_usage_error_is_an_object_too(arguments, where):
         (AssertionError(), "bug", 1, "This is a bug in hysid, not your doing (Assertion"),
         (OSError(28, "No space left on device", "fit.npz"), "os-error", 2,
          "fit.npz: No space left on device.\n"),
+        (FileExistsError(17, "File exists", "run"), "os-error", 2, "run: a file is where a folder is"),
         (KeyboardInterrupt(), "interrupted", 130,
          "Interrupted. What was written so far is complete.\n"),
     ],

@@ -50,6 +50,7 @@ def test_the_table_is_written_for_other_programs(tmp_path):
     assert np.isfinite(float(rows[0]["width at mid-range (mm)"]))
     fault = run("loops", file, *COLUMNS, "--csv", file / "loops.csv")
     assert fault.code == 2
+    assert "a file is where a folder is needed" in fault.err
     assert "cannot-write" in run("loops", file, *COLUMNS, "--csv", tmp_path, "--json").err
     assert "bad-option" in run("loops", file, *COLUMNS, "--kind", "round", "--json").err
 
