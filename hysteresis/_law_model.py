@@ -8,8 +8,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float
 
-from ._errors import InputError
-from ._model import AbstractFollowingModel, Series, needed_time
+from ._model import AbstractFollowingModel, Series, check_clock, needed_time, one_column
 from ._once import once
 from ._parameter import array_module, as_array, as_float
 from ._type_variables import Output, Starts, Times
@@ -30,7 +29,7 @@ class LawInput(NamedTuple):
     """Inputs, times since the samples before (NaN or negative where a sequence begins), and what laws
     remember where sequences begin: None before any sample, where that may depend on parameters."""
 
-    u: Float[Array, " samples *condition"]
+    u: Float[Array, " samples"]
     dt: Float[Array, " samples"]
     state: Float[Array, " state"] | None
 
@@ -61,13 +60,14 @@ class AbstractLawModel(AbstractFollowingModel[LawState, LawInput]):
         own, last = (None, np.nan) if state is None else state
         traced = any(isinstance(x, Tracer) for x in jax.tree.leaves((t, u, last)))
         xp: Any = jnp if traced else np
-        u, first = xp.asarray(u, float), np.asarray(starts)
+        u, first = xp.asarray(one_column(u), float), np.asarray(starts)
         times = xp.zeros(u.shape[:1]) if t is None else xp.asarray(t, float)
         dt, since = xp.diff(times, prepend=times[:1]), times[first] - last
         # At once, but for a clock that has gone on since the state.
         begin = xp.where(since > 0, -since, xp.nan)
         if xp is np:
-            self._check_steps(np.delete(dt, first))
+            if self.needs_time:
+                check_clock(np.delete(dt, first), self.may_jump)
             dt = np.maximum(dt, 0.0)
             dt[first] = begin
         else:
@@ -93,12 +93,3 @@ class AbstractLawModel(AbstractFollowingModel[LawState, LawInput]):
         numbers = self._numbers if state is None else self._numbers.with_state(state)
         y, after = outputs(numbers, u, dt)
         return as_array(y), as_array(numbers._replace(m=after).state)
-
-    def _check_steps(self, dt: np.ndarray) -> None:
-        if self.needs_time and not ((dt > 0) | (self.may_jump & (dt == 0))).all():
-            raise InputError(
-                "time-backwards",
-                "time does not increase from every sample to the next.",
-                cause="rows written twice, or several runs in one sequence.",
-                fix="drop repeated rows, and begin a sequence where a clock begins.",
-            )

@@ -235,7 +235,7 @@ def same_samples(t: Any, values: Any) -> None:
         if np.ma.isMaskedArray(given) or np.asarray(given).dtype.kind not in "biuf":
             said = f"The {what} are not real numbers: they hold {holds}."
             raise InputError("not-numbers", said, fix="give floats, NaN where none is known.")
-    if t is not None and np.shape(t)[:1] != np.shape(values)[:1]:
+    if t is not None and np.shape(t) != np.shape(values)[:1]:
         said = f"There are times of shape {np.shape(t)} for samples of shape {np.shape(values)}."
         raise InputError("length-mismatch", said, fix="give one time for every sample.")
 
@@ -249,10 +249,32 @@ def needed_time(name: str, time: Any, place: str = "") -> Any:
     return time
 
 
+def check_clock(dt: np.ndarray, may_jump: bool = True) -> None:
+    """Raise `InputError` `time-backwards` unless all steps are positive, or 0 where the input may jump."""
+    if not ((dt > 0) | (may_jump & (dt == 0))).all():
+        raise InputError(
+            "time-backwards",
+            "time does not increase from every sample to the next.",
+            cause="rows written twice, or several runs in one sequence.",
+            fix="drop repeated rows, and begin a sequence where a clock begins.",
+        )
+
+
+def one_column(u: Any) -> Any:
+    """Inputs or prepared ones; raises `InputError` `wrong-shape` unless they are (samples,)."""
+    if np.ndim(u) != 1:
+        said = f"inputs of shape {np.shape(u)}."
+        raise InputError(
+            "wrong-shape", said, fix="give (samples,): of a table one column, u[:, 0]."
+        )
+    return u
+
+
 def time_steps(
     t: Float[Array | np.ndarray, " samples"], t_before: Any, starts: Starts
 ) -> Float[Array | np.ndarray, " samples"]:
-    """Time since the sample before; 0 where a sequence starts without a past (t_before NaN).
+    """Time since the sample before; 0 where a sequence starts without a past (t_before NaN), or a clock
+    begins anew.
 
     Of known times it is found by NumPy: no program is compiled for every number of rows. It is a NumPy
     array if the times are one.
@@ -260,9 +282,10 @@ def time_steps(
     xp, first, own = array_module(t, t_before), np.asarray(starts), isinstance(t, np.ndarray)
     t = xp.asarray(t)
     begin = t[first] - t_before
-    begin = xp.where(xp.isnan(begin), 0.0, begin)
+    begin = xp.where(begin > 0, begin, 0.0)
     dt = xp.diff(t, prepend=t[:1])
     if xp is np:
+        check_clock(np.delete(dt, first))
         dt[first] = begin
         return dt if own else jnp.asarray(dt)
     return dt.at[first].set(begin)

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from .._errors import InputError
-from .._model import AbstractFollowingModel, Series, Tree, evaluated
+from .._model import AbstractFollowingModel, Series, Tree, evaluated, one_column
 from .._parameter import NOT_NEGATIVE, Scalar, as_float, check_increasing, is_concrete, parameter
 from .._registry import register
 from .._type_variables import Output, Starts, Times
@@ -38,7 +38,7 @@ class AbstractCurve(AbstractFollowingModel[tuple[()], Array]):
     def prepare(
         self, t: Times, u: Series, state: tuple[()] | None = None, *, starts: Starts = (0,)
     ) -> Array:
-        return as_float(u)
+        return as_float(one_column(u))
 
     def evaluate(self, prepared: Array) -> Float[Array, " samples"]:
         return self.curve(prepared)

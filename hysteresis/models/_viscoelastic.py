@@ -10,7 +10,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._model import AbstractModel, Series, Tree, is_start, needed_time, time_steps
+from .._model import (
+    AbstractModel,
+    Series,
+    Tree,
+    is_start,
+    needed_time,
+    one_column,
+    time_steps,
+)
 from .._parameter import POSITIVE, Scalar, array_module, as_array, is_concrete
 from .._type_variables import Starts, Times
 from ..numerics._even_clock import even_step
@@ -91,7 +99,7 @@ class AbstractViscoelastic(AbstractModel[ViscoelasticState, ViscoelasticInput]):
     def step(
         self, state: ViscoelasticState, t: Any, u: Any
     ) -> tuple[ViscoelasticState, Float[Array, ""]]:
-        dt = jnp.where(jnp.isnan(state.t), 0.0, t - jnp.asarray(state.t))
+        dt = jnp.where(t > jnp.asarray(state.t), t - jnp.asarray(state.t), 0.0)
         chain = self._traced_chain()
         decay, before, now = exact_step(chain.all_rates, chain.all_drives, dt, self.hold)
         known = decay * state.branches + before * state.load
@@ -107,7 +115,7 @@ class AbstractViscoelastic(AbstractModel[ViscoelasticState, ViscoelasticInput]):
         state = self.init() if state is None else state
         # Known times and inputs are prepared by NumPy: no program is compiled for every number of rows.
         xp, first = array_module(t, u, *state), np.asarray(starts)
-        u = xp.asarray(u, dtype=None if xp is jnp else float)
+        u = xp.asarray(one_column(u), dtype=None if xp is jnp else float)
         times = xp.asarray(needed_time(type(self).__name__, t), dtype=u.dtype)
         dt: Any = time_steps(times, state.t, starts)
         if xp is np and not (np.any(dt[first]) or np.any(state.branches)):

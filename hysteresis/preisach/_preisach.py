@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from .._model import AbstractModel, Series, Tree
+from .._model import AbstractModel, Series, Tree, one_column
 from .._parameter import NOT_NEGATIVE, Scalar, as_array, check_shapes, is_concrete, parameter
 from .._registry import register
 from .._type_variables import Starts, Times
@@ -230,7 +230,7 @@ class Preisach(AbstractModel[PreisachState, PreisachInput]):
         """`prepare`, with NumPy arrays for inputs in NumPy: nothing is compiled, and nothing copied."""
         past = self._past(state)
         concrete = is_concrete(u) and is_concrete(past)
-        u = np.asarray(u, float) if concrete else jnp.asarray(u)
+        u = np.asarray(one_column(u), float) if concrete else jnp.asarray(u)
         seen = self._seen(u, state, starts)
         tree, at_node, past, past_anchor, place = hang(past, seen, starts)
 

@@ -172,5 +172,14 @@ def test_time_is_needed_where_the_rate_matters_and_nowhere_else(problem: Problem
         for run in (model.prepare, model.stream):
             with pytest.raises(InputError, match="no-time"):
                 run(None, u)
+        with pytest.raises(InputError, match="time-backwards"):
+            model.simulate(t[::-1], u)
+        state = model.stream(t, u)[0]
+        anew = model.simulate(t, u, state)  # its clock begins again: at once
+        later = model.simulate(t + (t[-1] - t[0]), u, state)
+        np.testing.assert_allclose(anew, later, rtol=1e-9)  # steps of shifted times are rounded
     else:
         np.testing.assert_array_equal(batch(model, None, u), batch(model, t, u))
+    for columns in (u[:, None], np.stack([u, u], 1)):
+        with pytest.raises(InputError, match="wrong-shape"):
+            model.simulate(t, columns)
