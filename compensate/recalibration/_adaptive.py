@@ -212,7 +212,7 @@ class AdaptiveCompensator(AbstractCompensator[LawState, Recalibrated]):
                 "value": self.low, "slope": 0.0, "reference": 0.0, "known": 0, "share": 0.0, "elapsed": 0.0,
                 "idle": 0.0, "used": theta, "theta": theta, "covariance": np.diag(self.start),
                 "before": theta, "run": 0.0, "common": 0.0, "apart": 0.0,
-                "evidence": 0.0, "excess": 0.0,
+                "evidence": 0.0, "excess": 0.0, "gained": 0.0,
                 "possible": 0.0, "settled": 0.0, "loss": own["error"] ** 2, "residual": 1.0, "changes": 0,
                 "output": np.zeros(n), "shown": np.zeros(n), "along": np.zeros(n), "work": np.zeros(n * n),
             },

@@ -25,12 +25,15 @@ class Parameters:
 
 
 class State:
-    """The input before and the path until then; `begun` is 0 before the first sample."""
+    """The input before, the path until then, and what rounding has added to it, as to the time in
+    `time_drift`; `begun` is 0 before the first sample.
+    """
 
     status: int
     begun: int
     u: float
     path: float
+    gained: float
 
 
 def look(p: Parameters, s: State, u: float) -> float:
@@ -48,8 +51,11 @@ def look(p: Parameters, s: State, u: float) -> float:
 
 def move(p: Parameters, s: State, u: float) -> float:
     y = look(p, s, u)
-    if s.begun:
-        s.path = s.path + fabs(u - s.u)
+    if s.begun:  # as Kahan adds
+        step = fabs(u - s.u) - s.gained
+        path = s.path + step
+        s.gained = path - s.path - step
+        s.path = path
     s.begun = 1
     s.u = u
     return y

@@ -19,11 +19,14 @@ class Parameters:
 
 
 class State:
-    """The time since the first sample; `begun` is 0 before it."""
+    """The time since the first sample, and what rounding has added to it: float steps of 1 ms alone would
+    add up to 4.6 h at most. `begun` is 0 before the first sample.
+    """
 
     status: int
     begun: int
     elapsed: float
+    gained: float
 
 
 def look(p: Parameters, s: State, dt: float, u: float) -> float:
@@ -40,7 +43,10 @@ def look(p: Parameters, s: State, dt: float, u: float) -> float:
 
 def move(p: Parameters, s: State, dt: float, u: float) -> float:
     y = look(p, s, dt, u)
-    if s.begun:
-        s.elapsed = s.elapsed + dt
+    if s.begun:  # as Kahan adds
+        step = dt - s.gained
+        elapsed = s.elapsed + step
+        s.gained = elapsed - s.elapsed - step
+        s.elapsed = elapsed
     s.begun = 1
     return y

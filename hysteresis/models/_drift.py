@@ -79,7 +79,7 @@ class CyclicDrift(AbstractLawModel):
                 "least": self.least, "most": min(self.most - self.least, 1e30),
                 "length": self.length + self.least, "offset": self.offset,
             },
-            {"begun": 0, "u": 0.0, "path": 0.0},
+            {"begun": 0, "u": 0.0, "path": 0.0, "gained": 0.0},
         )  # fmt: skip
 
 
@@ -131,5 +131,5 @@ class TimeDrift(AbstractLawModel):
                 "count": len(self.times), "rates": 1 / self.times, "ends": self.rates,
                 "most": min(self.most, 1e30), "offset": self.offset,
             },
-            {"begun": 0, "elapsed": 0.0},
+            {"begun": 0, "elapsed": 0.0, "gained": 0.0},
         )  # fmt: skip

@@ -18,11 +18,14 @@ from hysteresis import (
     AbstractModel,
     BoucWen,
     Burgers,
+    CyclicDrift,
     DegradingBoucWen,
     LinearSponge,
+    MonotoneCurve,
     Preisach,
     Record,
     Sum,
+    TimeDrift,
 )  # fmt: skip
 from hysteresis.preisach import GaussianDensity, GridDensity
 from tests.c_harness import COMPILERS, STRICT, Compiled, checksum
@@ -368,3 +371,19 @@ def test_an_export_keeps_what_its_first_readings_need(tmp_path: Path):
     assert export_runtime(model, tmp_path / "it.json", y).notes == ()
     with raises("bad-option", "need 65 stored reversals"):
         export_runtime(model, tmp_path / "it.json", y, depth=64)
+
+
+def test_drifts_of_long_runs_in_float_are_those_in_double(tmp_path: Path):
+    """Of two million steps: the sum of the steps is rounded as one number, not once a step."""
+    cycles = CyclicDrift(0.0, 1.0, [0.0], [1.0], length=100.0)
+    line = MonotoneCurve.even(0.0, 1.0, [0.5, 0.5], 0.0)
+    model = Sum([line, TimeDrift([2000.0], [10.0]), cycles])
+    rows = np.arange(2_000_000)
+    u = 0.5 + (rows % 2) / 1024
+    golden = {"times": 0.001 * rows[:50], "limits": (-20.0, 20.0)}
+    y = np.asarray(model.simulate(golden["times"], u[:50]))
+    done = Compiled(export_c(model, tmp_path / "long.h", y, real="float", **golden).path)
+    got = done.predict(np.full(len(u), 0.001), u)
+    drift = 10 * -np.expm1(-0.001 * rows / 2000.0) + np.log1p(np.maximum(rows - 1, 0) / 102_400)
+    # Near 7 the last digit of a float is 5e-7, and four terms are added.
+    np.testing.assert_allclose(got, u + drift, atol=4e-6)
