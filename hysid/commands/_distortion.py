@@ -37,7 +37,8 @@ def run(asked: Distortion) -> Done:
         rows.append([f"{one.level:.4g}", output, band, f"{one.total:.4g}", *cells])
     lines = [
         "Linear is the best linear approximation of each level, changed how far it is from that of the",
-        "smallest one. Even and odd are told in lines that no input excites.",
+        "smallest one. Even and odd are told in lines that no input excites. A straight drift over the",
+        "periods of a test is left out.",
     ]
     if any(row["smoothed"] for row in told):
         lines += [

@@ -24,6 +24,9 @@ from .._levels import LITTLE
 from ._feedback_search import Spectra
 from ._measured_motion import check_period, period_of
 
+NOISE = 4.0
+"""Times its deviation between periods, up to which a line of an input is noise: of one in ten million."""
+
 SAME_LEVEL = 1.05
 """Inputs whose sizes differ by less have one level."""
 
@@ -46,7 +49,7 @@ class PeriodicTest(NamedTuple):
 def periodic_test(
     u: ArrayLike, y: ArrayLike, dt: float, period: int | None = None, settling: int = 0
 ) -> PeriodicTest:
-    """A record of rows cut into its periods.
+    """A record of rows cut into its periods, without a straight drift over them.
 
     - `u`: (rows, inputs). `y`: (rows, outputs). `dt`: time between rows.
     - `period`: rows of a period; None to look for it in the first input that moves.
@@ -85,7 +88,27 @@ def periodic_test(
         )
     check_period(moving, period)
     cut = [x[: count * period].reshape(count, period, -1)[settling:] for x in (u, y)]
-    return PeriodicTest(cut[0].mean(0), cut[1], dt)
+    u, y = map(_without_drift, cut)
+    return PeriodicTest(_without_noise(u), y, dt)
+
+
+def _without_drift(x: Float[np.ndarray, "periods samples n"]) -> np.ndarray:
+    """Periods without the usual step of their means, a straight drift, which is a sawtooth in each."""
+    if len(x) < 2:
+        return x
+    slope = np.median(np.diff(x.mean(1), axis=0), 0) / x.shape[1]
+    row = np.arange(float(x[..., 0].size)).reshape(x.shape[:2])
+    return x - slope * (row - row.mean())[..., None]
+
+
+def _without_noise(u: Float[np.ndarray, "periods samples inputs"]) -> np.ndarray:
+    """The mean period of inputs, without lines that are about the noise, in which nothing is excited."""
+    if len(u) < 2:
+        return u[0]
+    each = np.fft.rfft(u, axis=1)
+    mean, noise = each.mean(0), np.sqrt(np.median(each.var(0, ddof=1), 0) / len(u))
+    mean[1:][np.abs(mean[1:]) < NOISE * noise] = 0
+    return np.fft.irfft(mean, u.shape[1], axis=0)
 
 
 def spectra_of(tests: Sequence[PeriodicTest], finer: int = 2) -> tuple[Spectra, np.ndarray]:

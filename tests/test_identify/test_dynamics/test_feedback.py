@@ -141,6 +141,17 @@ def test_even_odd_and_noise_are_told_apart():
     assert row.noise == pytest.approx(0.01 / 8, rel=0.1)
 
 
+def test_a_drift_and_a_noisy_gauge_of_the_input_are_no_distortion():
+    """Of ten times the output; and noise of 2 % in the input is in all lines, of which half are excited."""
+    u, rng = np.tile(multisine(5, 1.0, range(1, 100, 2)), (8, 1)), np.random.default_rng(0)
+    read = u + 0.02 * rng.normal(size=u.shape)
+    test = periodic_test(read, 2 * u + np.linspace(0, 20, len(u))[:, None], DT, PERIOD)
+    (row,) = distortion([test], bands=1)
+    assert row.linear == pytest.approx(2.0, rel=1e-3)
+    assert max(row.even, row.odd, row.noise) < 1e-9
+    assert row.stochastic < 0.02
+
+
 def test_one_realisation_of_a_sharp_resonance_says_that_it_is_smoothed():
     """A linear system has no stochastic part, and two realisations show none; one cannot tell it from a
     resonance that is sharper than a window of lines."""
