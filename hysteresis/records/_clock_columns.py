@@ -75,9 +75,11 @@ def _stamps(cells: np.ndarray) -> tuple[np.ndarray, str] | None:
     if some cell has a fraction. A spreadsheet's minutes begin again after an hour.
     """
     filled = np.flatnonzero(cells != "")
-    if len(filled) < 2 or ":" not in cells[filled[0]] or ":" not in cells[filled[-1]]:
+    if len(filled) < 2 or ":" not in cells[filled[0]] + cells[filled[-1]]:
         return None
-    found = [_STAMP.fullmatch(word) for word in cells[filled].tolist()]
+    # A workbook writes midnight as the date alone.
+    words = [word if ":" in word else f"{word}T00:00" for word in cells[filled].tolist()]
+    found = [_STAMP.fullmatch(word) for word in words]
     parts = [one.groupdict("") for one in found if one is not None]
     dated, whole, fine = ([bool(one[key]) for one in parts] for key in "asf")
     minutes = not (any(dated) or any(whole))

@@ -116,6 +116,8 @@ def parquet(path: Path, data: bytes, table: int | None = None) -> Sheet | None:
         if unit := said.get(b"unit", said.get(b"units")):
             units[field.name] = unit.decode("utf-8", "replace")
     for name, x in columns.items():
+        if x.dtype.kind == "m":
+            columns[name], units[name] = x / np.timedelta64(1, "s"), "s"
         if x.dtype == object:
             said = ["" if v is None else str(v) for v in x]
             check_room(path, {name: said}, np.arange(1, len(said) + 1))

@@ -287,13 +287,15 @@ def test_parquet(table):
     arrow = pytest.importorskip("pyarrow", reason="pyarrow is an extra")
     parquet = pytest.importorskip("pyarrow.parquet", reason="pyarrow is an extra")
     fields = [arrow.field("F", arrow.float64(), metadata={"unit": "N"}),
-              arrow.field("x", arrow.float32()), arrow.field("run", arrow.string())]  # fmt: skip
+              arrow.field("x", arrow.float32()), arrow.field("run", arrow.string()),
+              arrow.field("t", arrow.duration("ms"))]  # fmt: skip
     packed = io.BytesIO()
-    columns = [F, X.astype(np.float32), ["a"] * N]
+    columns = [F, X.astype(np.float32), ["a"] * N, 500 * np.arange(N)]
     parquet.write_table(arrow.table(columns, arrow.schema(fields)), packed)
     found = table(packed.getvalue(), "run.parquet")
     np.testing.assert_array_equal(found.columns["F"], F)
-    assert found.units == {"F": "N"}
+    assert found.units == {"F": "N", "t": "s"}
+    np.testing.assert_array_equal(found.columns["t"], np.arange(N) / 2)
     assert set(found.text["run"]) == {"a"}
 
 
