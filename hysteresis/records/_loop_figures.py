@@ -219,6 +219,14 @@ class Loops:
         half = np.where(both & flat & told, (level - x[at]) / 2, 0.0)
         return np.where(told, level - half, x[at]), np.where(told, np.hypot(error, half), sigma)
 
+    def returned(self) -> Pair:
+        """The output with which each loop comes back. How far its input stays off the first one, as where a
+        record stops a row early, is an error of as much output, by the secant."""
+        (u0, _), (u1, y1), (u2, y2) = self.tips
+        with np.errstate(all="ignore"):
+            secant = (y1[0] - y2[0]) / (u1[0] - u2[0])
+        return y2[0], np.hypot(y2[1], np.nan_to_num(secant * (u2[0] - u0[0])))
+
     def _ends(self) -> tuple[np.ndarray, np.ndarray]:
         """First and last position of each loop's sequence."""
         begin, end = (self.cut.bounds[self.cut.sequence + k] for k in (0, 1))

@@ -333,7 +333,7 @@ def _figures(record: AbstractRecord, kind: str, loops: Loops) -> Iterator[Told]:
     rows, off, _ = peaks["input", "lowest"]
     yield "output at lowest input", loops.value(y, rows, off), unit_y, ""
     opened = np.where(cut.closed, "", OPEN)
-    yield "closure", less(loops.tips[2][1], loops.tips[0][1]), unit_y, opened
+    yield "closure", less(loops.returned(), loops.tips[0][1]), unit_y, opened
     around = area(loops, u, y, nu, ny)
     size = less(peaks["input", "highest"][2], peaks["input", "lowest"][2])
     mean = np.abs(around[0]) / size[0]

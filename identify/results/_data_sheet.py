@@ -302,7 +302,7 @@ class _Sheet(NamedTuple):
     def of_zero(self) -> Iterator[SheetRow]:
         """What becomes of the reading at the lower end."""
         loops, unit = self.loops, self.record.time_unit
-        (_, (before, error0)), _, (_, (after, error1)) = loops.tips
+        (before, error0), (after, error1) = loops.tips[0][1], loops.returned()
         up = loops.rising & loops.cut.closed
         if not up.any():
             yield from (

@@ -69,6 +69,20 @@ def test_a_load_that_drives_has_the_same_energy_and_damping():
     assert one(table, "loss factor") == pytest.approx(np.tan(lag), rel=1e-5)
 
 
+@pytest.mark.parametrize("noise", [0.0, 0.01])
+def test_a_record_that_stops_a_row_early_closes_within_its_error(noise):
+    """Of 30 rows a loop the last one lacks 1 % of the input's range, and with it as much output."""
+    x = np.sin(angles(5, 30)[:-1])
+    y = 2 * x + noise * np.random.default_rng(0).normal(size=len(x))
+    table = record_of(x, y).loops()
+    assert len(table) == 5
+    closure = table["closure"]
+    assert (np.abs(closure.value) < 3 * closure.error + 1e-12).all()
+    assert (
+        closure.error[:-1] < 3 * noise + 1e-4
+    ).all()  # numbers without noise have that of rounding
+
+
 def test_coulomb_friction_and_rayleigh_loops():
     """A stop in parallel to a spring: area 4 f (a - f / k); Rayleigh: area 4 b a^3 / 3, width b a^2."""
     x = np.interp(np.arange(4 * ROWS + 1) / ROWS, [0, 1, 2, 3, 4], [-1, 1, -1, 1, -1])
