@@ -94,8 +94,11 @@ class Table:
                 code, fix = "text-cell", ""
                 overload = str(text[bad[0]]).upper() in _OVERLOAD
                 cause = "sensor overload?" if overload else "text among the numbers."
+                if self.decimal == "," and not np.isnan(floats(words)).any():
+                    cause = "numbers written with a decimal point."
+                    fix = 'decimal="." (leave --decimal away).'
                 below = floats(text[bad[0] + 1 :][:1], self.decimal)  # a row of units: a number
-                if line[bad[0]] == self.line[0] and not (overload or np.isnan(below).any()):
+                if line[bad[0]] == self.line[0] and not (fix or overload or np.isnan(below).any()):
                     cause = "a row of units?"
                     fix = f"units_row={line[0]} (--units-row {line[0]}) takes it for one; "
         k = bad[0]

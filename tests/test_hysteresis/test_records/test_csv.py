@@ -68,6 +68,9 @@ def test_a_cell_of_text(read):
     refuses("text-cell", lambda: read(other, na_values=["OVLD"], nan="omit"), "line 10", "'stop'")
     every = table([(t, x, f"{y} N") for t, x, y in ROWS])  # a row of units is alone
     refuses("text-cell", lambda: read(every), "line 2", "text among", "--na-values '0.0 N'")
+    refuses(
+        "text-cell", lambda: read(table(), decimal=","), "a decimal point", "leave --decimal away"
+    )
     swedish = table([(t, x, str(-y).replace("-", "\u2212")) for t, x, y in ROWS])
     np.testing.assert_array_equal(read(swedish).output, [-y for *_, y in ROWS])
     endless = with_cell(9, f"0.7,0,{'9' * 300}")  # no number is that long
