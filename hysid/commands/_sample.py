@@ -5,6 +5,7 @@ from typing import Any
 import identify
 from hysteresis._escape import shell_word
 from identify import save_posterior
+from identify.posterior._sample import MOST_STEPS
 
 from ..intake._folders import folders_of
 from ._asked import Sample
@@ -18,18 +19,23 @@ def run(asked: Sample) -> Done:
         with Progress("sampling") as progress:
             drawn = _sampled(asked, chosen, progress)
     except KeyboardInterrupt:
-        given = [f"--{name} {value}" for name, value in chosen.items() if value is not None]
-        log(f"To resume: hysid sample {shell_word(str(asked.folder))} --resume {' '.join(given)}")
+        log(f"To resume: {_resuming(asked, chosen)}")
         raise
     documents = {v: identify.internal.posterior_json(one) for v, one in drawn.items()}
     found = documents[""] if "" in documents else _together(documents)
     lines = [f"{value}: {one}" if value else str(one) for value, one in drawn.items()]
     if not found["converged"]:
         lines.append(
-            "Not converged: R-hat is above 1.01, or there are too few draws. Run again without"
-            " --steps, or with more of them."
+            "Not converged: R-hat is above 1.01, or there are too few draws. To draw more: "
+            + _resuming(asked, chosen | {"steps": 2 * (asked.steps or MOST_STEPS)})
         )
     return Done(found, lines)
+
+
+def _resuming(asked: Sample, chosen: dict[str, Any]) -> str:
+    """The command that goes on with these options."""
+    given = [f"--{name} {value}" for name, value in chosen.items() if value is not None]
+    return f"hysid sample {shell_word(str(asked.folder))} --resume {' '.join(given)}"
 
 
 def _sampled(

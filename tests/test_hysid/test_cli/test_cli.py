@@ -164,6 +164,7 @@ def test_each_is_predicted_and_sampled_by_its_own_fit(each, folder):
     said = run("sample", folder / "each", "--steps", 40, "--ensembles", 2)
     assert "\nthin: Posterior: " in said.out
     assert "Not converged" in said.out
+    assert "--resume --steps 80 --ensembles 2 --seed 0\n" in said.out
     assert ", thin, acceptance" in said.err
 
 
