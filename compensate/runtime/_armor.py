@@ -94,8 +94,8 @@ class Armor:
         if reading is None:
             raise TypeError(READING_MISSING)
         if 0.0 < dt < inf:
-            self._now += dt
-        t, doubt = self._now, 0
+            self._now += float(dt)
+        t, doubt, reading = self._now, 0, [*map(float, reading)]
         if self._sensor:
             reading, doubt = self._sensor.wrench(t, reading, motion)
         fx, fy, fz, mx, my, mz = reading

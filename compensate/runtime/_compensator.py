@@ -205,7 +205,9 @@ class Compensator:
         elif condition is None:
             name = self.condition["name"]
             raise TypeError(f"this compensator depends on {name}: step(dt, reading, condition)")
-        value, own = self._step(dt, reading, condition), self._own
+        # A number of NumPy would stay in the state: of single precision, or an array.
+        since = float(dt) if self.rates else 0.0
+        value, own = self._step(since, float(reading), float(condition)), self._own
         return Estimate(value, _STATUSES[own.status], own.deviation)
 
     @property

@@ -83,8 +83,9 @@ class ForceEstimator:
         if reading is None:
             raise TypeError(READING_MISSING)
         if self.rates and dt > 0.0:
-            self._waited = min(self._waited + dt, self.longest)
-        readings: Any = reading if hasattr(reading, "__len__") else (reading,)
+            self._waited = min(self._waited + float(dt), self.longest)
+        several: Any = reading if hasattr(reading, "__len__") else (reading,)
+        readings = [*map(float, several)]  # a number of NumPy would stay in the state
         if len(readings) != len(self.limits):
             raise ValueError(f"{len(readings)} readings for {len(self.limits)} channels")
         if not isfinite(sum(readings)) and not all(map(isfinite, readings)):

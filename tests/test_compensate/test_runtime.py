@@ -163,6 +163,13 @@ def test_bad_samples_leave_no_trace(problem: Problem, tmp_path: Path):
     t = done.t[~bad]
     alone, _ = stepped(compensator, np.diff(t, prepend=t[0]).tolist(), y[~bad].tolist())
     np.testing.assert_allclose(value[~bad], alone, rtol=0, atol=1e-12 * np.ptp(done.u))
+    # Readings of single precision do not make what is remembered single.
+    dt, single = done.dt.astype(np.float32), done.y.astype(np.float32)
+    each = []
+    for both in ((dt, single), (dt.astype(float).tolist(), single.astype(float).tolist())):
+        compensator.reset()
+        each.append(stepped(compensator, *both)[0])
+    np.testing.assert_array_equal(*each)
 
 
 def relays(depth: int = 64, rows: int = 400) -> tuple[Preisach, np.ndarray]:

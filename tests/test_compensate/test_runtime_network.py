@@ -97,6 +97,11 @@ def test_plain_python_is_the_same(name: str, tmp_path: Path):
         np.testing.assert_array_equal(status, wanted.status)
         assert (deviation == 0.05).all()
         runtime.reset()
+    single = z.astype(np.float32)  # numbers of single precision do not make it single
+    both = ([runtime.step(0.1, y).value for y in x] for x in (single, single.astype(float)))
+    first = next(both)
+    runtime.reset()
+    assert first == next(both)
     assert {Status.OK, Status.EXTRAPOLATED, Status.INVALID} <= set(status.tolist())
 
 
