@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import equinox as eqx
 from numpy.typing import ArrayLike
 
 from hysteresis import AbstractModel, InputError, parameters
@@ -62,6 +63,11 @@ def invert(
         >>> float(compensate.invert(model, trained=(0.0, 4.0)).simulate(t, y).value.max())
         4.0
     """
+    if not isinstance(model, eqx.Module):
+        raise InputError(
+            "not-invertible", f"{model!r} is neither a model nor a fit.",
+            fix="give a model with its parameters, or hysid.invert a fit: identify.load(DIR).",
+        )  # fmt: skip
     if start not in ("known", "unknown"):
         raise InputError(
             "bad-option", f"start={start!r} is unknown.", fix='give "known" or "unknown".'

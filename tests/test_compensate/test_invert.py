@@ -232,6 +232,8 @@ def test_signed_densities_that_fall_are_refused():
 
 def test_a_line_without_slope_is_refused():
     refuses("not-invertible", lambda: invert(LinearSponge(K=0.0, b=1.0)), "slope K is 0")
+    for what in ("sponge", LinearSponge):
+        refuses("not-invertible", lambda it=what: invert(it), "neither a model nor a fit")
 
 
 def test_steps_too_long_for_a_held_input_are_refused():
