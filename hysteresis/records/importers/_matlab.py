@@ -2,7 +2,7 @@
 
 import io
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -91,6 +91,18 @@ def _matlab(data: bytes, units: dict[str, str]) -> Iterator[tuple[str, dict[str,
         yield name, {key: arrays.pop(next(iter(arrays))) for key in keys}
 
 
+def _unpacked(x: np.ndarray, told: Mapping[str, Any]) -> np.ndarray:
+    """Numbers as netCDF packs them: scale_factor x + add_offset, NaN where x is _FillValue."""
+    packed = {"scale_factor", "add_offset", "_FillValue"} & {*told}
+    if not packed or x.dtype.kind not in "iuf":
+        return x
+    scale, offset, fill = (
+        float(np.ravel(told.get(name, usual))[0])
+        for name, usual in (("scale_factor", 1.0), ("add_offset", 0.0), ("_FillValue", np.nan))
+    )
+    return np.where(x == fill, np.nan, scale * x + offset)
+
+
 def _hdf5(data: bytes, units: dict[str, str]) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
     import h5py  # a quarter of a second, for this alone
 
@@ -108,13 +120,14 @@ def _hdf5(data: bytes, units: dict[str, str]) -> Iterator[tuple[str, dict[str, n
                 return
             name, _, key = path.rpartition("/")
             x = own.array(path)
-            found = vectors(key, x.T if turned else x)
+            found = vectors(key, _unpacked(x.T if turned else x, node.attrs))
             groups.setdefault(name.replace("/", "."), {}).update(found)
             for attribute in ("units", "unit", "Units", "Unit"):
                 unit = node.attrs.get(attribute)
                 if unit is not None:
                     text = unit.decode() if isinstance(unit, bytes) else str(unit)
-                    units.update(dict.fromkeys(found, text))
+                    # netCDF: hours since 2026-01-01
+                    units.update(dict.fromkeys(found, text.partition(" since ")[0]))
 
         own.file.visititems(visit)
         yield from groups.items()

@@ -257,6 +257,20 @@ def test_tdms(table):
         assert caught.value.code in ("damaged-file", "no-rows")
 
 
+def test_packed_numbers_of_netcdf(table):
+    packed = io.BytesIO()
+    with h5py.File(packed, "w") as file:
+        file["t"], file["F"] = T, np.round(100 * F).astype(np.int16)
+        file["F"][3] = -32768
+        file["t"].attrs["units"] = "hours since 2026-01-01"
+        fill = np.array([-32768], np.int16)
+        file["F"].attrs.update({"scale_factor": 0.01, "add_offset": 5.0, "_FillValue": fill})
+    found = table(packed.getvalue(), "run.nc")
+    wanted = np.where(np.arange(len(F)) == 3, np.nan, np.round(100 * F) / 100 + 5)
+    np.testing.assert_allclose(found.columns["F"], wanted)
+    assert found.units == {"t": "hours"}
+
+
 @pytest.mark.parametrize("kind", ["structures", "7.3", "HDF5"])
 def test_files_of_arrays(table, kind):
     packed = io.BytesIO()
