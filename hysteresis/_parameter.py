@@ -149,8 +149,10 @@ def as_float(value: Any) -> Any:
     """`value` as a floating array, integers in JAX's present default precision; None stays None."""
     if value is None:
         return value
-    if isinstance(value, np.ndarray) and value.dtype.kind in "iub":
-        value = value.astype(float)
+    whole = isinstance(value, np.ndarray) and value.dtype.kind in "iub"
+    # Python's numbers would be of weak type, for which JAX compiles every program once more.
+    if whole or isinstance(value, int | float):
+        value = np.asarray(value, float)
     array = as_array(value)
     return array if jnp.issubdtype(array.dtype, jnp.floating) else jnp.asarray(value, float)
 
