@@ -9,7 +9,7 @@ from compensate import Status, export_c, export_runtime
 from compensate.runtime import load
 from hysteresis import Burgers
 from tests.c_harness import COMPILERS, Compiled
-from tests.test_compensate.test_runtime import DEPTH, EXPORTED, Problem, run
+from tests.test_compensate.test_runtime import EXPORTED, Problem, run
 from tests.thorough import rest_thorough
 
 HUGE = (np.nan, np.inf, -np.inf, 1e308, -1e308, 1e200)
@@ -30,7 +30,7 @@ def test_c_is_finite_whatever_it_is_fed(problem: Problem, real: str, tmp_path: P
     """Estimates, predictions and deviations, on one state; good samples are finite afterwards."""
     done = run(problem)
     path = tmp_path / "it.h"
-    export_c(done.model, path, done.y, times=done.t, depth=DEPTH, real=real)
+    done.program.write_c(path, real)
     it = Compiled(path, COMPILERS[0], ("-O1",))
     y, dt = hostile(FEW)
     value, status = it.run(np.append(dt, done.dt[:FEW]), np.append(y, done.y[:FEW]))

@@ -111,7 +111,7 @@ def test_vmap_over_parameters_and_inputs(problem: Problem):
     u = rng.uniform(problem.low, problem.high, (3, SAMPLES))
     many = jax.tree.map(lambda *x: jnp.stack(x), *models)
     for run in (lambda m, x: batch(m, t, x), lambda m, x: m.stream(t, x)[1]):
-        together = eqx.filter_vmap(run)(many, jnp.asarray(u))
+        together = eqx.filter_jit(eqx.filter_vmap(run))(many, u)
         for k, model in enumerate(models):
             close(together[k], run(model, u[k]), model)
 
@@ -124,30 +124,31 @@ def test_gradients_in_every_parameter_and_in_the_input(problem: Problem):
     derivatives and condition: 1e-7 leaves three decades for those. The histories are random, so no
     two samples tie within h and the memory tree stays the same.
     """
-    rng, t = np.random.default_rng(2), jnp.asarray(clock(2))
+    rng, t = np.random.default_rng(2), clock(2)
     model = problem.model(2)
-    u = jnp.asarray(rng.uniform(problem.low, problem.high, SAMPLES))
-    c = jnp.asarray(rng.normal(size=SAMPLES))
+    u = rng.uniform(problem.low, problem.high, SAMPLES)
+    c = rng.normal(size=SAMPLES)
     h = np.finfo(float).eps ** (1 / 3)
 
     arrays, rest = eqx.partition(model, eqx.is_inexact_array)
 
-    def value(arrays: Any, u: jax.Array) -> jax.Array:
+    def value(arrays: Any, u: Any) -> jax.Array:
         return c @ batch(eqx.combine(arrays, rest), t, u)
 
-    def slopes(arrays: Any, u: jax.Array, du: jax.Array) -> tuple[Any, jax.Array]:
+    @jax.jit
+    def slopes(arrays: Any, u: Any, du: Any) -> tuple[Any, jax.Array]:
         """By inputs forwards: laws that run outside JAX have no derivatives by them backwards."""
         return jax.grad(value)(arrays, u), jax.jvp(lambda u: value(arrays, u), (u,), (du,))[1]
 
-    of, slopes_of = jax.jit(value), jax.jit(slopes)
-    # On the host, so that moved and unmoved ones are of one type, and one program is compiled.
+    # On the host, so that moved and unmoved ones are of one type, and `batch` is compiled once.
     flat, structure = jax.tree.flatten(jax.tree.map(np.asarray, (arrays, u)))
 
     def at(flat: list[np.ndarray]) -> float:
-        return float(of(*jax.tree.unflatten(structure, flat)))
+        arrays, u = jax.tree.unflatten(structure, flat)
+        return float(c @ np.asarray(batch(eqx.combine(arrays, rest), t, u)))
 
     directions = [rng.normal(size=leaf.shape) for leaf in flat]
-    gradient, by_input = slopes_of(*jax.tree.unflatten(structure, flat), directions[-1])
+    gradient, by_input = slopes(*jax.tree.unflatten(structure, flat), directions[-1])
     each = zip(jax.tree.leaves(gradient), directions, strict=False)
     along = [float(np.sum(np.asarray(slope) * d)) for slope, d in each] + [float(by_input)]
     size = abs(at(flat)) + float(np.abs(c).sum())

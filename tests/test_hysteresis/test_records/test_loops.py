@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from hysteresis import Record
 from tests.refusals import refuses
+from tests.thorough import rest_thorough
 
 ROWS = 4000
 
@@ -136,7 +137,7 @@ def test_a_magnetic_loop_is_known_by_its_units():
     assert "damping ratio" not in table.names
 
 
-@pytest.mark.parametrize("dense", [1.0, 0.3, 0.1])
+@pytest.mark.parametrize("dense", rest_thorough([0.1, 1.0, 0.3], 1))
 @pytest.mark.parametrize("steep", [3, 30])
 def test_intervals_of_a_field_that_goes_in_uneven_steps(dense, steep):
     """Ten times as many rows where the loop is steep; it begins and ends at its largest field.
