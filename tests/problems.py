@@ -453,9 +453,10 @@ PROBLEMS: tuple[Problem, ...] = (
 )  # fmt: skip
 
 VARIANTS = frozenset({
-    "sponge", "burgers-lagging-constant", "burgers-leading-linear", "maxwell", "standard-solid",
-    "scaled", "preisach-negative", "preisach-positive", "preisach-sparse", "preisach-signed",
-    "warped-grid", "play-leading-bent", "stops-by-span", "rate-forms",
+    "sponge", "burgers-lagging-constant", "burgers-leading-linear", "kelvin-voigt", "maxwell",
+    "standard-solid", "scaled", "curve", "preisach-negative", "preisach-positive", "preisach-sparse",
+    "preisach-leading", "preisach-signed", "warped-grid", "play-leading-bent", "stops-by-position",
+    "stops-by-span", "rate-forms",
 })  # fmt: skip
 """Problems whose code another one runs too, with other numbers or signs, or in another order."""
 
