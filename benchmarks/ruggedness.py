@@ -33,7 +33,6 @@ import numpy as np
 from compensate import Status, export_runtime, invert
 from compensate.runtime import load
 from tests.problems import INVERTIBLE, SAMPLES, Problem, clock, random_histories
-from tests.test_compensate.test_runtime import EXPORTED
 from tests.test_hysid.command import COLUMNS, put, run, sponge, text, tree
 from tests.test_hysid.test_cli.test_bad_inputs import BAD
 from tests.test_hysid.test_cli.test_bad_inputs_table import TABLE
@@ -189,7 +188,7 @@ def readings(quick: bool) -> list[Row]:
     exceptions, poisoned = sum(f[0] for f in found), sum(f[1] for f in found)
     differ = max(f[2] for f in found)
     with tempfile.TemporaryDirectory() as folder:
-        own = [p for p in tried if p in EXPORTED]
+        own = [p for p in tried if p in INVERTIBLE]
         exported = [_fed_exported(problem, Path(folder) / "it.json") for problem in own]
     return [
         judged(f"{len(found)} compensators fed with NaN and infinities: exceptions", exceptions, 0),

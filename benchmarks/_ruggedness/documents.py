@@ -25,7 +25,7 @@ from hysteresis import GeneralizedMaxwell, InputError
 from hysteresis._limits import parse_toml
 from identify import load_posterior, save_posterior
 from identify.internal import sealed, to_json
-from tests.test_compensate.test_runtime import EXPORTED
+from tests.problems import INVERTIBLE
 from tests.test_hysid.command import COLUMNS, put, run, sponge, text
 
 from .._measure import Row, judged, noted
@@ -203,7 +203,7 @@ def _runtime_fields(put: Sequence[Any], every: int) -> Iterator[str]:
 def exported(readings: int = 40, every: int = 4) -> list[Any]:
     """Files of compensators of a quarter of the exportable models, as documents."""
     documents, file = [], Path("it.json")
-    for problem in EXPORTED[::every]:
+    for problem in INVERTIBLE[::every]:
         t = np.linspace(0, 1, readings)
         u = problem.low + (problem.high - problem.low) * np.abs(np.sin(7 * t))
         y = np.asarray(problem.model().simulate(t, u))

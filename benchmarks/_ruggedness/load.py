@@ -16,8 +16,7 @@ import identify
 from compensate import adaptive, export_c, invert
 from hysteresis import Record
 from tests.c_harness import STRICT
-from tests.problems import Problem, random_histories
-from tests.test_compensate.test_runtime import EXPORTED
+from tests.problems import INVERTIBLE, Problem, random_histories
 from tests.test_hysid.command import F, T, X, run, sponge
 
 from .._measure import Row, judged, noted
@@ -146,12 +145,12 @@ def many_steps() -> list[Row]:
     """The step of every exportable model in C, over good readings, again and again."""
     if not shutil.which("gcc"):
         return [noted("steps in C", 0, reason="needs gcc")]
-    rows, count = [], len(EXPORTED)
+    rows, count = [], len(INVERTIBLE)
     for flags, each, said in (
         (("-O2",), STEPS // count, ""),
         (SANITIZERS, HOSTILE, ", half of them hostile, under sanitizers"),
     ):
-        wrong = [p.name for p in EXPORTED if not _ends_well(p, each, flags)]
+        wrong = [p.name for p in INVERTIBLE if not _ends_well(p, each, flags)]
         what = f"{each * count:,} steps in C{said}: models that gave no number, of {count}"
         rows.append(judged(f"{what} {', '.join(wrong[:3])}".rstrip(), len(wrong), 0))
     return rows

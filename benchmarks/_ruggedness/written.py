@@ -18,9 +18,8 @@ from hysteresis import LinearSponge, Preisach
 from hysteresis._escape import c_comment, c_string, json_text, markup, toml_comment, toml_string
 from hysteresis.preisach import GridDensity
 from tests.c_harness import COMPILERS, STRICT, Compiled
-from tests.problems import Problem, random_histories
-from tests.test_compensate.test_runtime import EXPORTED
-from tests.test_compensate.test_runtime_hostile import hostile
+from tests.problems import INVERTIBLE, Problem, random_histories
+from tests.test_compensate.test_runtime import hostile
 from tests.test_hysteresis.test_escape import HOSTILE, Tags, names, stripped
 
 from .._measure import Row, judged, noted
@@ -118,7 +117,7 @@ def headers(every: int) -> list[Row]:
         return [
             noted("headers fed with broken numbers", 0, reason="needs a C compiler: gcc or clang")
         ]
-    problems = EXPORTED[::every]
+    problems = INVERTIBLE[::every]
     wrong = [
         f"{p.name}, {real}" for p in problems for real in ("double", "float") if not _sound(p, real)
     ]

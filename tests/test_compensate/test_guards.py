@@ -124,9 +124,10 @@ def test_no_start_within_the_past_gives_another_ok_estimate(name: str):
         t = 16 * t
     own = invert(model, trained=(0, 1), start="unknown", past=(t, u), deviation=deviation)
     worst, ok = 0.0, 0
-    for cut in (3, 47, 111, 160):
-        clock = np.concatenate([t[:cut] - t[cut] + t[0], t])
-        y = np.asarray(model.simulate(clock, np.concatenate([u[:cut], u])))[cut:]
+    for cut in (60, 107, 171, 220):  # of one length, for which one program is compiled
+        past = slice(cut - 60, cut)
+        clock = np.concatenate([t[past] - t[cut] + t[0], t])
+        y = np.asarray(model.simulate(clock, np.concatenate([u[past], u])))[60:]
         found = own.simulate(t, y)
         known = np.asarray(found.status) == Status.OK
         worst = max(worst, float(np.abs(np.asarray(found.value) - u)[known].max(initial=0.0)))

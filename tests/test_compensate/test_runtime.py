@@ -1,4 +1,4 @@
-"""Exported compensators, in Python and in C, are the JAX one."""
+"""Exported compensators, in Python and in C, are the JAX one, and finite on what a broken sensor gives."""
 
 import copy
 import json
@@ -45,8 +45,7 @@ ROWS = 200
 """As many as the golden pair has, so that exports compile no other program."""
 OF_LONG_STEPS = {"degrading-bouc-wen": 60}
 """Rows of a model whose step takes Python 4 ms, twenty times that of any other."""
-EXPORTED = INVERTIBLE
-every = pytest.mark.parametrize("problem", variants_thorough(EXPORTED), ids=lambda p: p.name)
+every = pytest.mark.parametrize("problem", variants_thorough(INVERTIBLE), ids=lambda p: p.name)
 DEPTH, GOLDEN = 128, 200
 
 
@@ -104,7 +103,7 @@ def test_python_is_the_same(problem: Problem, tmp_path: Path):
         compensator.step(float(done.y[0]))
 
 
-@pytest.mark.parametrize("problem", EXPORTED[::7], ids=lambda p: p.name)
+@pytest.mark.parametrize("problem", INVERTIBLE[::7], ids=lambda p: p.name)
 def test_copies_go_on_by_themselves(problem: Problem, tmp_path: Path):
     """From the state of the original, which they leave as it is: other processes get them pickled."""
     done = run(problem)
@@ -121,7 +120,7 @@ def test_copies_go_on_by_themselves(problem: Problem, tmp_path: Path):
 
 def test_readings_at_the_end_of_a_flat_place_do_not_damage_a_file(tmp_path: Path):
     """Rounding decides there which end of it is the estimate; the golden readings keep away from it."""
-    problem = next(p for p in EXPORTED if p.name == "preisach-sparse")
+    problem = next(p for p in INVERTIBLE if p.name == "preisach-sparse")
     model = problem.model()
     u = random_histories(np.random.default_rng(3), problem.low, problem.high, (1, ROWS))[0]
     y = np.asarray(model.simulate(None, u))
@@ -153,7 +152,7 @@ def test_c_is_the_same(problem: Problem, real: str, tmp_path: Path):
         assert f"State: {it.size} bytes" in it.text
 
 
-@pytest.mark.parametrize("problem", kinds_often(EXPORTED), ids=lambda p: p.name)
+@pytest.mark.parametrize("problem", kinds_often(INVERTIBLE), ids=lambda p: p.name)
 def test_bad_samples_leave_no_trace(problem: Problem, tmp_path: Path):
     """NaN and infinities: the estimates of the others are those of a record without them."""
     done = run(problem)
@@ -399,3 +398,56 @@ def test_drifts_of_long_runs_in_float_are_those_in_double(tmp_path: Path):
     drift = 10 * -np.expm1(-0.001 * rows / 2000.0) + np.log1p(np.maximum(rows - 1, 0) / 102_400)
     # Near 7 the last digit of a float is 5e-7, and four terms are added.
     np.testing.assert_allclose(got, u + drift, atol=4e-6)
+
+
+HUGE = (np.nan, np.inf, -np.inf, 1e308, -1e308, 1e200)
+CLOCKS = (np.nan, np.inf, -np.inf, 1e308, 1e150, -1.0, 0.0, 1e12)
+FEW = 60
+
+
+def hostile(rows: int) -> tuple[np.ndarray, np.ndarray]:
+    """Readings and clocks that no sensor means."""
+    random = np.random.default_rng(7)
+    return random.choice(HUGE, rows), random.choice(CLOCKS, rows)
+
+
+@pytest.mark.skipif(not COMPILERS, reason="no C compiler")
+@pytest.mark.parametrize("real", rest_thorough(["float", "double"], 1))
+@pytest.mark.parametrize("problem", rest_thorough(INVERTIBLE[::5], 3), ids=lambda p: p.name)
+def test_c_is_finite_whatever_it_is_fed(problem: Problem, real: str, tmp_path: Path):
+    """Estimates, predictions and deviations, on one state; good samples are finite afterwards."""
+    done = run(problem)
+    path = tmp_path / "it.h"
+    done.program.write_c(path, real)
+    it = Compiled(path, COMPILERS[0], ("-O1",))
+    y, dt = hostile(FEW)
+    value, status = it.run(np.append(dt, done.dt[:FEW]), np.append(y, done.y[:FEW]))
+    assert np.isfinite(value[1:]).all()
+    assert (status[FEW:] != Status.INVALID).all()
+    if "double it_predict(" in it.text.replace("it_real", "double"):
+        u = np.append(y, done.u[:FEW])
+        back = it.predict(np.append(dt, done.dt[:FEW]), u)
+        limit = np.finfo(real if real == "double" else "f4").max
+        assert np.array_equal(np.isnan(back), ~(np.abs(u) <= limit))
+
+
+@pytest.mark.skipif(not COMPILERS, reason="no C compiler")
+def test_a_long_pause_is_held_and_said(tmp_path: Path):
+    """In C and in Python alike: the longest time is named, one beyond it is taken for it."""
+    model = Burgers(2.0, 40.0, 1.0, 5.0)
+    t = np.linspace(0, 10, 200)
+    y = np.asarray(model.simulate(t, np.sin(t)))
+    export_runtime(model, tmp_path / "it.json", y, times=t)
+    export_c(model, tmp_path / "it.h", y, times=t)
+    c, it = Compiled(tmp_path / "it.h", COMPILERS[0]), load(tmp_path / "it.json")
+    assert it.longest == 10_000.0
+    assert "at most 10000;" in c.text
+    for pause in (9_999.0, 10_000.0, 1e300, np.inf):
+        dt = np.append(np.full(20, 0.05), [pause, *[0.05] * 20])
+        it.reset()
+        found = [it.step(b, a) for a, b in zip(y[:41].tolist(), dt.tolist(), strict=True)]
+        value, status = c.run(dt, y[:41])
+        np.testing.assert_allclose(value, [e.value for e in found], rtol=1e-9, atol=1e-9)
+        assert status.tolist() == [int(e.status) for e in found]
+        late = np.flatnonzero(status == Status.EXTRAPOLATED).tolist()
+        assert late == ([] if pause < 10_000 else [20])
