@@ -28,6 +28,9 @@ LINE = ("--model", "LinearSponge", "--noise", "gaussian", "--starts", 2)
 ENVIRONMENT = os.environ | {"PYTHONPATH": str(Path(hysid.__file__).parents[1])}
 """In which another process finds this hysid from any folder."""
 
+SPONGE = Path(hysid.__file__).parents[1] / "datasets" / "sponge-50mm-cycles.csv"
+"""A shipped record, with the columns of COLUMNS."""
+
 Rows = list[list[str]]
 
 

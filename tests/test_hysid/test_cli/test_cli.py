@@ -136,13 +136,6 @@ def test_predict_begins_in_the_state_that_known_rows_tell(fitted, folder, invers
         assert "30 known rows" in " ".join(known.json()["notes"])
 
 
-def test_sample_prints_the_posterior(fitted, folder):
-    found = run("sample", folder / "out", "--steps", 20, "--ensembles", 2, "--json")
-    assert fits(found.json(), POSTERIOR)
-    assert "sampling: " in found.err
-    assert (folder / "out" / "posterior.nc").is_file()
-
-
 def test_each_value_gets_its_own_fit(each, folder):
     assert list(each["each"]) == ["soft", "thin"]
     assert all(fits(one, FIT) for one in each["each"].values())
@@ -166,6 +159,8 @@ def test_each_is_predicted_and_sampled_by_its_own_fit(each, folder):
     assert "Not converged" in said.out
     assert "--resume --steps 80 --ensembles 2 --seed 0\n" in said.out
     assert ", thin, acceptance" in said.err
+    assert "sampling: " in said.err
+    assert (folder / "each" / "thin" / "posterior.nc").is_file()
 
 
 @pytest.mark.parametrize(

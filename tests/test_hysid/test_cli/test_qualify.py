@@ -7,10 +7,21 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.test_hysid.command import COLUMNS, HEADER, F, T, X, refused, run, sponge, text, tree
+from tests.test_hysid.command import (
+    COLUMNS,
+    HEADER,
+    LINE,
+    SPONGE,
+    F,
+    T,
+    X,
+    refused,
+    run,
+    sponge,
+    text,
+    tree,
+)
 
-DATASETS = Path(__file__).parents[3] / "datasets"
-LINE = ("--model", "LinearSponge", "--noise", "gaussian", "--starts", 2)
 PREISACH = ("--model", "Preisach", "--test-cycles", 1)
 
 
@@ -18,7 +29,7 @@ PREISACH = ("--model", "Preisach", "--test-cycles", 1)
 def folder(tmp_path_factory) -> Path:
     """The shipped run, which is fitted, another of the same rig, and fits with and without `each`."""
     place = tmp_path_factory.mktemp("qualify")
-    (place / "run.csv").write_bytes((DATASETS / "sponge-50mm-cycles.csv").read_bytes())
+    (place / "run.csv").write_bytes(SPONGE.read_bytes())
     (place / "other.csv").write_text(text(sponge()))
     (place / "half.csv").write_text(text([row[:2] for row in sponge()], (T, F)))
     assert run("fit", place / "run.csv", *COLUMNS, *PREISACH, "--out", place / "fit").code == 0

@@ -1,21 +1,18 @@
 """Rows named by the lines of their file, and quantities with stamps of their own."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 import hysid
 from hysteresis import read_table
 from tests.refusals import refuses
-from tests.test_hysid.command import run
+from tests.test_hysid.command import SPONGE, run
 
-FILE = Path(__file__).parents[3] / "datasets" / "sponge-50mm-cycles.csv"
 COLUMNS = {"input": "force (N)", "output": "displacement (mm)", "time": "time (s)"}
 
 
 def records(**options):
-    return hysid.records(FILE, **COLUMNS, **options)[""]
+    return hysid.records(SPONGE, **COLUMNS, **options)[""]
 
 
 def test_excluded_rows_drive_the_model_and_do_not_count():

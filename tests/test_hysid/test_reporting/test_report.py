@@ -16,7 +16,7 @@ from benchmarks._identification.cases import constructed_cases, shown
 from hysteresis import LinearSponge, Record, read_csv
 from identify import fit, load, sample, save, save_posterior
 from identify.internal import sealed
-from tests.test_hysid.command import run
+from tests.test_hysid.command import SPONGE, F, T, X, run
 from tests.thorough import rest_thorough
 
 HEADINGS = ["Loops", "Residuals", "Parameters", "Posterior", "Compensator", "Candidates", "Data"]
@@ -70,10 +70,7 @@ def write_report(folder: Path) -> Path:
 
 
 def sponge() -> Record:
-    return read_csv(
-        Path(__file__).parents[3] / "datasets" / "sponge-50mm-cycles.csv",
-        input="force (N)", output="displacement (mm)", time="time (s)",
-    )  # fmt: skip
+    return read_csv(SPONGE, input=F, output=X, time=T)
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import hysid
-from hysteresis.rigs import SpongeRig
+from tests.test_hysid.test_studio.test_controls import sponge
 
 pytest.importorskip("anywidget", reason="anywidget is not installed")
 
@@ -26,11 +26,6 @@ MODEL = """([about, bytes]) => {
   };
   explorer.render({ model, el: document.body });
 }"""
-
-
-def sponge() -> hysid.Record:
-    t, force, displacement, _ = SpongeRig().five_cycles(noise=0.05, seed=50)
-    return hysid.Record.from_arrays(force, displacement, t, input_unit="N", output_unit="mm")
 
 
 def sent(explorer: Any, asked: dict) -> tuple[dict, bytes]:
@@ -91,9 +86,6 @@ def test_the_script_draws_and_sends_what_is_chosen(browser):
     assert page.evaluate("window.asked.view") is not None
     page.close()
     assert faults == []
-
-
-pytest.importorskip("anywidget", reason="anywidget is not installed")
 
 
 def record(n: int, seed: int = 0) -> hysid.Record:

@@ -5,20 +5,18 @@ Skipped without Playwright or Chromium, which CHROMIUM names where it is not on 
 
 import re
 import shutil
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 import hysid
-from tests.test_hysid.command import run
+from tests.test_hysid.command import SPONGE, run
 from tests.test_hysid.test_reporting.test_hostile_names import fitted
 from tests.test_hysid.test_studio.served import serving
 
 axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe is not installed")
 
-SPONGE = Path(__file__).parents[3] / "datasets" / "sponge-50mm-cycles.csv"
 SPANS = """() => {
   const { x, y } = document.querySelector(".plot").plot.u.scales;
   return [x.max - x.min, y.max - y.min];

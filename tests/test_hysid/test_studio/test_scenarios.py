@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.test_hysid.command import run
+from tests.test_hysid.command import SPONGE, run
 from tests.test_hysid.test_studio.served import serving
-from tests.test_hysid.test_studio.test_page import SPONGE, opened, serious
+from tests.test_hysid.test_studio.test_page import opened, serious
 
 OPTION = re.compile(r"(?<![\w-])--[a-z]")
 SEEN = """(element) => { const { top, bottom } = element.getBoundingClientRect();

@@ -16,12 +16,10 @@ import pytest
 from hysid.studio import _server
 from hysteresis import InputError
 from tests.refusals import raises
-from tests.test_hysid.command import COLUMNS, ENVIRONMENT, LINE, run
+from tests.test_hysid.command import COLUMNS, ENVIRONMENT, LINE, SPONGE, run
 from tests.test_hysid.test_studio.attempts import lost_changes, snapshot, usable_elsewhere
 from tests.test_hysid.test_studio.malformed import READ, tried
 from tests.test_hysid.test_studio.served import ask, entered, serving, studio_of
-
-SPONGE = Path(__file__).parents[3] / "datasets" / "sponge-50mm-cycles.csv"
 
 
 @pytest.fixture

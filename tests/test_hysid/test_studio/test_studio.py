@@ -21,11 +21,8 @@ import identify
 from hysid.intake._selection import Selection
 from hysteresis import InputError
 from tests.refusals import raises, refuses
-from tests.test_hysid.command import refused, run, takes
+from tests.test_hysid.command import COLUMNS, SPONGE, refused, run, takes
 from tests.test_hysid.test_studio.served import ask, entered, serving, studio_of
-
-SPONGE = Path(__file__).parents[3] / "datasets" / "sponge-50mm-cycles.csv"
-COLUMNS = ("--input", "force (N)", "--output", "displacement (mm)", "--time", "time (s)")
 
 
 @pytest.fixture

@@ -1,27 +1,38 @@
-"""`hysid armor calibrate` and `solve`: a table and a fit of one's own, in any units, to contacts."""
+"""Armor on the command line: contacts in any units, errors in presses not seen, and its page."""
 
 import csv
 import json
+import re
 import shutil
 from pathlib import Path
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
+import scipy.stats
 
 import hysid
 import identify
 from compensate import invert
-from compensate.armor import Armor, Box, ContactSolver, Cover, WristSensor, planned_presses
+from compensate.armor import Armor, Box, ContactSolver, Cover, Presses, WristSensor, planned_presses
+from compensate.internal import PressResiduals, missed_of, with_slip, without_each
 from compensate.runtime import load
+from hysid.armor._calibration import spread_of_unseen
+from hysid.armor._touches import read_touches, save_touches, shell_of
 from hysteresis import LinearSponge
-from hysteresis.internal import Units, conversion, with_units
+from hysteresis.internal import Units, conversion, force_path, with_units
+from hysteresis.rigs import INWARD, ArmorRig
+from identify.internal import calibrate
 from tests.test_hysid.command import Result, example, refused, run
+from tests.test_hysid.test_reporting.test_report import Page
+from tests.thorough import rest_thorough
 
 BOX = Box(0.3, 0.25, 0.55, 0.1)
 TOML = 'unit = "inch"\nbox = {dx = 11.811023622047244, dy = 9.84251968503937,'
 TOML += " dz1 = 21.653543307086615, dz2 = 3.937007874015748}\nthickness = 2.0\n"
 SPONGE = with_units(LinearSponge(1.298, 6.186, 1.5), Units("N", "mm"))
-SAME = [("gf", "m", False), ("kgf", "inch", True)]
+SAME = rest_thorough([("kgf", "inch", True), ("gf", "m", False)], 1)
 
 
 def fit_of(force: str, length: str, folder: Path, turned: bool = False) -> Path:
@@ -213,3 +224,129 @@ def test_presses_that_tell_nothing_are_refused(folder: Path, force: float, far: 
         made = write(folder / f"{word}-gap.csv", header, gap)
         said = run("armor", "calibrate", made, *how, "--out", folder / "none")
         refused(said, "line 3", f"{header[k]!r} has no number there", "[no-value]")
+
+
+SQUARE = Box(0.3, 0.3, 0.55)
+ARMOR = Armor(WristSensor(), ContactSolver(SQUARE, LinearSponge(K=1.3, b=2.0, threshold=0.5)))
+FREE = {"sensor.matrix": 0.03}
+STUDENT_4 = 2.131847 / 1.644854
+
+
+def pressed() -> Presses:
+    """Four middles of sides, read by a sensor with crosstalk and noise."""
+    random, surface = np.random.default_rng(3), np.arange(1, 5)
+    force = np.tile([4.0, 12.0, 8.0], (4, 1))
+    touched, normal = np.asarray(SQUARE.centres())[:4], INWARD[:4]
+    depth = 1e-3 * (1.3 * force + 2.0)
+    at = touched[:, None] + depth[..., None] * normal[:, None]
+    pushed = force[..., None] * normal[:, None]
+    load = np.concatenate([pushed, np.cross(at, pushed)], axis=-1)
+    read = load @ (np.eye(6) + 0.02 * random.normal(size=(6, 6))).T
+    read += random.normal(size=read.shape) * np.repeat([0.03, 0.006], 3)
+    return Presses(np.arange(1.0, 4.0), read, force, normal, touched, surface)
+
+
+def without(presses: Presses, k: int) -> Presses:
+    return jax.tree.map(lambda x: np.delete(x, k, axis=0), presses)
+
+
+def test_they_are_those_of_calibrations_without_a_press():
+    presses = pressed()
+    residuals = PressResiduals(presses, jnp.repeat(jnp.array([0.03, 0.006]), 3))
+    found = spread_of_unseen(calibrate(ARMOR, residuals, FREE), residuals, [])
+    squares = []
+    for k in range(4):
+        others = PressResiduals(without(presses, k), residuals.noise)
+        one = calibrate(ARMOR, others, FREE).system
+        missed = missed_of(one, jax.tree.map(lambda x, k=k: x[k], presses))
+        squares.append(np.mean(np.asarray(missed.wrench) ** 2, axis=0))
+    wanted = STUDENT_4 * np.sqrt(np.mean(squares, axis=0))
+    # The residuals are linear in the matrix; the search ends within 1e-8.
+    np.testing.assert_allclose(found.noise, wanted, rtol=1e-5)
+    assert found.depth is None
+    assert (found.noise > np.repeat([0.03, 0.006], 3)).any()
+
+
+def test_slip_without_a_press_is_found_from_the_others():
+    presses, full = pressed(), np.repeat([50.0, 12.0], 3)
+    found = without_each(ARMOR, presses, full)[2].sensor
+    wanted = with_slip(ARMOR, without(presses, 2), full).sensor
+    np.testing.assert_allclose(found.matrix, wanted.matrix, rtol=1e-8, atol=1e-10)
+    np.testing.assert_allclose(found.slip.weights, wanted.slip.weights, atol=1e-10)
+
+
+TITLE = 'Presses </script> & "quotes"'
+COVARIANCE = np.diag([4e-6, 1e-6, 0.0])
+
+
+@pytest.fixture
+def kept_in(tmp_path: Path) -> Path:
+    """Two presses, with rows before the threshold and after."""
+    rig = ArmorRig(seed=100)
+    points, surface = rig.random_points(2)
+    made = rig.press(points, surface, force_path((0.0, 15.0, 0.0), 2.5))
+    F, M = np.split(made.wrench.reshape(-1, 6), 2, axis=1)
+    solver = ContactSolver(Box(*rig.size), LinearSponge(K=1.3, b=6.2, threshold=1.5))
+    save_touches(
+        tmp_path, shell_of(solver.shape), np.arange(len(F)) / 10, F, M, solver.solve(F, M),
+        title=TITLE, covariance=np.tile(COVARIANCE, (len(F), 1, 1)),
+    )  # fmt: skip
+    return tmp_path
+
+
+def held(page: str) -> dict:
+    """The record inside the page."""
+    found = re.search(r'<script id="record" type="application/json">(.*?)</script>', page, re.S)
+    return json.loads(found[1])
+
+
+def test_page_holds_its_record_and_needs_nothing_else(kept_in):
+    result = run("armor", "view", kept_in, "--json").json()
+    assert result == {"file": str(kept_in / "armor.html"), "rows": 24}
+    page = Page(kept_in / "armor.html")
+    record, kept = held(page.html), read_touches(kept_in)
+    for name in ("time", "force", "point", "status", "triangles", "title"):
+        assert record[name] == kept[name]
+    assert "covariance" not in record
+    assert not re.search(r"https?:|url\(|@import|fetch\(|XMLHttpRequest", page.html)
+    assert not any("src" in attributes or "href" in attributes for _, attributes in page.tags)
+    assert {"OK", "BELOW_THRESHOLD"} <= set(record["status"])
+    assert set(record["status"]) <= set(record["meanings"])
+
+
+def test_half_axes_hold_ninety_per_cent(kept_in):
+    """Longest first, sqrt(chi2) of the standard deviations, along the covariance's own directions."""
+    assert run("armor", "view", kept_in).code == 0
+    record = held((kept_in / "armor.html").read_text("utf-8"))
+    reach = np.sqrt(scipy.stats.chi2.ppf(0.9, 3))
+    axes = np.abs(record["axes"][0])
+    np.testing.assert_allclose(axes, np.diag(reach * np.array([2e-3, 1e-3, 0])), atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda d: d.update(schema=2), "schema"),
+        (lambda d: d.pop("force"), "force"),
+        (lambda d: d.update(time=[]), "rows"),
+        (lambda d: d.update(time=d["time"][::-1]), "time"),
+        (lambda d: d["status"].pop(), "status"),
+        (lambda d: d.update(triangles=[[0, 1, 99]]), "corner"),
+        (lambda d: d.update(moment=[[1, 2]] * len(d["time"])), "moment"),
+        (lambda d: d.update(surface=["<b>"] * len(d["time"])), "surface"),
+        (lambda d: d.update(extra="<script>"), "extra"),
+    ],
+)
+def test_damaged_records_are_refused(kept_in, change, words):
+    file = kept_in / "touches.json"
+    document = json.loads(file.read_text())
+    change(document)
+    file.write_text(json.dumps(document))
+    refused(run("armor", "view", kept_in), words, "[damaged-file]")
+    assert not (kept_in / "armor.html").exists()
+
+
+def test_no_record_is_said(tmp_path):
+    refused(run("armor", "view", tmp_path), "[file-not-found]", "touches.json")
+    (tmp_path / "touches.json").write_text("{")
+    refused(run("armor", "view", tmp_path), "[damaged-file]")
