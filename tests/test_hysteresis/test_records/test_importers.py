@@ -120,8 +120,9 @@ def test_tables_side_by_side_come_under_one_another(table):
     assert record.labels == ("gel 1", "gel 2")
 
 
-@pytest.mark.parametrize("above", ["", "Valve test\nOperator,me\n\n"])
-@pytest.mark.parametrize("count", [N, 30_000])
+@pytest.mark.parametrize(
+    ("above", "count"), [("", N), ("Valve test\nOperator,me\n\n", N), ("", 30_000)]
+)
 def test_a_mean_below_the_table_is_no_reading(table, above, count):
     """A program's statistics; the second of them went into the readings, and took the clock away."""
     t = 0.5 * np.arange(count)

@@ -212,7 +212,7 @@ def two_modes() -> Feedback:
     return Feedback([-0.05 + 1.5j, -0.1 + 4j], [[-0.3j], [0.2]], [[1, 1], [1, -0.5]], [[0.1], [0]])
 
 
-@pytest.mark.parametrize("excitation", rest_thorough(["noise", "sweep", "blows"], 2))
+@pytest.mark.parametrize("excitation", rest_thorough(["sweep", "noise", "blows"], 1))
 def test_modes_are_found_from_any_record(excitation):
     """It begins and ends in the middle of the motion; the model predicts another run from rest."""
     truth, rng, rows = two_modes(), np.random.default_rng(1), 4000
