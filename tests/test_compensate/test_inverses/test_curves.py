@@ -69,7 +69,7 @@ def test_spline_of_any_bend_there_and_back(seed: int, bend: float, level: float)
     # Any input whose output is within 32 roundings of the largest is as good as another.
     np.testing.assert_allclose(again, y, rtol=0, atol=1e-14 * (1 + np.abs(y).max()))
     steep = np.interp(u, nodes, slopes) > 0.1
-    np.testing.assert_allclose(found.value[steep], u[steep], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(np.asarray(found.value)[steep], u[steep], rtol=0, atol=1e-12)
     assert set(np.unique(found.status).tolist()) <= {Status.OK, Status.FLAT}
 
 
