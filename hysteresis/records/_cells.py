@@ -25,12 +25,24 @@ def floats(cells: Sequence[str] | np.ndarray, decimal: str = ".") -> np.ndarray:
     x = np.asarray(cells)
     if x.dtype.kind not in "US":
         return x.astype(float)
+    if _underscored(x):  # Python reads 1_5, a name, as 15
+        x = np.where(np.char.find(x, "_") >= 0, "", x)
     if decimal == ",":
         x = np.where(np.char.count(x, ".") > 0, "", np.char.replace(x, ",", "."))
     try:
         return x.astype(float)
     except ValueError:
         return np.array([_float(c) for c in x.tolist()])
+
+
+def _underscored(cells: np.ndarray) -> bool:
+    """Whether some cell has an underscore: its characters are looked at as numbers, which is fast."""
+    kind = np.uint32 if cells.dtype.kind == "U" else np.uint8
+    return (
+        bool((np.ascontiguousarray(cells).view(kind) == ord("_")).any())
+        if cells.itemsize
+        else False
+    )
 
 
 def _float(cell: str) -> float:
@@ -49,7 +61,7 @@ def parsed(cells: np.ndarray, decimal: str, na_values: Collection[str]) -> np.nd
     """A column as (n,) float64, NaN where missing; as it is where a cell is neither."""
     if cells.itemsize > 4 * LONG_CELL:  # no number is that long, and every step would copy the text
         return cells
-    if not na_values and decimal == ".":
+    if not na_values and decimal == "." and not _underscored(cells):
         try:  # the plain column, ten times faster than asking every cell what it is
             return cells.astype(float)
         except ValueError:

@@ -73,6 +73,7 @@ def test_a_cell_of_text(read):
     )
     swedish = table([(t, x, str(-y).replace("-", "\u2212")) for t, x, y in ROWS])
     np.testing.assert_array_equal(read(swedish).output, [-y for *_, y in ROWS])
+    refuses("text-cell", lambda: read(with_cell(9, "0.7,0,1_5")), "line 9", "'1_5'")  # a name
     endless = with_cell(9, f"0.7,0,{'9' * 300}")  # no number is that long
     refuses("text-cell", lambda: read(endless), "line 9", f"'{F}'", "'999")
 
