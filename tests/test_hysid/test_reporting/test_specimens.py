@@ -106,6 +106,9 @@ def test_the_command_takes_folders_and_folders_of_folders(batch: Path, tmp_path:
     below = run("report", tmp_path, "--json").json()
     assert Path(below["file"]) == tmp_path / "report.html"
     assert below["specimens"] == two["specimens"]
+    (tmp_path / "pad-2").rename(tmp_path / ("pad-2" * 20))  # which leaves room for its figures
+    page = Path(run("report", tmp_path, "--json").json()["file"]).read_text("utf-8")
+    assert page.count('<th scope="row" class="long">') == 2  # of both tables
     empty = tmp_path / "empty"
     empty.mkdir()
     refused(run("report", empty), "file-not-found")
