@@ -22,7 +22,7 @@ from scipy.signal import lfilter
 
 import identify
 from hysteresis import Record
-from identify.results._motion_detail import Motion
+from identify.results._detail import Motion
 
 from ._dynamics.plants import (
     NOISE,

@@ -37,7 +37,7 @@ from hysteresis.preisach import GaussianDensity
 from identify import FitResult, fit
 from identify.parameters._transform import Transform, transform
 from identify.parametric._multistart import Problem
-from identify.records._run_model import prepare
+from identify.records._new_record import prepare
 
 from ._measure import Row, judged, noted, options, report
 from ._preisach.inputs import evaluate

@@ -26,7 +26,7 @@ import jax
 import numpy as np
 
 from hysteresis import Burgers
-from hysteresis.numerics._blocked_recurrences import clamped, relaxed
+from hysteresis.numerics._recurrence import clamped, relaxed
 
 from ._measure import Row, judged, noted, options, report
 from ._scale import over_dask

@@ -15,11 +15,10 @@ from numpy.typing import ArrayLike
 
 from hysteresis._drawing import html_of, plot_of
 from hysteresis._model import same_samples
-from hysteresis._parameter import as_array, as_float
+from hysteresis._parameter import PyTree, State, as_array, as_float
 from hysteresis._precision import in_own_precision, keep_precision
 from hysteresis._quantities import Units, as_units
 from hysteresis._show import one_line, table
-from hysteresis._type_variables import PyTree, State
 
 from .runtime._status import Status as Status
 
@@ -31,7 +30,7 @@ class Estimate(NamedTuple):
     status: Int[Array, "*samples"]
 
 
-# As in `hysteresis._type_variables`: checkers see a default, so that the bare class is a whole type.
+# As in `hysteresis._parameter`: checkers see a default, so that the bare class is a whole type.
 if TYPE_CHECKING:
     from typing_extensions import TypeVar
 
@@ -108,7 +107,7 @@ class AbstractCompensator(AbstractStreamed[State, Found]):
             True
         """
         # By name, because it is built on this contract.
-        return import_module("compensate.guards._warm").warmed(self, t, u, y)
+        return import_module("compensate.guards._guarded").warmed(self, t, u, y)
 
     def plot(self) -> Any:
         """Estimates while the reading goes up, down and half way up again, as a matplotlib `Figure`.

@@ -15,8 +15,8 @@ from typing import Any, Literal, NamedTuple
 from urllib.parse import quote
 
 from hysteresis import InputError
-from hysteresis._atomic_file import write_whole
 from hysteresis._escape import toml_comment, toml_string
+from hysteresis._files import write_whole
 
 from ._packages import check_extra
 

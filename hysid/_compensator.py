@@ -13,12 +13,13 @@ from compensate import AbstractCompensator, Status, calibrated, estimate
 from compensate import invert as invert_model
 from compensate.guards._guarded import longest_step
 from compensate.guards._run_in import Past
-from compensate.uncertainty._band_words import in_words, of_words
 from compensate.uncertainty._calibrated import (
     LEAST_COVERAGE,
     CalibratedCompensator,
     LeftOut,
     checked,
+    in_words,
+    of_words,
 )
 from hysteresis import AbstractModel, InputError, Note, Record
 from hysteresis._format import quantity
@@ -26,8 +27,7 @@ from hysteresis._precision import in_own_precision
 from hysteresis._serialisation import described
 from hysteresis._verdict import Level
 from identify import FitResult
-from identify.results._detail import Composition, DiscreteSpectrum
-from identify.results._motion_detail import Motion
+from identify.results._detail import Composition, DiscreteSpectrum, Motion
 
 
 @in_own_precision

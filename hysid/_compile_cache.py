@@ -25,7 +25,7 @@ def keep_compiled() -> str:
     """
     import jax  # late: help needs neither
 
-    from hysteresis._cache_folder import forget_oldest, own_folder
+    from hysteresis._files import forget_oldest, own_folder
 
     given = jax.config.jax_compilation_cache_dir  # type: ignore[attr-defined]
     if given or not jax.config.jax_enable_compilation_cache:  # type: ignore[attr-defined]

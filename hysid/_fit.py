@@ -16,8 +16,8 @@ from hysteresis.records._csv import turned
 
 from ._compensator import fitted_to_compensate
 from ._compile_cache import keep_compiled
+from .intake._options import FIELDS
 from .intake._selection import fits_option, selection_of
-from .intake._selection_options import FIELDS
 
 _OF_RECORDS = (
     "dt", "groups", "mask", "nan", "segments", "input_unit", "output_unit", "time_unit", "input_name",

@@ -21,7 +21,7 @@ from matplotlib.tri import Triangulation
 from hysteresis.preisach import memory_tree
 from hysteresis.preisach._memory import MemoryTree
 from identify import FitResult
-from identify.forc._curves import ForcDiagram
+from identify._forc import ForcDiagram
 from identify.internal import Identifiability
 
 from .figures._base import BLUE, EDGE, GREY, INK, SQUARE, VERMILLION

@@ -1,6 +1,8 @@
 """Models that are their laws: everything over time runs the text of `hysteresis/laws`."""
 
-from typing import Any, ClassVar, NamedTuple
+import weakref
+from collections.abc import Callable
+from typing import Any, ClassVar, NamedTuple, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -9,10 +11,33 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from ._model import AbstractFollowingModel, Series, check_clock, needed_time, one_column
-from ._once import once
-from ._parameter import array_module, as_array, as_float
-from ._type_variables import Output, Starts, Times
+from ._parameter import Output, Starts, Times, array_module, as_array, as_float
+from .laws import FORGET
 from .running import Numbers, numbers_of, outputs
+
+# What is made of a module's numbers, once.
+
+Made = TypeVar("Made")
+
+
+def once(make: Callable[[Any], Made]) -> Made:
+    """A property that is made at the first use, of a module whose fields never change. While JAX traces the
+    numbers, it is made at every use."""
+    # Beside the modules: JAX takes one with something in it for a module of another structure.
+    known: dict[int, Made] = {}
+    FORGET.append(known.clear)
+
+    def get(module: Any) -> Made:
+        made = known.get(id(module))
+        if made is None:
+            made = make(module)
+            if not any(isinstance(x, Tracer) for x in jax.tree.leaves(made)):
+                known[id(module)] = made
+                weakref.finalize(module, known.pop, id(module), None)
+        return made
+
+    return property(get, doc=make.__doc__)  # type: ignore[return-value]
+
 
 OWN = 0
 """Reversals that a Preisach model remembers: as many as it says itself."""

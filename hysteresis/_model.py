@@ -11,11 +11,10 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ._errors import InputError
-from ._parameter import array_module, check_bounds
+from ._parameter import Output, Prepared, Series, Starts, State, Times, array_module, check_bounds
 from ._precision import in_own_precision, keep_precision
 from ._quantities import Units, as_range, as_units
 from ._show import one_line, table
-from ._type_variables import Output, Prepared, Series, Starts, State, Times
 
 Tree = dict[str, Any]
 """A node of a tree of laws: `kind`, `parameters`, `state`, and `parts` where it has some."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import MISSING, dataclass, fields
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
 import jax
@@ -12,6 +12,23 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from ._errors import InputError
+
+if TYPE_CHECKING:
+    from typing_extensions import TypeVar
+
+    PyTree = Any  # what jaxtyping exports is not a type to them
+
+    State = TypeVar("State", default=Any)
+    Prepared = TypeVar("Prepared", default=Any)
+    Pairs = TypeVar("Pairs", default=Any)
+    Table = TypeVar("Table", default=Any)
+else:  # beartype, which the tests check types with, refuses defaults
+    from typing import TypeVar
+
+    from jaxtyping import PyTree as PyTree
+
+    State, Prepared, Pairs, Table = map(TypeVar, ("State", "Prepared", "Pairs", "Table"))
+
 
 Scalar = Float[Array, ""] | float
 """A scalar parameter: given as a number, kept as an array."""
@@ -220,3 +237,17 @@ def size_of_inputs(model: eqx.Module) -> Float[Array, ""]:
     sizes = xp.concatenate([one, 1 / xp.where(over > 0, over, xp.inf)])
     largest = xp.where(xp.isfinite(sizes), sizes, 0.0).max()
     return jnp.asarray(xp.where(largest > 0, largest, 1.0))
+
+
+# Types of models. Type checkers see defaults, so that the bare name of a generic class is a whole type.
+
+Output = Float[Array, " samples"]
+
+Series = Output | Any
+"""A time series on the way in: anything `jnp.asarray` takes, one-dimensional."""
+
+Times = Series | None
+"""Of a series; None where the rate does not matter."""
+
+Starts = tuple[int, ...]
+"""First samples of independent sequences."""

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from ._errors import InputError
+from ._format import SAID, is_within_grammar
 from ._parameter import as_float, is_concrete
-from ._unit_words import SAID, is_within_grammar
 
 Module = TypeVar("Module")
 

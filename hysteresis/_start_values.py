@@ -5,16 +5,14 @@ import numpy as np
 from ._model import needed_time
 from ._quantities import FORCE, Units, conversion
 from ._registry import register
-from .models._bouc_wen import BoucWen
+from .models._bouc_wen import BoucWen, DegradingBoucWen
 from .models._burgers import Burgers, StandardLinearSolid
-from .models._degrading_bouc_wen import DegradingBoucWen
+from .models._curves import FoamCurve, LinearSponge
 from .models._duhem import DuhemOperator
-from .models._foam_curve import FoamCurve
-from .models._linear_sponge import LinearSponge
-from .models._prandtl_ishlinskii import PrandtlIshlinskii
+from .models._plays_and_stops import PrandtlIshlinskii
 from .models._prony import GeneralizedKelvinVoigt, GeneralizedMaxwell
+from .records._abstract_record import kind_of_units
 from .records._excitation import loop_direction
-from .records._loads import kind_of_units
 from .records._record import Record
 
 CONTACT_FORCE = 1.5

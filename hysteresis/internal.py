@@ -9,7 +9,7 @@ from ._quantities import conversion as conversion
 from ._quantities import with_units as with_units
 from .models._extrapolation import extended as extended
 from .models._staircase_network import StaircaseNetwork as StaircaseNetwork
-from .preisach._sum import SumDensity as SumDensity
+from .preisach._density import SumDensity as SumDensity
 from .records._excitation import check_identifiable as check_identifiable
 from .records._excitation import loop_direction as loop_direction
 from .rigs._channel_geometry import ChannelGeometryRig as ChannelGeometryRig

@@ -1,17 +1,20 @@
 """The public names of identify: type checkers read them here, and `__init__.py` loads each from here."""
 
 from . import internal as internal
+from ._forc import everett_surface as everett_surface
+from ._forc import forc_curves as forc_curves
+from ._forc import forc_diagram as forc_diagram
 from .batch._fit_many import fit_many as fit_many
 from .calibration._excitation_design import design_excitation as design_excitation
 from .calibration._excitation_design import multisine as multisine
 from .comparison._change import change as change
 from .comparison._compare import compare as compare
-from .comparison._loop_differences import compare_loops as compare_loops
+from .comparison._compare import compare_loops as compare_loops
 from .comparison._pooling import pool as pool
 from .diagnostics._profile_likelihood import profile as profile
 from .diagnostics._residual_breakdown import breakdown as breakdown
 from .diagnostics._sensitivity import sensitivity as sensitivity
-from .diagnostics._sloppiness import sloppiness as sloppiness
+from .diagnostics._sensitivity import sloppiness as sloppiness
 from .diagnostics._whiteness import whiteness as whiteness
 from .dynamics._feedback_fit import fit_feedback as fit_feedback
 from .dynamics._modes import fit_modes as fit_modes
@@ -24,9 +27,6 @@ from .files._posterior import save_posterior as save_posterior
 from .fitting._creep import fit_step as fit_step
 from .fitting._fit import fit as fit
 from .fitting._shared import fit_shared as fit_shared
-from .forc._curves import forc_curves as forc_curves
-from .forc._curves import forc_diagram as forc_diagram
-from .forc._everett import everett_surface as everett_surface
 from .linear._density_fit import fit_density as fit_density
 from .linear._density_fit import fit_density_in_blocks as fit_density_in_blocks
 from .linear._preisach_excitation import design as design

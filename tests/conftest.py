@@ -109,10 +109,10 @@ def coarse_pictures():
 @pytest.fixture(scope="session", autouse=True)
 def known_latency():
     """To be timed, a compensator's step is compiled twice and taken 2000 times, or for a second."""
-    from compensate.qualification._qualify import Latency  # late: xdist's own process needs it not
+    from compensate._qualification import Latency  # late: xdist's own process needs it not
 
     slow = Latency(median=1e-5, tail=1e-2, steps=2000)
-    with patch("compensate.qualification._qualify.latency", lambda *_: slow):
+    with patch("compensate._qualification.latency", lambda *_: slow):
         yield
 
 

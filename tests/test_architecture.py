@@ -20,14 +20,6 @@ import pytest
 
 from tests.sources import PACKAGES, ROOT, trees
 
-LONGEST_FILE = 450
-
-PRIVATE_WORDS = {
-    "believed", "choose", "doubt", "jobs", "kinds", "likeliest", "loops", "many", "moves", "orders",
-    "roles", "step", "work", "words",
-}  # fmt: skip
-"""File names that only their author understands; the field has terms of its own."""
-
 packages = pytest.mark.parametrize("package", PACKAGES)
 
 
@@ -143,21 +135,12 @@ def test_laws_import_math_alone():
     assert foreign == set()
 
 
-def test_files_are_short():
-    lengths = {path: len((ROOT / path).read_text("utf-8").splitlines()) for path in trees()}
-    assert {path: n for path, n in lengths.items() if n > LONGEST_FILE} == {}
-
-
 def test_imports_run_in_no_circle():
     """Imports inside functions count: they would only hide the circle."""
     graph = grimp.build_graph(*PACKAGES, exclude_type_checking_imports=True, cache_dir=None)
     TopologicalSorter(
         {m: graph.find_modules_directly_imported_by(m) for m in graph.modules}
     ).prepare()
-
-
-def test_files_have_names_of_the_field():
-    assert [path for path in trees() if Path(path).stem.lstrip("_") in PRIVATE_WORDS] == []
 
 
 def test_no_path_of_a_machine_is_tracked():

@@ -16,7 +16,7 @@ from hysid.intake._selection import Selection
 from hysteresis import InputError, Record, read_csv
 from hysteresis.internal import with_units
 from hysteresis.records._csv import with_known
-from identify.records._from_known import by_sequence, sequence_error
+from identify.records._sequence_terms import by_sequence, sequence_error
 from tests.problems import PROBLEMS, Problem, random_histories
 
 from .._measure import Row, judged, noted

@@ -13,7 +13,7 @@ from compensate import estimate
 from compensate.internal import CalibratedCompensator
 from hysteresis import Record
 from hysteresis.internal import FoamBlock
-from hysteresis.numerics._normal import NORMAL_95
+from hysteresis.numerics._functions import NORMAL_95
 from hysteresis.rigs import SpongeRig
 
 from .._measure import Row, noted

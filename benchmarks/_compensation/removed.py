@@ -17,7 +17,7 @@ import jax
 import numpy as np
 
 from compensate import estimate, invert
-from compensate.qualification._loop_widths import loop_widths
+from compensate._qualification import loop_widths
 from hysid.intake._selection import Selection
 from hysteresis import InputError, Record
 from identify import FitResult, fit

@@ -9,7 +9,7 @@ import numpy as np
 
 import compensate
 import identify
-from identify.results._motion_detail import Motion
+from identify.results._detail import Motion
 
 SOURCE = """
 #include <stdio.h>

@@ -31,9 +31,8 @@ from hysteresis import (
     Sum,
 )
 from hysteresis.preisach import GaussianDensity
-from identify.noise._adequacy import BELIEVED
 from identify.noise._arithmetic import Rows
-from identify.noise._model import NoiseModel, rows_of
+from identify.noise._model import BELIEVED, NoiseModel, rows_of
 from identify.noise._reml import kinds
 from identify.noise._residual_statistics import estimate_noise
 from identify.parameters._settings import Settings, numbers_of, with_settings

@@ -22,7 +22,6 @@ from hysteresis import AbstractModel, Burgers, Preisach, Record
 from hysteresis.preisach import GaussianDensity
 from identify import FitResult, fit, load, sample, save
 from identify.internal import Posterior
-from identify.posterior._convergence import Chains, Progress
 from identify.posterior._emcee import _begun as _first
 from identify.posterior._emcee import (
     _Run,
@@ -30,8 +29,8 @@ from identify.posterior._emcee import (
     first_walkers,
     sample_ensembles,
 )
-from identify.posterior._log_posterior import Target, target
-from identify.posterior._mode import top_of
+from identify.posterior._log_posterior import Target, target, top_of
+from identify.posterior._posterior import Chains, Progress
 from identify.posterior._sample import log_probability
 from identify.storage._checkpoint import Checkpoint
 

@@ -9,7 +9,7 @@ import numpy as np
 from hysteresis import Burgers, Record
 from identify.parameters._transform import transform_for
 from identify.parametric._multistart import Problem
-from identify.records._run_model import prepare
+from identify.records._new_record import prepare
 
 from .._measure import Row, interleaved, judged, noted
 

@@ -14,7 +14,7 @@ import numpy as np
 
 import identify
 from hysteresis import Record
-from hysteresis.numerics._normal import NORMAL_95
+from hysteresis.numerics._functions import NORMAL_95
 from identify.linear._preisach_unknowns import SUMS
 
 from .._measure import Row, noted

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from hysteresis import GeneralizedMaxwell, Preisach, Series
 from hysteresis._model import AbstractFollowingModel
-from hysteresis._type_variables import PyTree
+from hysteresis._parameter import PyTree
 from hysteresis.preisach import GridDensity
 
 

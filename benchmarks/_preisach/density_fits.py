@@ -25,7 +25,7 @@ from hysteresis.preisach import GridDensity
 from hysteresis.rigs import SpongeRig
 from identify import everett_surface, fit, fit_density, forc_curves
 from identify.linear._preisach_design_matrix import design_rows
-from identify.linear._preisach_problem import PreisachProblem
+from identify.linear._preisach_fit import PreisachProblem
 from identify.linear._preisach_unknowns import GridUnknowns
 from identify.records._folds import Parts
 

@@ -19,7 +19,7 @@ from hysid.commands._demo import demo_data
 from hysid.intake._selection import Selection
 from hysteresis import Record
 from hysteresis.internal import FoamBlock
-from hysteresis.numerics._normal import NORMAL_95
+from hysteresis.numerics._functions import NORMAL_95
 from hysteresis.rigs import SpongeRig
 
 from .. import _other_rigs as others

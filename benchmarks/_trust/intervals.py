@@ -16,7 +16,7 @@ import numpy as np
 import identify
 from hysteresis import Record
 from hysteresis.internal import FoamBlock
-from hysteresis.numerics._normal import NORMAL_95
+from hysteresis.numerics._functions import NORMAL_95
 from hysteresis.rigs._sponge import SpongeCycles
 
 from .._identification.sums import noisy, truth

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float, Key
 from numpy.typing import ArrayLike
 
 from hysteresis import Scalar, parameter
-from hysteresis._type_variables import PyTree
+from hysteresis._parameter import PyTree
 
 from ..runtime._contact import ContactStatus
 from ._solver import Contact, ContactSolver

@@ -10,9 +10,8 @@ from jaxtyping import Array, Bool, Float, Int
 from numpy.typing import ArrayLike
 
 from hysteresis import AbstractModel, FoamCurve, InputError, LinearSponge, Scalar, parameter
-from hysteresis._parameter import is_concrete
+from hysteresis._parameter import PyTree, is_concrete
 from hysteresis._quantities import FORCE, LENGTH, TIME, Units, conversion
-from hysteresis._type_variables import PyTree
 
 from .. import _traced as traced
 from .._contract import AbstractCompensator, Status

@@ -12,7 +12,7 @@ from jaxtyping import Array, Bool, Float, Int
 from numpy.typing import ArrayLike
 
 from hysteresis import AbstractModel, InputError, Scalar, parameter
-from hysteresis._once import once
+from hysteresis._law_model import once
 from hysteresis._parameter import array_module, as_float, is_concrete
 
 from .._contract import AbstractCompensator, in_few_lengths

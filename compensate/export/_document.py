@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from hysteresis import AbstractModel, Feedback, InputError, Oscillator, Preisach
-from hysteresis._atomic_file import write_whole
+from hysteresis._files import write_whole
 from hysteresis.laws._tree import node_of
 from hysteresis.preisach import GridDensity
 from hysteresis.running import estimates, numbers_of

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hysteresis import AbstractModel, InputError
-from hysteresis._atomic_file import write_whole
+from hysteresis._files import write_whole
 from hysteresis._quantities import conversion
 from hysteresis.laws import announced
 from hysteresis.models._conditioned import condition_of
@@ -30,8 +30,7 @@ from ..runtime._compensator import KIND
 from ..runtime._file import COMPENSATOR_SCHEMA, number
 from ..uncertainty._calibrated import CalibratedCompensator
 from ..uncertainty._guaranteed import Guaranteed
-from ._band import banded
-from ._c99_header import STANDARD, header
+from ._c99_header import STANDARD, banded, header
 from ._document import LONGEST as LONGEST_MOTION
 from ._document import (
     Model,

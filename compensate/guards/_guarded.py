@@ -9,11 +9,12 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
-from hysteresis import InputError, register
-from hysteresis._once import once
+from hysteresis import AbstractModel, InputError, register
+from hysteresis._known_past import known_past, outputs_of
+from hysteresis._law_model import once
 from hysteresis._parameter import array_module, as_array, as_float, is_concrete
 from hysteresis.laws.guard import BEGUN
-from hysteresis.numerics._normal import NORMAL_95
+from hysteresis.numerics._functions import NORMAL_95
 from hysteresis.running import Numbers, each, numbers_of
 from hysteresis.trees import Tree, node
 
@@ -21,7 +22,7 @@ from .._contract import AbstractCompensator, Found, Status
 from .._readings import conditioned_in, latest_of, nested, reading_of, with_reading
 from ..inverses._law import beyond_knots
 from ..runtime._file import LONGEST
-from ._run_in import Start
+from ._run_in import Start, driven, first_draw, then
 
 BEYOND = ("limit", "nan", "free")
 """What becomes of an estimate beyond the trained inputs."""
@@ -260,3 +261,54 @@ def _clock(xp: Any, longest: Any, begin: Any, last: Any, t: Any, y: Any) -> tupl
     wait = t - times[at[:-1]]
     passed = xp.where(valid & (wait > 0), wait, 0.0)
     return begin + xp.cumsum(xp.minimum(passed, longest)), passed >= longest, times[at[-1]]
+
+
+# The state of a compensator from rows of which both input and output are known.
+
+
+def warmed(
+    compensator: AbstractCompensator, t: ArrayLike | None, u: ArrayLike, y: ArrayLike
+) -> Any:
+    """The state after known rows: it has read what the model gives along the likeliest history."""
+    model = first_draw(_model_in(compensator))
+    if t is None:
+        model.prepare(None, jnp.asarray(u))  # raises where the rate matters
+    past, outputs = known_past(model, t, u, y), outputs_of(model)
+    count, rows = past.inputs.shape[:2]
+    flat = past.inputs.reshape(count * rows, *past.inputs.shape[2:])
+    times = None if past.times is None else past.times.ravel()
+    starts = tuple(range(0, count * rows, rows))
+    read = np.asarray(outputs(times, flat, starts)).reshape(count, rows)
+    if flat.ndim == 2:
+        read = np.stack([read, past.inputs[..., 1]], -1)
+    each = [None] * count if past.times is None else list(past.times)
+    state = compensator.stream(each[0], read[0], compensator.init())[0]
+    if (guard := guard_in(compensator)) is None:
+        return state
+    # Others in the place of its starts: those that the way to both ends tells apart most.
+    first = None if past.times is None else past.times[0]
+    own = past.inputs[0] if flat.ndim == 2 else past.inputs[0, :, None]
+    clock, way = then(*then(first, own[:, 0], float(guard.low)), float(guard.high))
+    later = None if clock is None else clock[rows:]
+    y = np.asarray(outputs(*past.followed_by(later, driven(model, way[rows:])))).reshape(count, -1)
+    apart = np.abs(y[1:, rows:] - y[0, rows:]).max(1)
+    farthest = 1 + np.argsort(-apart)[: len(guard.starts)]
+    inner, uncounted = guard.inner, guard.init().limited  # what was counted is of other starts
+
+    def compared(state: Any) -> Any:
+        if not isinstance(state, GuardedState):
+            return state._replace(inner=compared(state.inner))
+        others = []
+        for k in farthest:  # on the guard's own clock
+            own = None if first is None else each[k] - each[k][-1] + float(state.clock)
+            others.append(inner.stream(own, read[k], inner.init())[0])
+        return state._replace(others=tuple(others), limited=uncounted)
+
+    return compared(state)
+
+
+def _model_in(compensator: AbstractCompensator) -> AbstractModel:
+    for one in nested(compensator):
+        if isinstance(model := getattr(one, "model", None), AbstractModel):
+            return model
+    raise InputError("not-a-model", "a compensator without a model has no state to tell.")

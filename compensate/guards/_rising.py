@@ -15,7 +15,7 @@ import numpy as np
 from hysteresis import AbstractModel, InputError
 
 from .._contract import AbstractCompensator
-from ..inverses._looks import looks_of
+from ..inverses._law import looks_of
 from ._run_in import Past, driven, first_draw, thinned
 
 STATES, LEVELS = 256, 257

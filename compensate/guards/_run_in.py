@@ -20,7 +20,7 @@ from jaxtyping import Array
 from numpy.typing import ArrayLike
 
 from hysteresis import AbstractModel, parameters
-from hysteresis._type_variables import PyTree
+from hysteresis._parameter import PyTree
 from hysteresis.models._conditioned import condition_of
 
 from .._contract import AbstractCompensator

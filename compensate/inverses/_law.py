@@ -9,6 +9,7 @@ compensator. Cost: 0.1 to 4 microseconds a reading.
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -20,14 +21,24 @@ from numpy.typing import ArrayLike
 
 from hysteresis import AbstractModel, InputError, register
 from hysteresis._law_model import OWN
-from hysteresis._parameter import array_module, as_array, as_float
+from hysteresis._parameter import PyTree, array_module, as_array, as_float
 from hysteresis.models._conditioned import Conditioned, condition_of
 from hysteresis.models._viscoelastic import AbstractViscoelastic
 from hysteresis.records._branch_rows import STILL
-from hysteresis.running import Known, Numbers, Told, estimates, held_at_first, numbers_of, told
+from hysteresis.running import (
+    Known,
+    Numbers,
+    Told,
+    estimates,
+    held_at_first,
+    looks,
+    numbers_of,
+    told,
+)
 from hysteresis.trees import Tree
 
 from .._contract import AbstractCompensator, Estimate, Found, Status
+from .._readings import with_reading
 
 
 class UncertainEstimate(NamedTuple):
@@ -224,3 +235,32 @@ def stable_step(model: AbstractModel) -> float:
     if isinstance(model, AbstractViscoelastic) and not model.against_chain:
         return replace(model, leading=not model.leading).largest_stable_step()
     return float("inf")
+
+
+# Outputs that a model would have at other inputs, along a record.
+
+
+def looks_of(
+    model: AbstractModel, t: ArrayLike | None, u: Float[np.ndarray, "samples *condition"]
+) -> Callable[[np.ndarray], np.ndarray]:
+    """The outputs at levels of each row, (samples, levels), in the state before it; NaN at NaN."""
+    times = np.zeros(len(u)) if t is None else np.asarray(t, float)
+    if has_laws(model) and not goes_back_only(tree := model.tree(depth=OWN)):
+        return partial(looks, numbers_of(tree), u, np.diff(times, prepend=np.nan))
+    rows = jnp.asarray(times), jnp.asarray(u)
+    return lambda levels: np.asarray(_scan(model, *rows, jnp.asarray(levels)))
+
+
+@eqx.filter_jit
+def _scan(model: AbstractModel, t: Array, u: Array, levels: Array) -> Array:
+    def sample(state: PyTree, row: tuple[Array, Array, Array]) -> tuple[PyTree, Array]:
+        t, u, levels = row
+
+        def outputs() -> Array:
+            each = jax.vmap(lambda v: model.step(state, t, with_reading(u, 0, v))[1])
+            return jnp.where(jnp.isnan(levels), jnp.nan, each(levels))
+
+        y = jax.lax.cond(jnp.isnan(levels).all(), lambda: levels, outputs)
+        return model.step(state, t, u)[0], y
+
+    return jax.lax.scan(sample, model.init(), (t, u, levels))[1]

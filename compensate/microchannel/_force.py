@@ -11,9 +11,8 @@ from numpy.typing import ArrayLike
 
 from hysteresis import AbstractModel, InputError, register
 from hysteresis._model import AbstractFollowingModel
-from hysteresis._parameter import array_module, as_array, is_concrete
+from hysteresis._parameter import PyTree, array_module, as_array, is_concrete
 from hysteresis._quantities import Units, conversion
-from hysteresis._type_variables import PyTree
 
 from .._contract import AbstractCompensator, Status
 from .._readings import latest_of

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float, Int
 from numpy.typing import ArrayLike
 
 from hysteresis import InputError, register
-from hysteresis.numerics._squared_exponential import Kernel
+from hysteresis.numerics._functions import Kernel
 
 from ._localizer import PlaceStatus
 

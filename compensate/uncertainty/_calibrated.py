@@ -1,6 +1,6 @@
 """How far an estimate is off: the spread of its models, and what their own error was found to be."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -13,15 +13,15 @@ from numpy.typing import ArrayLike
 from scipy.special import stdtrit
 
 from hysteresis import InputError, Record, register
-from hysteresis._once import once
+from hysteresis._law_model import once
 from hysteresis._parameter import array_module, as_array
-from hysteresis.numerics._normal import NORMAL_95
+from hysteresis.numerics._functions import NORMAL_95
 from hysteresis.records._cycles import counted_cycles
 from hysteresis.running import Numbers, each, numbers_of
 from hysteresis.trees import Tree
 
 from .._contract import AbstractCompensator, Status
-from .._estimate import check_units, estimate
+from .._readings import check_units, estimate
 from ..inverses._law import UncertainEstimate
 from ._motion import FASTER, GROWTH, PATH, Motions, along, error_law, path_law, seen
 
@@ -418,3 +418,31 @@ def _estimated(compensator: AbstractCompensator, record: Record) -> tuple[np.nda
     found: Any = estimate(compensator, record)
     value, status = np.asarray(found.value), np.asarray(found.status)
     return value, status, np.asarray(getattr(found, "deviation", np.zeros_like(value)))
+
+
+# A calibrated band as plain data, and back: what a fit's folder holds of it.
+
+ARRAYS = ("levels", "error", "scores")
+NUMBERS = ("width", "coverage", "coverage_before", "share", "lasts")
+
+
+def in_words(band: CalibratedCompensator) -> dict[str, Any]:
+    """All but the inner compensator, for JSON."""
+    found: dict[str, Any] = {name: np.asarray(getattr(band, name)).tolist() for name in ARRAYS}
+    for name in NUMBERS:
+        value = float(getattr(band, name))
+        found[name] = value if np.isfinite(value) else None
+    motions = band.motions and {
+        k: np.asarray(v).tolist() for k, v in band.motions._asdict().items()
+    }
+    return found | {"motions": motions}
+
+
+def of_words(words: Mapping[str, Any], inner: AbstractCompensator) -> CalibratedCompensator:
+    """The inverse of `in_words`, around a compensator."""
+    found: dict[str, Any] = {name: jnp.asarray(words[name], float) for name in ARRAYS}
+    for name in NUMBERS:
+        found[name] = np.nan if words[name] is None else float(words[name])
+    known = words["motions"]
+    motions = known and Motions(*(jnp.asarray(known[name], float) for name in Motions._fields))
+    return CalibratedCompensator(inner, motions=motions, units=inner.units, **found)

@@ -1,6 +1,7 @@
 """Many models run backwards side by side: a mean and a spread."""
 
 from collections.abc import Callable
+from math import inf
 from typing import Any
 
 import equinox as eqx
@@ -10,13 +11,14 @@ import numpy as np
 from jaxtyping import Array
 from numpy.typing import ArrayLike
 
-from hysteresis import AbstractModel, register
-from hysteresis._parameter import is_concrete
-from hysteresis._type_variables import PyTree
+from hysteresis import AbstractModel, InputError, register
+from hysteresis._parameter import PyTree, is_concrete
+from hysteresis.running import held_at_first, numbers_of
+from hysteresis.trees import Tree, node
 
 from .._contract import AbstractCompensator, Status, in_few_lengths
 from ..inverses import inverse_of
-from ..inverses._law import UncertainEstimate
+from ..inverses._law import LawCompensator, UncertainEstimate
 
 
 @register
@@ -85,3 +87,75 @@ def _together(found: Any) -> UncertainEstimate:
     status = jnp.where(votes.max(0) > 0, codes[votes.argmax(0)], Status.OK)
     value = found.value
     return UncertainEstimate(value.mean(0), status, value.std(0), value)
+
+
+# An inverse that knows of noise: the model inside a filter of its input.
+
+
+def filtered(
+    model: AbstractModel, input_step: ArrayLike, output_sigma: ArrayLike, *, by_time: bool = False
+) -> LawCompensator:
+    """An extended Kalman filter of the input, for noisy readings: an inverse that knows of noise.
+
+    It finds the input that is likeliest if it walks at random and the reading is noisy:
+
+        u_k = u_(k-1) + N(0, Q),     y_k = h(u_k) + N(0, R),     R = output_sigma^2,
+
+    with h the model's next output from where it is, and Q = input_step^2 a sample, or input_step^2 dt
+    where `by_time`. A sample is one update of an extended Kalman filter, variance P:
+
+    - P += Q, and H is the slope of the chord of h across u +- sqrt(P): a branch either way. A loop as
+      wide as u was uncertain, up and back, opens by 2 d: what h owes to turns not seen, R += d^2.
+    - u += k (h^-1(y) - u), k = H^2 P / (H^2 P + R), towards the raw inverse, and so onto it where R
+      is small. P = 1 / (1/P + H^2 / R), H again about the new u, the lesser; there the corner between the
+      branches is noise too.
+    - The model and its inverse go on to the filtered u: noise makes no reversals in their memory.
+
+    The deviation sqrt(P) says what noise does to an input that moves like that; one that moves faster
+    lags behind, and what is wrong with the model is not in it. On lagging Preisach and Burgers models and
+    walks of these statistics 90 % bands held 89 to 94 %, on a leading Preisach model 84 %: h after
+    turns that were not seen is known to first order only. The status is the raw inverse's.
+
+    The law is `hysteresis/laws/filtered.py`: a reading costs microseconds.
+
+    **Arguments:**
+
+    - `model`: as for `invert`, with a law.
+    - `input_step`: standard deviation of the input's step per sample (or per square root of time).
+    - `output_sigma`: of the reading's noise.
+
+    **Other arguments:**
+
+    - `by_time`: steps grow with the square root of the time between samples, which is then needed.
+
+    Raises `InputError` for deviations that are not positive and finite, `not-invertible` for a model
+    without inverse or without a law.
+
+    **Example:**
+
+        >>> smooth = compensate.filtered(model, input_step=1.0, output_sigma=0.01)
+        >>> smooth.simulate(t, model.simulate(t, u)).deviation.shape
+        (13,)
+    """
+    for name, value in {"input_step": input_step, "output_sigma": output_sigma}.items():
+        if is_concrete(value) and not 0 < float(np.asarray(value)) < float("inf"):
+            raise InputError(
+                "parameter-out-of-bounds",
+                f"{name} is {np.asarray(value):g}, and has to be positive and finite.",
+                fix="invert(model) is the inverse that takes every reading at its word.",
+            )
+    if not isinstance(inverse_of(model), LawCompensator):
+        raise InputError(
+            "not-invertible",
+            f"a {type(model).__name__} has no law, which the filter is put around.",
+            fix="write its law, or low-pass the readings.",
+        )
+
+    def around(tree: Tree) -> Tree:
+        step, noise = (jnp.asarray(x, float) ** 2 for x in (input_step, output_sigma))
+        variances = {"step": step, "noise": noise, "by_time": int(by_time)}
+        kept = np.zeros(2 * numbers_of(tree).known.states)
+        state = {"value": held_at_first(tree), "variance": inf, "begun": 0, "kept": kept}
+        return node("filtered", variances, state, [tree, tree])
+
+    return LawCompensator(model, around, by_time)

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 import hysid
 from compensate import qualify
-from compensate.qualification._qualify import Qualification
+from compensate._qualification import Qualification
 from hysid.figures._base import styled
 
 ROOT = Path(__file__).resolve().parents[2]

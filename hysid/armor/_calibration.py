@@ -16,9 +16,9 @@ from compensate.armor import Armor, Bumps, Presses
 from compensate.armor._armor import UncertainArmor
 from compensate.armor._calibration import PressResiduals, missed_of, with_slip, without_each
 from hysteresis import InputError
-from hysteresis.numerics._normal import NORMAL_95
+from hysteresis.numerics._functions import NORMAL_95
 from identify.calibration._calibrate import Calibration, Prior
-from identify.calibration._optimal_design import Choice
+from identify.calibration._excitation_design import Choice
 from identify.internal import calibrate, choose
 
 QUIET = 1e-3

@@ -49,8 +49,8 @@ from hysteresis import AbstractModel, InputError, PrandtlIshlinskii, read_table
 from hysteresis._quantities import conversion
 from hysteresis.records._table import Table
 
-from ..intake._columns import in_unit
 from ..intake._own_config import read_toml
+from ..intake._selection import in_unit
 from ..intake.guess._remedies import reading
 
 NUMBERS = {

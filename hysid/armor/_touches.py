@@ -26,7 +26,7 @@ import identify
 from compensate.armor import ContactStatus, Mesh
 from compensate.armor._solver import Contact
 from hysteresis import InputError
-from hysteresis._atomic_file import write_whole
+from hysteresis._files import write_whole
 from hysteresis._limits import damage_told, parse_json
 
 FILE = "touches.json"

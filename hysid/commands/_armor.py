@@ -16,7 +16,7 @@ import identify
 from compensate.armor import Armor, ContactStatus, export_armor
 from compensate.armor._armor import UncertainArmor, UncertainContact
 from hysteresis import AbstractModel, InputError
-from hysteresis._atomic_file import write_table
+from hysteresis._files import write_table
 from hysteresis._limits import damage_told, load_arrays
 from hysteresis._quantities import conversion
 from hysteresis._serialisation import described, rebuilt

@@ -14,8 +14,11 @@ from typing import Any, ClassVar, dataclass_transform
 
 import typer
 
-from ..intake._fit_options import (
+from ..intake._options import (
+    FIELDS,
     FIT_FIELDS,
+    HELD_OUT,
+    OF_READING,
     OF_SPECTRA,
     FitOptions,
     has_shape,
@@ -23,7 +26,6 @@ from ..intake._fit_options import (
     option,
     option_words,
 )
-from ..intake._selection_options import FIELDS, HELD_OUT, OF_READING
 from ._console import Done, log
 
 PAPERS = ("tsuji2014", "kim2018")

@@ -7,8 +7,7 @@ from typing import Any
 import typer
 
 from .._catalogue import SHIPPED
-from ..intake._fit_options import option
-from ..intake._selection_options import FIELDS, HELD_OUT, OF_READING
+from ..intake._options import FIELDS, HELD_OUT, OF_READING, option
 from ._asked import Command, overwriting, seeding, selecting
 
 _catalogue = partial(

@@ -209,7 +209,7 @@ class Progress:
             self._bar.update(self._task, completed=done, total=total, description=text)
         elif (part := (100 if logs_json() else 10) * done // total) != self._part:
             self._part = part
-            from hysteresis._note import ProgressNote  # late: as `visible`
+            from hysteresis._verdict import ProgressNote  # late: as `visible`
 
             said = f"{self._what}: {100 * done // total} %, {text}"
             log(ProgressNote(PROGRESS, said, done, total))

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import identify
-from hysteresis._atomic_file import write_whole
+from hysteresis._files import write_whole
 from hysteresis.rigs._foam_block import FoamBlock
 
 from ..reporting._report import write_report

@@ -3,10 +3,10 @@
 from typing import Any
 
 import identify
-from hysteresis._atomic_file import write_table
+from hysteresis._files import write_table
 from hysteresis._show import aligned
 from identify.calibration._excitation_design import Excitation
-from identify.results._motion_detail import Motion
+from identify.results._detail import Motion
 
 from ._asked import Design
 from ._console import Done, warnings

@@ -16,13 +16,12 @@ from compensate.runtime import load
 from compensate.uncertainty._calibrated import CalibratedCompensator
 from compensate.uncertainty._guaranteed import Guaranteed
 from hysteresis import InputError
-from hysteresis._atomic_file import write_whole
+from hysteresis._files import write_whole
 from hysteresis._quantities import conversion
 from hysteresis.models._conditioned import with_condition
 from hysteresis.models._viscoelastic import AbstractViscoelastic
-from hysteresis.records._loads import kind_of_units
-from identify.results._detail import DiscreteSpectrum
-from identify.results._motion_detail import Motion
+from hysteresis.records._abstract_record import kind_of_units
+from identify.results._detail import DiscreteSpectrum, Motion
 
 from .._compensator import (
     RunIn,

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from hysteresis._atomic_file import telling, write_table
+from hysteresis._files import telling, write_table
 from hysteresis._show import aligned
 from hysteresis.records._excitation import suspicions
 from hysteresis.records._loop_table import MAIN, NO_LOOP, LoopTable, left_out

@@ -12,22 +12,39 @@ from compensate import Quantity
 from compensate.microchannel import export_force
 from compensate.microchannel._force import ForceEstimator
 from hysteresis import InputError
-from hysteresis._atomic_file import write_figure
 from hysteresis._escape import shell_word
+from hysteresis._files import write_figure
 from hysteresis._format import quantity, rms_error
-from hysteresis.numerics._normal import NORMAL_95
+from hysteresis.numerics._functions import NORMAL_95
 from identify.internal import versions
 
 from ..figures._format import label, plain_name
 from ..intake._folders import check_writable
 from ..intake._selection import Selection
-from ..soft_sensor import _estimate
-from ..soft_sensor._estimate import TRAINING, Estimates, confusion_lines, estimates_of, judged
+from ..soft_sensor import _sensor
 from ..soft_sensor._force_records import ForceRecord
 from ..soft_sensor._force_training import KINDS, ForceTraining, train_force, updates_of
-from ..soft_sensor._learn import checks_of, learn_places, learn_positions
-from ..soft_sensor._sensor import ARRAYS, FORCE, WORDS, SoftSensor, save_sensor
-from ..soft_sensor._sessions import Session, Streams, Targets, read_sessions
+from ..soft_sensor._learn import (
+    Session,
+    Streams,
+    Targets,
+    checks_of,
+    learn_places,
+    learn_positions,
+    read_sessions,
+)
+from ..soft_sensor._sensor import (
+    ARRAYS,
+    FORCE,
+    TRAINING,
+    WORDS,
+    Estimates,
+    SoftSensor,
+    confusion_lines,
+    estimates_of,
+    judged,
+    save_sensor,
+)
 from . import _pairs
 from ._asked_more import Estimate, Train
 from ._console import Done, Progress, log, warnings
@@ -41,7 +58,7 @@ def estimate(asked: Estimate) -> Done:
     if (asked.folder / _pairs.DOCUMENT).is_file():
         document = _pairs.estimate_contacts(*given, **asked.selection)
     else:
-        document = _estimate.estimate(*given, **asked.selection)
+        document = _sensor.estimate(*given, **asked.selection)
     return Done(document, _estimated_lines(document))
 
 

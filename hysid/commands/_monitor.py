@@ -14,10 +14,10 @@ import identify
 from compensate import Status, adaptive
 from compensate.recalibration._adaptive import AdaptiveCompensator, Advice, Recalibrated
 from hysteresis import InputError, Record
-from hysteresis._atomic_file import write_table
+from hysteresis._files import write_table
 from hysteresis._format import number_of, quantity
 
-from ..intake._columns import for_new_file, in_unit, selection_of_fit
+from ..intake._selection import for_new_file, in_unit, selection_of_fit
 from ._asked import Monitor
 from ._console import Done, warnings
 

@@ -16,19 +16,18 @@ from compensate import Status
 from compensate.microchannel import export_contacts
 from compensate.microchannel._multi import MultiContactEstimator
 from hysteresis import InputError, Record
-from hysteresis._atomic_file import write_table
+from hysteresis._files import write_table
 from hysteresis._format import rms_error
 from hysteresis._limits import damage_told, load_arrays
 from hysteresis._quantities import conversion
 from hysteresis._serialisation import described, rebuilt
-from hysteresis.numerics._normal import NORMAL_95
+from hysteresis.numerics._functions import NORMAL_95
 from hysteresis.records._table import Table
 from identify.internal import metrics, versions
 
 from ..figures._format import plain_name
-from ..intake._columns import in_unit
 from ..intake._folders import check_writable
-from ..intake._selection import Selection
+from ..intake._selection import Selection, in_unit
 from ..soft_sensor._contacts import UPDATES, train_contacts
 from ..soft_sensor._force_records import ForceRecord
 from ..soft_sensor._force_training import updates_of

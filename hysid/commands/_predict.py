@@ -9,16 +9,16 @@ import identify
 from compensate import Status, estimate
 from compensate.uncertainty._calibrated import CalibratedCompensator, band_holds
 from hysteresis import InputError, Record
-from hysteresis._atomic_file import write_table
+from hysteresis._files import write_table
 from hysteresis._format import number_of, quantity, rms_error
-from identify.dynamics._recorded_motion import RecordedMotion
+from identify.dynamics._output_error import RecordedMotion
 from identify.internal import metrics
-from identify.results._motion_detail import Motion
+from identify.results._detail import Motion
 
 from .._compensator import exported, run_in_of
-from ..intake._columns import for_new_file, known_records, selection_of_fit
 from ..intake._creep_fits import RANGE, later, on_the_clock_of, open_range
 from ..intake._folders import folders_of
+from ..intake._selection import for_new_file, known_records, selection_of_fit
 from ._asked import Predict
 from ._console import Done, warnings
 

@@ -11,9 +11,9 @@ import numpy as np
 import identify
 from compensate import estimate, guaranteed, invert
 from compensate import qualify as qualified
+from compensate._qualification import Qualification, Step, Tell
 from compensate.export._export import Program
 from compensate.guards._guarded import GuardedCompensator
-from compensate.qualification._qualify import Qualification, Step, Tell
 from compensate.uncertainty._calibrated import band_holds
 from compensate.uncertainty._ensemble import EnsembleCompensator
 from compensate.uncertainty._guaranteed import run_scores, runs_needed
@@ -23,8 +23,8 @@ from hysteresis._verdict import Level, Verdict, worst_of
 from identify import load_posterior
 
 from .._compensator import error_of, exported
-from ..intake._columns import for_new_file, known_records, selection_of_fit
 from ..intake._folders import folders_of
+from ..intake._selection import for_new_file, known_records, selection_of_fit
 from ._asked import Qualify
 from ._console import USER, Done, Progress, warnings
 from ._export import guarding, readings_of_training, seconds_a_step

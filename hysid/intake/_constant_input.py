@@ -11,7 +11,7 @@ from hysteresis.records._table import Table, rows_of, with_column
 from hysteresis.records._units import named_unit
 from identify.internal import MODULI, PARTS, RUNS
 
-from ._selection_options import SelectionOptions
+from ._options import SelectionOptions
 
 CONSTANT = "constant input"
 """The name of the input of a step."""

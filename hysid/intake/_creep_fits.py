@@ -10,7 +10,7 @@ from hysteresis import InputError, Record
 from identify.results._detail import DiscreteSpectrum
 from identify.spectra._spectrum import Spectrum
 
-from ._fit_options import FIT_FIELDS, OF_SPECTRA
+from ._options import FIT_FIELDS, OF_SPECTRA
 
 BEYOND = "beyond the trained times"
 RANGE = ("since the step", "low", "high")

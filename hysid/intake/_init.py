@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from hysteresis import InputError
-from hysteresis._atomic_file import write_whole
 from hysteresis._escape import shell_word, toml_comment, toml_string
+from hysteresis._files import write_whole
 
+from ._options import FIELDS
 from ._own_config import check_there, config_of, facts_of, folder_of
 from ._selection import selection_of
-from ._selection_options import FIELDS
 from .guess._guess import GUESS, LIKELY, SURE, Guess, guess
 
 ROLES = ("input", "output", "time", "input_time", "condition", "step", "hold", "each")

@@ -13,8 +13,7 @@ from hysteresis import InputError, Note, read_table
 from hysteresis._escape import shell_word, visible
 from hysteresis._limits import parse_toml
 
-from ._fit_options import FIT_FIELDS, has_shape
-from ._selection_options import FIELDS
+from ._options import FIELDS, FIT_FIELDS, has_shape
 
 FIRST = 200
 """Bytes of a first line that are kept: enough for a header, and short enough to read."""

@@ -10,22 +10,26 @@ import numpy as np
 
 import identify
 from hysteresis import Burgers, InputError, LinearSponge, Preisach
-from hysteresis._atomic_file import telling, write_figure, write_whole
 from hysteresis._escape import shell_word, visible
+from hysteresis._files import telling, write_figure, write_whole
 from hysteresis._limits import damage_told
 from hysteresis._precision import in_own_precision
 from identify import load_posterior, save_posterior
 from identify.results._data_sheet import DataSheet
-from identify.results._detail import Composition, DiscreteSpectrum, GridWeights, ReversalCurves
-from identify.results._motion_detail import Motion
+from identify.results._detail import (
+    Composition,
+    DiscreteSpectrum,
+    GridWeights,
+    Motion,
+    ReversalCurves,
+)
 
 from .._catalogue import is_synthetic
 from .._plots_script import script, script_rule, styles
 from ..figures import _base as f
 from ..figures._data_sheet import PANELS, draw_panel, draw_sheet, subtitle, title
 from ..figures._format import measured, pretty, quantity
-from ..intake._fit_options import option_words
-from ..intake._selection_options import FIELDS, HELD_OUT
+from ..intake._options import FIELDS, HELD_OUT, option_words
 from . import _section_creep as _report_step
 from . import _section_motion as _motion
 from ._case import TARGET, Case, Section, Table

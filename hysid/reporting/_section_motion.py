@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from identify.results._motion_detail import Motion
+from identify.results._detail import Motion
 
 from ..figures import _base as f
 from ..figures._format import label, number, quantity

@@ -14,7 +14,7 @@ from jaxtyping import Float
 import identify
 from hysteresis import InputError
 from hysteresis._limits import damage_told
-from hysteresis.numerics._normal import NORMAL_95
+from hysteresis.numerics._functions import NORMAL_95
 from identify import load_posterior
 
 from ..figures._format import quantity

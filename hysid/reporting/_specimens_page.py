@@ -11,9 +11,8 @@ import numpy as np
 
 import identify
 from hysteresis import InputError
-from hysteresis._atomic_file import telling
-from hysteresis._note import ProgressNote
-from hysteresis._verdict import LEVELS, worst_of
+from hysteresis._files import telling
+from hysteresis._verdict import LEVELS, ProgressNote, worst_of
 from identify.comparison._pooling import Interval, Pooled
 from identify.results._detail import DiscreteSpectrum
 

@@ -16,7 +16,7 @@ import numpy as np
 import scipy
 
 import identify
-from hysteresis._atomic_file import write_whole
+from hysteresis._files import write_whole
 from hysteresis._show import aligned
 from identify.internal import versions
 

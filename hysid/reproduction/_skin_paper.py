@@ -15,7 +15,7 @@ import scipy
 from jaxtyping import Array, Float
 
 from compensate.internal import ForceNetwork, MotionFilter, MultiContactEstimator, SearchEstimator
-from compensate.microchannel._multi_network import windows
+from compensate.microchannel._multi import windows
 from hysteresis.internal import ChannelGeometryRig
 from hysteresis.rigs._skin_presses import AbstractSkinRig, ChannelRecord
 from identify.internal import train

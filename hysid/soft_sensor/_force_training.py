@@ -18,7 +18,7 @@ from compensate.internal import BackwardsModel
 from compensate.microchannel._force import ForceEstimator
 from hysteresis import AbstractModel, InputError, Record
 from hysteresis.internal import StaircaseNetwork
-from hysteresis.numerics._normal import NORMAL_95
+from hysteresis.numerics._functions import NORMAL_95
 from identify.internal import train
 from identify.training._train import Trained
 

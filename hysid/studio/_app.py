@@ -21,19 +21,28 @@ from starlette.staticfiles import StaticFiles
 
 from compensate.export.targets._export_to import TARGETS
 from hysteresis import InputError
-from hysteresis._atomic_file import atomic_file
+from hysteresis._files import atomic_file
 from hysteresis._format import plain
 from hysteresis._limits import damage_told
 
 from ..commands._asked import Command, Export, Fit, Report
 from ..intake._own_config import folder_of
-from . import _configuration
+from . import _equivalents
 from ._equivalents import asked_for, equivalents
 from ._folder import Folder, zipped
-from ._guard import DOCUMENT_RULES, Sessions
 from ._measurement import Measurement
 from ._processes import Jobs
-from ._requests import ROLES, Asked, Json, RequestError, asked_of, refusal, settings
+from ._requests import (
+    DOCUMENT_RULES,
+    ROLES,
+    Asked,
+    Json,
+    RequestError,
+    Sessions,
+    asked_of,
+    refusal,
+    settings,
+)
 from ._results import Fits, written_rows
 from ._views import as_bytes, of_loops, over_time
 
@@ -101,7 +110,7 @@ class Studio:
             found = one.look()
         selection = None
         with contextlib.suppress(InputError):  # `look` has told it as the fault
-            selection = _configuration.selection(one.config)
+            selection = _equivalents.selection(one.config)
         place = self.place(name)
         try:
             found["result"] = None
@@ -130,7 +139,7 @@ class Studio:
         """Start a command about a measurement: fit, sample, qualify, predict, export or report."""
         one, place = self.measurement(name), self.place(name, options.get("value", ""))
         if kind == "fit":
-            _configuration.read(one.config)  # the command follows every name in it
+            _equivalents.read(one.config)  # the command follows every name in it
             file, config, out = map(self._here, (one.file, one.config, self.place(name)))
             asked: Command = Fit(file=file, config=config, out=out, overwrite=True)
         else:
@@ -293,7 +302,7 @@ def _brush(studio: Studio, asked: Asked) -> Any:
 def _summary(studio: Studio, asked: Asked) -> Any:
     name, value = asked.text("name"), asked.text("value", "")
     one, place = studio.measurement(name), studio.place(name)
-    selection, fit = _configuration.selection(one.config), _configuration.read(one.config)["fit"]
+    selection, fit = _equivalents.selection(one.config), _equivalents.read(one.config)["fit"]
     with damage_told("The fit", place, "Fit again."):
         return studio.fits.summary(place, selection, fit, value, one.file)
 

@@ -18,12 +18,12 @@ from ..figures._format import plain_name, pretty
 from ..intake._constant_input import CONSTANT
 from ..intake._creep_fits import check_step
 from ..intake._init import init
+from ..intake._options import FIELDS, HELD_OUT, OF_READING
 from ..intake._own_config import config_of
 from ..intake._selection import Pair, Selection, as_ranges, on_lines
-from ..intake._selection_options import FIELDS, HELD_OUT, OF_READING
 from ..intake.guess._column_pairs import columns_of
 from ..intake.guess._guess import Guess, guess, table_of
-from . import _configuration
+from . import _equivalents
 from ._views import EXCLUDED, GAP, USED, Series
 from ._views import HELD_OUT as HELD
 
@@ -67,14 +67,14 @@ class Measurement:
         Raises `InputError` `bad-config`, `unknown-key`.
         """
         with self._lock:
-            tables = _configuration.read(self.config)
+            tables = _equivalents.read(self.config)
             begun = bool(tables["fit"]) or _has_roles(tables["selection"])
             if not self.config.exists():
                 known = self._guessed()["selection"]
                 changes = {**changes, "selection": known | dict(changes.get("selection", {}))}
-            _configuration.change(self.config, changes)
+            _equivalents.change(self.config, changes)
             with contextlib.suppress(InputError):  # `look` tells it
-                given = _configuration.read(self.config)["selection"]
+                given = _equivalents.read(self.config)["selection"]
                 if not begun and (_has_roles(given) or not {"input", "output"} & given.keys()):
                     self._write_guess(given)
 
@@ -89,13 +89,13 @@ class Measurement:
         with contextlib.suppress(InputError):
             self.configured()
         try:
-            tables = _configuration.read(self.config)
+            tables = _equivalents.read(self.config)
             found |= self._guessed()
             found |= {"selection": tables["selection"] or found["selection"], "fit": tables["fit"]}
             found["asks"] = not _has_roles(found["selection"])
             if not found["asks"]:
                 found["fault"] = None
-                _configuration.selection(self.config).check_columns()
+                _equivalents.selection(self.config).check_columns()
         except InputError as error:
             found["fault"] = error.document
         return found
@@ -103,7 +103,7 @@ class Measurement:
     def judged(self) -> dict[str, Any]:
         """Warnings about the rows of the measurement, each with the lines that it means; reads the file."""
         try:
-            selection = _configuration.selection(self.config)
+            selection = _equivalents.selection(self.config)
             records, faults = selection.records(self.table(selection).result())
         except InputError as error:
             return {"warnings": [], "fault": error.document, "records": []}
@@ -141,7 +141,7 @@ class Measurement:
 
         Of a large file an excerpt, as long as the rest is being read. Raises `InputError`.
         """
-        selection = _configuration.selection(self.config)
+        selection = _equivalents.selection(self.config)
         selection.check_columns()
         whole, size = self.table(selection), self.file.stat().st_size
         is_part = size > LARGE and not whole.done()
@@ -175,7 +175,7 @@ class Measurement:
 
         Returns the keys of [selection] that change. Raises `InputError` `bad-option`, `no-rows`.
         """
-        selection = _configuration.selection(self.config)
+        selection = _equivalents.selection(self.config)
         table = self.table(selection).result()
         series = self.series()[0]
         rows = series.chosen(low, high, box)
@@ -233,7 +233,7 @@ class Measurement:
         return asdict(found)
 
     def _guess_key(self) -> Any:
-        selection = _configuration.read(self.config)["selection"]
+        selection = _equivalents.read(self.config)["selection"]
         names = OF_READING if _has_roles(selection) else FIELDS
         given = ((name, selection[name]) for name in names if name in selection)
         return _stamp(self.file), tuple(

@@ -20,14 +20,13 @@ from compensate.export.targets._export_to import TARGETS
 from hysteresis import AbstractModel, InputError, Record, parameters
 from hysteresis._format import plain
 from hysteresis._parameter import ParameterInfo, parameter_at
-from hysteresis.records._cells import floats
-from hysteresis.records._loads import kind_of_units
+from hysteresis.records._abstract_record import kind_of_units
+from hysteresis.records._arrays import floats
 from identify import load_posterior
 
 from ..figures._format import axes_of
-from ..intake._columns import selection_of_fit
 from ..intake._folders import folders_of
-from ..intake._selection import Selection
+from ..intake._selection import Selection, selection_of_fit
 from ..reporting._report import HEADLINES
 from ._equivalents import target_name
 from ._views import ALL, GAP, clock_of, peaks

@@ -7,7 +7,7 @@ import threading
 from .._packages import check_extra
 from ..commands._asked_more import Studio
 from ..commands._console import start_jax
-from ..intake._fit_options import MODELS
+from ..intake._options import MODELS
 
 
 def run(asked: Studio) -> None:

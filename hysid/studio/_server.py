@@ -21,8 +21,7 @@ from hysteresis.records._units import is_unit
 
 from ._app import Studio, app_of
 from ._folder import Folder
-from ._guard import Guard, Sessions
-from ._requests import PATIENCE
+from ._requests import PATIENCE, Guard, Sessions
 
 ADDRESS = "127.0.0.1"
 SOON = 2

@@ -6,8 +6,7 @@ import equinox as eqx
 
 from .._parameter import Scalar, array_module, parameter
 from .._registry import register
-from ._viscoelastic import MODULUS, STIFFNESS, VISCOSITY, AbstractViscoelastic
-from ._viscoelastic_chain import Chain, Hold
+from ._viscoelastic import MODULUS, STIFFNESS, VISCOSITY, AbstractViscoelastic, Chain, Hold
 
 
 @register

@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 from .._errors import InputError
 from .._parameter import Scalar, as_float, check_increasing, check_shapes
 from .._registry import register
-from ..numerics._input_memory import slow_states, stops
+from ..numerics._recurrence import slow_states, stops
 
 Channels = Float[Array, "samples channels"] | Any
 Column = Float[np.ndarray, " samples"]

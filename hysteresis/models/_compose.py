@@ -17,9 +17,19 @@ from .. import trees
 from .._errors import InputError
 from .._model import AbstractFollowingModel, AbstractModel, Tree
 from .._model import Series as Inputs
-from .._parameter import Scalar, array_module, as_array, is_concrete, parameter
+from .._parameter import (
+    Output,
+    Prepared,
+    Scalar,
+    Starts,
+    State,
+    Times,
+    array_module,
+    as_array,
+    is_concrete,
+    parameter,
+)
 from .._registry import register
-from .._type_variables import Output, Prepared, Starts, State, Times
 
 Over = Callable[[AbstractModel, Any, Any], tuple[Any, Any]]
 """A model, its input and its state, to the state after it and its output over a record."""

@@ -12,10 +12,17 @@ from jaxtyping import Array, Float
 from .._errors import InputError
 from .._escape import shell_word
 from .._model import AbstractModel, Series, Tree
-from .._parameter import array_module, check_increasing, check_shapes, is_concrete, parameter
+from .._parameter import (
+    Starts,
+    Times,
+    array_module,
+    check_increasing,
+    check_shapes,
+    is_concrete,
+    parameter,
+)
 from .._registry import register
-from .._type_variables import Starts, Times
-from ..numerics._hats import hats
+from ..numerics._functions import hats
 from ..records._record import Record
 from ..trees import common_range, input_range, looked_for, node, reach_of
 from ._compose import AbstractComposite, Over, Scaled, Sum

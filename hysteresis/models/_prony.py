@@ -9,8 +9,7 @@ from jaxtyping import Array, Float
 from .._errors import InputError
 from .._parameter import NOT_NEGATIVE, Scalar, array_module, check_shapes, is_concrete, parameter
 from .._registry import register
-from ._viscoelastic import MODULUS, STIFFNESS, VISCOSITY, AbstractViscoelastic
-from ._viscoelastic_chain import Chain, Hold
+from ._viscoelastic import MODULUS, STIFFNESS, VISCOSITY, AbstractViscoelastic, Chain, Hold
 
 Values = Float[Array, " branches"] | Any
 """One value for each branch: anything that `jnp.asarray` takes, kept as an array."""

@@ -12,9 +12,9 @@ from jaxtyping import Array, Float, PRNGKeyArray
 
 from .._errors import InputError
 from .._model import AbstractFollowingModel, Series, evaluated, is_start, time_steps
+from .._parameter import Output, Starts, Times
 from .._registry import register
-from .._type_variables import Output, Starts, Times
-from ..numerics._clamps import clamps
+from ..numerics._functions import clamps
 
 
 class StaircaseState(NamedTuple):

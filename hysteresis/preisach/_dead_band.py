@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 from .._errors import InputError
 from .._model import is_start
-from ..numerics._clamps import clamps
+from ..numerics._functions import clamps
 
 
 def play(

@@ -10,18 +10,33 @@ from jaxtyping import Array, Float
 
 from .._errors import InputError
 from .._model import AbstractModel, Series, Tree, one_column
-from .._parameter import NOT_NEGATIVE, Scalar, as_array, check_shapes, is_concrete, parameter
+from .._parameter import (
+    NOT_NEGATIVE,
+    Scalar,
+    Starts,
+    Times,
+    as_array,
+    check_shapes,
+    is_concrete,
+    parameter,
+)
 from .._registry import register
-from .._type_variables import Starts, Times
 from ..trees import looked_for
 from ._dead_band import play, play_step
 from ._density import AbstractDensity, GridDensity, even_place
-from ._everett import bilinear, everett_terms, materialise, read, running_sum, tabulate_once
-from ._initial import Initial, check_initial, staircase, word_or_inputs
-from ._memory import MemoryTree
-from ._occupancy import Visited, check_up, occupancy_table, running_extremes
-from ._stack import OpenLoops, hang, past_inputs
-from ._tree import grid_tree, parts_of
+from ._everett import (
+    OpenLoops,
+    bilinear,
+    everett_terms,
+    hang,
+    materialise,
+    past_inputs,
+    read,
+    running_sum,
+    tabulate_once,
+)
+from ._memory import Initial, MemoryTree, check_initial, staircase, word_or_inputs
+from ._tree import Visited, check_up, grid_tree, occupancy_table, parts_of, running_extremes
 
 # The sums over a memory tree: what the relays have done between its root and each of its anchors.
 

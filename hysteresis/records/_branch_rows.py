@@ -9,7 +9,7 @@ from jaxtyping import Float, Int
 
 from .._errors import InputError
 from .._format import quantity
-from .._note import Note
+from .._verdict import Note
 from ._abstract_record import AbstractRecord
 
 BRANCHES = {"loading": 1, "unloading": -1}

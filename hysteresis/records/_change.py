@@ -9,7 +9,7 @@ import scipy
 from jaxtyping import Bool, Float, Int
 
 from .._format import quantity
-from .._note import Note, warning
+from .._verdict import Note, warning
 from ._abstract_record import AbstractRecord
 from ._arrays import in_rows
 from ._cycles import Cycle, counted_cycles

@@ -13,10 +13,9 @@ from datetime import date
 
 import numpy as np
 
-from .._note import Note
-from ._column_quantity import kind_of
+from .._verdict import Note
 from ._table import Table
-from ._units import named_unit
+from ._units import kind_of, named_unit
 
 DAY = 86_400.0
 _STAMP = re.compile(

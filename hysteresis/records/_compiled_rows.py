@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ._cells import LONG_CELL, MISSING, MOST_TEXT, floats
+from ._arrays import LONG_CELL, MISSING, MOST_TEXT, floats
 from .importers._sheet import Layout
 
 BLOCK = 2**22

@@ -12,9 +12,9 @@ import numpy as np
 
 from .._errors import InputError
 from .._format import quantity
-from .._note import Note
+from .._verdict import Note
 from ._abstract_record import KNOWN
-from ._cells import floats
+from ._arrays import floats
 from ._read_table import read_table
 from ._record import Record
 from ._table import Table, column_of

@@ -9,7 +9,7 @@ import numpy as np
 from .._errors import InputError
 from .._escape import shell_word
 from .._format import number_of, quantity
-from .._note import Note, warning
+from .._verdict import Note, warning
 from ._abstract_record import AbstractRecord
 from ._arrays import in_rows, pieces
 from ._change import change_warnings

@@ -8,8 +8,17 @@ from typing import NamedTuple
 import numpy as np
 
 from ._abstract_record import AbstractRecord
-from ._loop_cut import AGREE, LoopRows, Pair, largest_row, loop_rows, parabola, ranges, widest
-from ._row_noise import RowNoise
+from ._loop_cut import (
+    AGREE,
+    LoopRows,
+    Pair,
+    RowNoise,
+    largest_row,
+    loop_rows,
+    parabola,
+    ranges,
+    widest,
+)
 
 FULL = 0.95
 """Of the inputs that both branches of the widest loop pass: loops that pass so much of it are compared."""

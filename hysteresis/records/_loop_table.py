@@ -12,13 +12,10 @@ import scipy
 from .._errors import InputError
 from .._format import number_of, plain, with_error
 from .._show import aligned, at_most
-from ._abstract_record import AbstractRecord
-from ._loads import kind_of_units, over, times
-from ._loop_cut import Pair, loop_rows
-from ._loop_fields import area, field_figures, field_unit, given_back
+from ._abstract_record import AbstractRecord, kind_of_units, over, times
+from ._loop_cut import Pair, loop_rows, student
+from ._loop_fields import area, field_figures, field_unit, given_back, middle_slope, slopes
 from ._loop_figures import FULL, Loops
-from ._loop_slopes import middle_slope, slopes
-from ._row_noise import student
 
 KINDS = ("mechanical", "magnetic", "ferroelectric", "plain")
 

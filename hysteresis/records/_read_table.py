@@ -12,20 +12,16 @@ from typing import NamedTuple
 import numpy as np
 
 from .._errors import InputError
-from .._note import Note
-from ._cells import check_room, floats, long_cell, parsed
+from .._verdict import Note
+from ._arrays import check_room, floats, long_cell, parsed
 from ._clock_columns import with_clocks
-from ._column_quantity import kind_of
 from ._compiled_rows import CompiledRows, OddRowsError
 from ._table import Table, TextColumns, followed, headless, with_column
-from ._units import are_units, bare_unit, named_unit, spelled
+from ._units import are_units, bare_unit, kind_of, named_unit, spelled
 from .importers._binary import binary
-from .importers._file import decode, fault, file_bytes, mapped
-from .importers._json_lines import MOST_COLUMNS, json_lines
-from .importers._labview import labview
 from .importers._notes import clock_in, noted_units, units_behind_blanks, without_settings
-from .importers._sheet import Layout, Sheet, feet_of, trimmed
-from .importers._text import arranged, splitter, without_table
+from .importers._sheet import Layout, Sheet, decode, fault, feet_of, file_bytes, mapped, trimmed
+from .importers._text import MOST_COLUMNS, arranged, json_lines, labview, splitter, without_table
 
 _RULED, _RULE = "-=+|_ ", re.compile(r"[\s|+:]*(-{3,}|={3,}|_{3,})[-=_\s|+:]*")
 """A line drawn below a header, and the characters that it begins with."""

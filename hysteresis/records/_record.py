@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike
 
 from .._drawing import html_of, plot_of
 from .._errors import InputError
-from .._note import Note
 from .._show import at_most
+from .._verdict import Note
 from ._abstract_record import AbstractRecord
 from ._arrays import fill, named_columns, numbers, same_length, tell_nothing, times
 from ._branch_rows import common_part, constant_within, resampled, selected

@@ -11,9 +11,9 @@ import numpy as np
 
 from .._errors import InputError
 from .._escape import shell_word
-from .._note import Note
+from .._verdict import Note
 from ._abstract_record import AbstractRecord
-from ._cells import LARGEST, LONG_CELL, floats, missing, parsed
+from ._arrays import LARGEST, LONG_CELL, floats, missing, parsed
 from ._compiled_rows import CompiledRows
 
 _OVERLOAD = ("OVLD", "OVER", "OVERLOAD", "OVF", "OL", "SAT", "CLIP")

@@ -8,8 +8,8 @@ from ._numbers import place_of as place_of
 from ._over_time import looks as looks
 from ._over_time import run as run
 from ._over_time import tangents as tangents
-from ._told import Told as Told
-from ._told import each as each
-from ._told import told as told
+from ._traced import Told as Told
+from ._traced import each as each
 from ._traced import estimates as estimates
 from ._traced import outputs as outputs
+from ._traced import told as told

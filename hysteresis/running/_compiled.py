@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from .._cache_folder import forget_oldest, own_folder
+from .._files import forget_oldest, own_folder
 from ._in_python import in_python
 from ._law import MATHS, kept
 from ._numbers import Structure

@@ -8,7 +8,7 @@ from jaxtyping import Int
 from hysteresis import Record
 from hysteresis.records._cycles import noise_level
 
-from ..records._run_model import same_inputs
+from ..records._new_record import same_inputs
 
 
 def dead_band(record: Record) -> float:

@@ -8,10 +8,10 @@ import numpy as np
 from jaxtyping import Float
 
 from hysteresis import Record
-from hysteresis.numerics import _input_memory as input_memory
+from hysteresis.numerics import _recurrence as input_memory
 
 from .._levels import RADII
-from ..records._latest import slow_times
+from ..records._clocks import slow_times
 from ._input_memory import OncePerInput
 
 Design = Callable[[Record], Float[np.ndarray, "samples columns"]]

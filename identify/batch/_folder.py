@@ -14,15 +14,14 @@ from pathlib import Path, PurePosixPath
 from typing import Any, NamedTuple
 
 from hysteresis import InputError
-from hysteresis._atomic_file import write_whole
+from hysteresis._files import write_whole
 from hysteresis._format import plain
 from hysteresis._precision import in_this_precision
 
 from ..files._fit_folder import OF_EARLIER, load, save, summary, to_json, write_fit
 from ..results._fit_result import FitResult
 from ..storage._checkpoint import APART
-from ..storage._file_set import write_set
-from ..storage._json import check_free, read_json, write_json
+from ..storage._file_set import check_free, read_json, write_json, write_set
 
 SCHEMA = 1
 EVERY = 1.0

@@ -14,11 +14,10 @@ from jaxtyping import Array, Float
 from hysteresis import InputError, parameters
 from hysteresis._parameter import parameter_at
 
-from ..parameters._precision import require_double
+from ..parameters._settings import require_double
 from ..parametric._levenberg_marquardt import least_squares
-from ..posterior._convergence import Progress
 from ..posterior._emcee import first_walkers, sample_ensembles
-from ..posterior._posterior import Posterior, posterior_of
+from ..posterior._posterior import Posterior, Progress, posterior_of
 from ..posterior._sample import MOST_STEPS, walkers_for
 from ..storage._checkpoint import Checkpoint
 

@@ -12,12 +12,11 @@ import scipy
 from jaxtyping import Array, Float
 
 from hysteresis import InputError, Note
-from hysteresis._note import warning
+from hysteresis._verdict import warning
 
 from .._levels import CONFIDENCE, NOTHING, STEPS
 from ..parametric._multistart import BEST
-from ..posterior._log_posterior import Target, target
-from ..posterior._mode import Maximum, likeliest_near
+from ..posterior._log_posterior import Maximum, Target, likeliest_near, target
 from ..results._fit_result import FitResult
 
 REACH = -float(np.log(NOTHING))

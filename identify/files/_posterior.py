@@ -15,8 +15,7 @@ from hysteresis._serialisation import described, rebuilt
 from hysteresis.records.importers._matlab import opened_hdf5
 
 from ..posterior._posterior import Posterior, Summary
-from ..storage._file_set import check_unedited, whole_files, write_set
-from ..storage._json import read_json
+from ..storage._file_set import check_unedited, read_json, whole_files, write_set
 
 Groups = dict[str, dict[str, tuple[tuple[str, ...], np.ndarray]]]
 

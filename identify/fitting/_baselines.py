@@ -8,8 +8,7 @@ from hysteresis import Record
 
 from .._levels import ENOUGH_ROWS
 from ..baselines._contract import AbstractBaseline
-from ..baselines._curves import MonotoneBaseline, replay
-from ..baselines._holds import of_holds
+from ..baselines._curves import MonotoneBaseline, of_holds, replay
 from ..baselines._input_memory import branches_of
 from ..baselines._linear import constant, cubic_per_branch, ridges, straight_line
 from ..records._folds import Parts, block_errors, held_out_errors, thinned

@@ -20,14 +20,13 @@ from hysteresis.records._cycles import default_dead_band, turning_points
 from .._levels import PART
 from ..linear._composition_fit import Tried, fitted, path_of
 from ..records._folds import held_out_errors
+from ..records._new_record import predict
 from ..records._orientation import orientations
-from ..records._run_model import predict
 from ..results._detail import FoldedState, folded
 from ..results._fit_result import FitResult, Parameter
 from ..results._goodness_of_fit import evidence
-from ._candidate import Candidate, Options, Trial
 from ._linear import state_of
-from ._training_data import TrainingData
+from ._training_data import Candidate, Options, TrainingData, Trial
 
 SHARE = 0.5
 """Of the ways of the input that have a valley on them."""

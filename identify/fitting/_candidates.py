@@ -9,20 +9,17 @@ from hysteresis import AbstractModel, InputError, Preisach, Record
 from hysteresis._registry import OURS, find_model, model_names, registered, similar
 from hysteresis.preisach import GridDensity
 
+from .._forc import Forc, everett_surface, forc_curves
 from .._levels import HELD
-from ..forc._curves import Forc, forc_curves
-from ..forc._everett import everett_surface
 from ..records._folds import held_out_errors
-from ..records._run_model import predict
+from ..records._new_record import predict
 from ..results._detail import ReversalCurves
 from ..results._fit_result import FitResult, Parameter
 from ..results._goodness_of_fit import evidence
 from ._butterfly import ButterflyCandidate
-from ._candidate import Candidate, Options, Trial
 from ._linear import CompositionCandidate, GridCandidate
-from ._parametric import ParametricCandidate
-from ._parametric_preisach import SHAPES
-from ._training_data import TrainingData
+from ._parametric import SHAPES, ParametricCandidate
+from ._training_data import Candidate, Options, TrainingData, Trial
 
 # A Preisach model from a record that consists of first-order reversal curves, without a solver.
 

@@ -8,30 +8,87 @@ from functools import partial
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from hysteresis import InputError, Mixture, Record
-from hysteresis._note import ProgressNote
+from hysteresis import AbstractModel, Burgers, InputError, LinearSponge, Mixture, Record
+from hysteresis._verdict import ProgressNote
 from hysteresis.numerics._compiled import forget_compiled
+from hysteresis.numerics._functions import hats_of
+from hysteresis.numerics._recurrence import slow_states
 from hysteresis.records._abstract_record import KNOWN
 from hysteresis.records._csv import with_known
 
 from ..linear._composition_fit import DRIFT_GAIN
 from ..noise._reml import kinds
-from ..records._folds import NEARLY, as_good, earned
-from ..records._from_known import by_sequence, sequence_error, with_past
-from ..records._latest import repeats
-from ..records._sequence_terms import SequenceTerms, learnt, sequence_rms
+from ..records._clocks import longest_sequence, repeats, usual_speed
+from ..records._folds import NEARLY, as_good, earned, held_out_errors
+from ..records._sequence_terms import (
+    SequenceTerms,
+    by_sequence,
+    learnt,
+    sequence_error,
+    sequence_rms,
+    with_past,
+)
 from ..results._detail import Composition, FoldedState, GridWeights
 from ..results._fit_result import FitResult
 from ..results._repeatability import with_repeatability
 from ..results._trained_condition import misfit_of
-from ._candidate import Candidate, Options, Report, Said, Trial
 from ._candidates import Asked, candidates
-from ._least_score import least_score
 from ._like import like as mixture_of
 from ._like import tells_little
 from ._oscillator import fit_oscillator, oscillator_asked
-from ._training_data import TrainingData, training_data
+from ._training_data import Candidate, Options, Report, Said, TrainingData, Trial, training_data
 from ._verdict import check_purpose, judge
+
+# The least score that any curve, or any linear viscoelastic model, can have on the rows that are held out.
+#
+#     y = a + b u + c t + d integral(u) + sum_k (e_k average_k(u) + f_k exp(-t / tau_k))
+#
+# fitted to the held-out rows of each fold themselves: every linear viscoelastic model has an output of this
+# form, with relaxation times near those of a grid. A curve is a polygon of 100 pieces.
+#
+# `auto` needs not try a model that cannot be as good as one that it has found: each takes seconds to
+# compile.
+
+PIECES = 100
+"""Of a curve."""
+
+TIMES = 12
+"""Relaxation times, from the sampling step to ten times the longest sequence."""
+
+
+def least_score(kind: type[AbstractModel] | None, data: TrainingData) -> float:
+    """In per cent of the output's range, as `FitResult.score`; 0 for a kind of which nothing is known."""
+    record = data.record
+    if kind is LinearSponge:
+        u = record.input
+        columns = hats_of(u, np.linspace(u[record.mask].min(), u[record.mask].max(), PIECES + 1))
+    elif kind is Burgers and record.time is not None:
+        columns = _linear(record)
+    else:
+        return 0.0
+    columns = record.weights[:, None] * columns / np.maximum(np.abs(columns).max(0), 1e-300)
+    y = record.weights * record.output
+
+    def missed(_: object, test: tuple[int, ...]) -> np.ndarray:
+        X, own = (x[np.isin(data.parts.label, test)] for x in (columns, y))
+        return X @ np.linalg.lstsq(X, own, rcond=None)[0] - own
+
+    blocks = held_out_errors(data.parts.folds, lambda _: None, missed)
+    rms = float(np.sqrt(blocks.mean())) if len(blocks) else 0.0
+    return 100 * rms / float(np.ptp(record.output[record.mask]))
+
+
+def _linear(record: Record) -> np.ndarray:
+    assert record.time is not None
+    t, moved, slow = np.zeros(len(record)), np.zeros(len(record)), np.empty((len(record), TIMES))
+    times = np.geomspace(usual_speed(record)[1], 10 * longest_sequence(record), TIMES)
+    for _, rows in record.sequences():
+        t[rows], u = record.time[rows] - record.time[rows.start], record.input[rows]
+        moved[rows.start + 1 : rows.stop] = np.cumsum(np.diff(t[rows]) * (u[1:] + u[:-1]) / 2)
+        slow_states(u, record.time[rows], times, slow[rows])
+    gone = np.exp(-t[:, None] / times)
+    return np.column_stack([np.ones(len(t)), record.input, t, moved, slow, gone])
+
 
 PASTS = 2
 """Times that the pasts before known rows are told anew, at most."""

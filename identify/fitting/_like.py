@@ -22,11 +22,10 @@ from ..baselines._curves import MonotoneBaseline, replay
 from ..baselines._input_memory import branches_of
 from ..baselines._linear import cubic_per_branch
 from ..records._folds import KIND, NEARLY
-from ..records._run_model import predict
+from ..records._new_record import predict
 from ..results._fit_result import FitResult, check_units
-from ._candidate import Options, Trial
 from ._parametric import ParametricCandidate
-from ._training_data import TrainingData
+from ._training_data import Options, TrainingData, Trial
 
 
 @dataclass(frozen=True)

@@ -17,15 +17,14 @@ from ..linear._composition_parts import DRIFTS
 from ..linear._conditioned_fit import fit_conditioned
 from ..linear._linear_fit import PAIRS, LinearFit, outputs_together
 from ..linear._preisach_fit import GRIDS, fit_preisach
+from ..records._clocks import latest
 from ..records._folds import earned
-from ..records._latest import latest
-from ..records._run_model import predict
+from ..records._new_record import predict
 from ..results._detail import Composition, GridWeights
 from ..results._fit_result import FitResult, Parameter
 from ..results._goodness_of_fit import evidence
 from ..results._trained_condition import trained_condition
-from ._candidate import Candidate, Options, Trial
-from ._training_data import TrainingData
+from ._training_data import Candidate, Options, TrainingData, Trial
 
 DRAWS, FEW_DRAWS = 64, 2 * PAIRS
 """Draws from which the errors of the totals are estimated; few until a fit is chosen."""

@@ -22,7 +22,7 @@ from hysteresis import (
 )
 from hysteresis._format import quantity
 from hysteresis._verdict import Verdict
-from hysteresis.numerics._normal import NORMAL_95
+from hysteresis.numerics._functions import NORMAL_95
 
 from ..dynamics._classes import CLASSES, COARSER, search
 from ..dynamics._linear_approximation import LinearApproximation, linear_approximation
@@ -31,16 +31,16 @@ from ..dynamics._output_error import (
     PLANT,
     STATE,
     Optimum,
+    RecordedMotion,
     Setting,
     covariance_of,
     levenberg_marquardt,
 )
-from ..dynamics._recorded_motion import RecordedMotion
 from ..noise._residual_statistics import Noise, estimate_noise
 from ..records._folds import QUARTERS, block_errors
+from ..results._detail import Motion, digest_of
 from ..results._fit_result import Candidate, FitResult, Parameter
 from ..results._goodness_of_fit import Baseline, Metrics, metrics
-from ..results._motion_detail import Motion, digest_of
 from ._candidates import OSCILLATOR
 from ._verdict import judge
 

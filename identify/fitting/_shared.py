@@ -20,10 +20,9 @@ from ..parametric._multistart import FEW, longer, scaled_residuals
 from ..parametric._standard_errors import covariance_of
 from ..records._folds import held_out_errors
 from ..results._fit_result import FitResult
-from ._candidate import Options, Report, Said
 from ._candidates import Asked, candidates
 from ._parametric import LeastSquares, ParametricCandidate, explained
-from ._training_data import training_data
+from ._training_data import Options, Report, Said, training_data
 from ._verdict import check_purpose, judge
 
 

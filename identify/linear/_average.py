@@ -27,17 +27,15 @@ import numpy as np
 from jaxtyping import Float
 
 from .._levels import NOTHING
+from ..records._clocks import amplitudes_differ
 from ..records._folds import NEARLY
-from ..records._latest import amplitudes_differ
 from ._composition import CompositionUnknowns, Member
 from ._composition_fit import Problem, Tried, best_prior
-from ._composition_parts import CURVE, DRIFTS, STRENGTHS
-from ._composition_prior import places_of
+from ._composition_parts import CURVE, DRIFTS, PLAYS, STOPS, STRENGTHS
 from ._cross_validation import Choice, normal_equations_of
-from ._group_strengths import Group, GroupedColumns
+from ._group_strengths import Group, GroupedColumns, places_of
 from ._group_strengths import Strengths as Search
 from ._linear_fit import LinearFit
-from ._sliders import PLAYS, STOPS
 
 SIMPLE = (CURVE, PLAYS, STOPS)
 

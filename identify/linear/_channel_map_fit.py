@@ -22,9 +22,9 @@ from hysteresis import ChannelMap, InputError, Note, Record
 from hysteresis.models._channel_map import memory_columns
 
 from .._levels import ENOUGH_ROWS, RADII
+from ..records._clocks import repeats, slow_times
 from ..records._conditions import BLOCKS, MOST_FOLDS
 from ..records._folds import Fold, earned, held_out_errors, thinned
-from ..records._latest import repeats, slow_times
 from ..records._new_record import combine
 from ._cross_validation import normal_equations_of
 from ._group_strengths import APART, Group, GroupedColumns, Strengths

@@ -33,35 +33,35 @@ from hysteresis import (
     VelocityFriction,
 )
 from hysteresis.curves import Clip
-from hysteresis.numerics._hats import hats_of
+from hysteresis.numerics._functions import hats_of
 from hysteresis.preisach import GridDensity, Initial
 
 from .._levels import AT_ONCE
-from ._composition_memory import Memory, MemoryLayout, rises
 from ._composition_parts import (
     CELLS,
+    COLUMNS,
     CURVE,
     DRIFT,
     DRIFTS,
     FRICTION,
+    LEVELS,
     MAXWELL,
+    PLACES,
     RELAYS,
     SOFTENING,
     STRENGTHS,
-    TIME_DRIFT,
-)
-from ._composition_prior import prior
-from ._nnls import nonnegative_least_squares
-from ._preisach_design_matrix import NodeSpace
-from ._sliders import (
-    COLUMNS,
-    LEVELS,
-    PLACES,
     THRESHOLDS,
+    TIME_DRIFT,
+    Memory,
+    MemoryLayout,
     columns_of,
     model_of,
     modulated,
+    rises,
 )
+from ._group_strengths import prior
+from ._nnls import nonnegative_least_squares
+from ._preisach_design_matrix import NodeSpace
 from ._unknown_vectors import in_units, split, upper_triangular
 
 SPEEDS = np.array([0.02, 0.1, 0.5, 2.0])

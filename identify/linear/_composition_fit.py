@@ -12,6 +12,14 @@ from hysteresis.preisach import Initial
 from hysteresis.records._change import change
 
 from .._levels import AT_ONCE, ENOUGH_ROWS, HELD, MANY_ROWS
+from ..records._clocks import (
+    amplitudes_differ,
+    longest_sequence,
+    moves_evenly,
+    rates_differ,
+    relaxation_times,
+    usual_speed,
+)
 from ..records._folds import (
     LEAST_GAIN,
     Fold,
@@ -22,17 +30,8 @@ from ..records._folds import (
     simplest,
     thinned,
 )
-from ..records._latest import (
-    amplitudes_differ,
-    longest_sequence,
-    moves_evenly,
-    rates_differ,
-    relaxation_times,
-    usual_speed,
-)
 from ..records._orientation import output_falls, slack
 from ._composition import SHARP, SMOOTHING, CompositionUnknowns
-from ._composition_memory import Memory, memory_blocks, memory_of
 from ._composition_parts import (
     CELLS,
     CURVE,
@@ -40,10 +39,15 @@ from ._composition_parts import (
     FRICTION,
     MAXWELL,
     PARTS,
+    PLACE_STOPS,
+    SPAN_STOPS,
+    STOPS,
     STRENGTHS,
     TIME_DRIFT,
+    Memory,
+    memory_blocks,
+    memory_of,
 )
-from ._composition_prior import RIDGE
 from ._cross_validation import STRENGTHS as PRIOR_STRENGTHS
 from ._cross_validation import (
     Choice,
@@ -55,8 +59,8 @@ from ._cross_validation import (
     normal_equations_of,
     total,
 )
+from ._group_strengths import RIDGE
 from ._linear_fit import LinearFit
-from ._sliders import PLACE_STOPS, SPAN_STOPS, STOPS
 from ._unknown_vectors import relative
 
 Samples = Float[np.ndarray, " samples"]

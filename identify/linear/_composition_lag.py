@@ -16,8 +16,7 @@ from ..records._clocks import least_at, shifted
 from ..records._folds import Parts
 from ..records._folds import parts as parts_of
 from ._composition_fit import Problem, Tried, best_prior, fitted_rows, path_of, unknowns_for
-from ._composition_memory import Memory, memory_of
-from ._composition_parts import CURVE, MAXWELL, RELAYS, STRENGTHS
+from ._composition_parts import CURVE, MAXWELL, RELAYS, STRENGTHS, Memory, memory_of
 from ._cross_validation import STRENGTHS as PRIOR_STRENGTHS
 
 MEMORIES = ((CURVE, MAXWELL, STRENGTHS), (CURVE, RELAYS))

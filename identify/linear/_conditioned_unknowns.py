@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from hysteresis import AbstractModel, Conditioned
-from hysteresis.numerics._hats import hats_of
+from hysteresis.numerics._functions import hats_of
 
 from ._composition import CompositionUnknowns
 from ._nnls import nonnegative_least_squares

@@ -9,13 +9,12 @@ import scipy.linalg
 from jaxtyping import Bool, Float
 
 from hysteresis import AbstractModel, Record
-from hysteresis.numerics._normal import NORMAL_95
+from hysteresis.numerics._functions import NORMAL_95
 
 from ..noise._residual_statistics import Noise
-from ..records._run_model import same_inputs
+from ..records._new_record import same_inputs
 from ._composition import CompositionUnknowns
-from ._composition_memory import MemoryLayout, memory_blocks
-from ._composition_parts import PARTS
+from ._composition_parts import PARTS, MemoryLayout, memory_blocks
 from ._conditioned_unknowns import ConditionedUnknowns
 from ._preisach_unknowns import NOT_SEPARABLE, GridUnknowns
 from ._unknown_vectors import in_units

@@ -22,9 +22,14 @@ from hysteresis.preisach import GridDensity
 from hysteresis.preisach._preisach import PreisachInput
 
 from .._levels import AT_ONCE
-from ..records._run_model import located
-from ._preisach_design_matrix import NodeSpace, design_block, design_blocks, design_rows
-from ._preisach_normal_equations import normal_equations
+from ..records._new_record import located
+from ._preisach_design_matrix import (
+    NodeSpace,
+    design_block,
+    design_blocks,
+    design_rows,
+    normal_equations,
+)
 
 
 class Identifiability(NamedTuple):

@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float, Int
 from hysteresis import Record, Scaled
 from hysteresis.preisach import GridDensity, Initial, Preisach
 
-from ..records._run_model import located
+from ..records._new_record import located
 from ._nnls import constrained_least_squares, nonnegative_least_squares
 from ._preisach_design_matrix import NodeSpace, design_blocks
 from ._unknown_vectors import in_units

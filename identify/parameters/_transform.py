@@ -13,8 +13,7 @@ from hysteresis import AbstractModel, Record, parameters
 from hysteresis._parameter import parameter_at
 
 from .._levels import FACTOR
-from ._priors import Prior
-from ._settings import Setting, Settings
+from ._settings import Prior, Setting, Settings
 
 Model = TypeVar("Model", bound=eqx.Module)
 Vector = TypeVar("Vector", Float[np.ndarray, " parameters"], Float[Array, " parameters"])

@@ -9,9 +9,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._levels import ENOUGH_ROWS, LITTLE, NOTHING, STEPS
-from ..noise._adequacy import BELIEVED, Left, believed, nothing_speaks_against
 from ..noise._arithmetic import Arithmetic, Rows
-from ..noise._model import NoiseModel
+from ..noise._model import BELIEVED, Left, NoiseModel, believed, nothing_speaks_against
 from ..noise._reml import Linearised, noise_fit, of_free
 from ..noise._reml import score as own_score
 from ..noise._residual_statistics import Noise, widening

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from hysteresis import AbstractModel, Record
-from hysteresis.numerics._normal import NORMAL_95
+from hysteresis.numerics._functions import NORMAL_95
 
 from .._levels import LITTLE, UNCERTAIN
 from ..parameters._settings import numbers_of

@@ -11,7 +11,7 @@ from jaxtyping import Float, Int
 from .._levels import FEW
 from ..noise._residual_statistics import autocovariance, integrated_time
 from ..storage._checkpoint import Checkpoint
-from ._convergence import Chains, Progress, rhat
+from ._posterior import Chains, Progress, rhat
 
 # How the walkers of several ensembles move, side by side: emcee's interface for moves.
 

@@ -16,21 +16,18 @@ from hysteresis import InputError, Record
 
 from .._levels import CHANCE, HELD, LITTLE, MANY_ROWS, NOTHING, SOME_ROWS
 from ..linear._composition import CompositionUnknowns
-from ..linear._composition_memory import memory_blocks, memory_of
-from ..linear._composition_parts import DRIFTS
+from ..linear._composition_parts import DRIFTS, memory_blocks, memory_of
 from ..linear._conditioned_unknowns import ConditionedUnknowns, shares_of
 from ..linear._cross_validation import jittered
 from ..linear._linear_fit import LinearFit
-from ..linear._preisach_fit import runs
-from ..linear._preisach_problem import PreisachProblem
+from ..linear._preisach_fit import PreisachProblem, runs
 from ..linear._preisach_unknowns import SUMS, GridUnknowns
 from ..linear._unknown_vectors import in_units, relative
 from ..records._folds import Parts
 from ..results._fit_result import FitResult
 from ..storage._checkpoint import Checkpoint
-from ._convergence import Progress
 from ._emcee import first_walkers, sample_ensembles
-from ._posterior import Posterior, posterior_of, summary_of
+from ._posterior import Posterior, Progress, posterior_of, summary_of
 from ._weights_evidence import (
     PRIOR_VARIANCE,
     Basis,

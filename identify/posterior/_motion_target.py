@@ -13,12 +13,11 @@ from hysteresis import AbstractModel, BoucWenForce, InputError, Oscillator
 from hysteresis._precision import in_this_precision
 
 from .._levels import FACTOR
-from ..dynamics._classes import COARSER, periods_to_steady_state
-from ..dynamics._duhem_search import duhem_family, unknowns_of_bouc_wen
+from ..dynamics._classes import COARSER, duhem_family, periods_to_steady_state, unknowns_of_bouc_wen
 from ..dynamics._measured_motion import measured_motion
 from ..dynamics._output_error import Family, Setting
 from ..noise._model import NoiseModel
-from ..parameters._priors import Prior
+from ..parameters._settings import Prior
 from ..parameters._settings import Setting as Said
 from ..parameters._transform import Transform, Vectors, transform, transform_for
 from ..results._detail import Motion

@@ -16,11 +16,10 @@ from .._levels import CHANCE, CONFIDENCE, ROUNDING, SOME_ROWS
 from ..noise._model import NoiseModel, rows_of
 from ..noise._reml import PARTS
 from ..noise._residual_statistics import estimate_noise
-from ..records._run_model import prepare
+from ..records._new_record import prepare
 from ..results._fit_result import FitResult
 from ..results._repeatability import cycles_or_sequences
-from ._log_posterior import target
-from ._mode import likeliest_near
+from ._log_posterior import likeliest_near, target
 from ._posterior import Posterior
 from ._sample import sample
 

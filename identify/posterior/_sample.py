@@ -13,7 +13,7 @@ from jaxtyping import Array, Float
 
 from hysteresis import InputError
 from hysteresis._serialisation import described
-from hysteresis.numerics._normal import NORMAL_95
+from hysteresis.numerics._functions import NORMAL_95
 
 from .._levels import FEW, SOME_ROWS, UNCERTAIN
 from ..results._detail import (
@@ -26,14 +26,12 @@ from ..results._detail import (
 )
 from ..results._fit_result import FitResult
 from ..storage._checkpoint import Checkpoint, digest
-from ..storage._json import versions
-from ._convergence import Chains, Progress
+from ..storage._file_set import versions
 from ._emcee import LogProbability, first_walkers, sample_ensembles
 from ._linear_weights import sample_weights
-from ._log_posterior import Target, target
-from ._mode import top_of
+from ._log_posterior import Target, target, top_of
 from ._motion_target import MotionTarget, motion_target
-from ._posterior import Posterior, per_row, posterior_of
+from ._posterior import Chains, Posterior, Progress, per_row, posterior_of
 
 MOST_STEPS = 20_000
 DOUBTFUL, WIDE, PILOT = 0.5, 1.0, 600

@@ -11,10 +11,9 @@ from hysteresis._drawing import html_of, plot_of
 from hysteresis._format import number_of, plain, quantity, with_error
 from hysteresis._quantities import conversion
 from hysteresis._show import aligned
-from hysteresis.records._loads import over
-from hysteresis.records._loop_cut import Pair, largest_row, step_of
+from hysteresis.records._abstract_record import over
+from hysteresis.records._loop_cut import Pair, largest_row, step_of, student
 from hysteresis.records._loop_figures import Loops
-from hysteresis.records._row_noise import student
 
 from .._levels import FEWEST, REPEATS, SEAM, WHOLE
 from ._characteristics import holds_of

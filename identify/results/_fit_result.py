@@ -25,14 +25,11 @@ from ..noise._model import NoiseModel
 from ..noise._residual_statistics import Noise
 from ..parameters._settings import Settings
 from ..records._clocks import Clocks
-from ..records._new_record import beyond, combine, new_record
-from ..records._run_model import predict
+from ..records._new_record import beyond, combine, new_record, predict
 from ..records._sequence_terms import SequenceTerms
 from ._characteristics import Characteristic, characteristics, fitted_loops
-from ._detail import Composition, Detail, Parametric
-from ._goodness_of_fit import Baseline, Metrics
-from ._likelihood import Criteria, criteria_of
-from ._motion_detail import Motion
+from ._detail import Composition, Detail, Motion, Parametric
+from ._goodness_of_fit import Baseline, Criteria, Metrics, criteria_of
 from ._parameters import Parameter as Parameter
 from ._parameters import Status as Status
 from ._parameters import correlated, named

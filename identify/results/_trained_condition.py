@@ -13,7 +13,7 @@ from hysteresis.models._extrapolation import extended
 
 from ..records._conditions import between, inner_folds, outside, trained_values
 from ..records._folds import BLOCKS_OF_FOLD
-from ..records._from_known import RELATIVE, FromKnown, Misfit, from_known
+from ..records._sequence_terms import RELATIVE, FromKnown, Misfit, from_known
 
 # What a fit predicts behind known rows.
 

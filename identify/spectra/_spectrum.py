@@ -15,8 +15,7 @@ from ..noise._arithmetic import Rows
 from ..noise._reml import Linearised
 from ..noise._residual_statistics import Noise, estimate_noise, lasting_noise
 from ._dense_spectrum import dense_spectrum, short_series
-from ._extrapolation import Allowed, allowed
-from ._fractional import Fractional, fractional_of
+from ._extrapolation import Allowed, Fractional, allowed, fractional_of
 from ._prony_series import Fitted, Input, Kind, Problem, Way
 from ._response import Response, problem_of, resolved, side_of
 

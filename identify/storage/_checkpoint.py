@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hysteresis import InputError
-from hysteresis._atomic_file import atomic_file
+from hysteresis._files import atomic_file
 from hysteresis._limits import damage_told, load_arrays, parse_json
 
 FORMAT = 2

@@ -7,7 +7,7 @@ import optimistix
 from jaxtyping import Array, Float
 
 from hysteresis import InputError
-from hysteresis.numerics._squared_exponential import Kernel
+from hysteresis.numerics._functions import Kernel
 
 from .._levels import AT_ONCE, STEPS
 

@@ -18,7 +18,7 @@ from jaxtyping import Array, Float, Int, PRNGKeyArray
 from hysteresis import InputError
 from hysteresis._parameter import is_concrete
 
-from ..parameters._precision import require_double
+from ..parameters._settings import require_double
 from ..storage._checkpoint import Checkpoint, Work, digest
 
 ROUNDS = 6

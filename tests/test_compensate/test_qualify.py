@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from compensate import AbstractCompensator, Status, estimate, invert, qualify
+from compensate._qualification import Step, latency, loop_widths
 from compensate.internal import Estimate
-from compensate.qualification._qualify import Step, latency, loop_widths
 from hysteresis import Burgers, InputError, LinearSponge, PrandtlIshlinskii, Preisach, Record
 from hysteresis.preisach import GridDensity
 from tests.problems import rms, weights
@@ -87,7 +87,7 @@ class Off(AbstractCompensator[AbstractCompensator, Estimate]):
 
 
 def test_a_perfect_compensator_removes_all(monkeypatch):
-    monkeypatch.setattr("compensate.qualification._qualify.latency", latency)
+    monkeypatch.setattr("compensate._qualification.latency", latency)
     found = qualify(invert(model()), record(), model(), max_error=1e-6, rate=1.0)
     assert found.level == "PASS"
     assert found.errors.max_abs < 1e-9

@@ -31,7 +31,7 @@ def test_a_verdict_comes_back_from_its_document(level, said, best):
 
 
 SAYING = (
-    "identify/fitting", "identify/diagnostics", "compensate/qualification", "hysid/commands",
+    "identify/fitting", "identify/diagnostics", "compensate", "hysid/commands",
 )  # fmt: skip
 """Folders whose files write the sentences of verdicts."""
 

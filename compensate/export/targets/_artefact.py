@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hysteresis import InputError
-from hysteresis._atomic_file import atomic_file, naming
 from hysteresis._escape import c_comment, c_string, markup, visible
+from hysteresis._files import atomic_file, naming
 
 from ...runtime._file import checksum
 from .._c99_header import STANDARD, header

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hysteresis import InputError
-from hysteresis._atomic_file import write_whole
+from hysteresis._files import write_whole
 from hysteresis.laws._nodes import WITHOUT, Node, function_of
 from hysteresis.laws._tree import around
 

@@ -8,26 +8,28 @@ import numpy as np
 
 from hysteresis import InputError, Record
 from hysteresis._escape import shell_word
-from hysteresis.records._column_quantity import OSCILLATION, words_of
 from hysteresis.records._excitation import CROSSED, loop_direction, turn_in_words
 from hysteresis.records._table import Table
+from hysteresis.records._units import OSCILLATION, words_of
 
 from ._column_pairs import (
     PAIRS,
+    STANDS,
     Column,
     NothingDrivenError,
     Pair,
     by_shape,
     columns_of,
+    commanded,
     correlation,
     duplicates,
     held,
+    is_sine,
     leftover,
     noise,
     pairs,
     unsteadiness,
 )
-from ._commanded import STANDS, commanded, is_sine
 from ._sequence_columns import RESPONSES
 
 MISSING = 0.05

@@ -8,14 +8,13 @@ from typing import Any
 import numpy as np
 
 from hysteresis import InputError, Record, read_table
-from hysteresis.records._column_quantity import OSCILLATION, kind_of, words_of
 from hysteresis.records._excitation import check_identifiable
 from hysteresis.records._table import Table, rows_of
-from hysteresis.records._units import written_unit
+from hysteresis.records._units import OSCILLATION, kind_of, words_of, written_unit
 
 from .._creep_fits import check_step
+from .._options import HELD_OUT, OF_READING
 from .._selection import selection_of
-from .._selection_options import HELD_OUT, OF_READING
 from ._column_pairs import (
     LEAST,
     Column,
@@ -31,8 +30,7 @@ from ._column_pairs import (
     usual_step,
 )
 from ._drive_and_response import FOLLOWS, SPECTRUM, Choice, Seen, choose
-from ._hold_out import hold_out
-from ._remedies import HEAD, reading, settle
+from ._remedies import HEAD, hold_out, reading, settle
 from ._sequence_columns import (
     RESPONSES,
     RUNS,

@@ -11,9 +11,8 @@ from hysteresis import Record
 from hysteresis._quantities import conversion
 from hysteresis.records._branch_rows import STILL
 from hysteresis.records._branch_rows import constant_within as channel_within
-from hysteresis.records._column_quantity import OSCILLATION, words, words_of
 from hysteresis.records._table import Table
-from hysteresis.records._units import UNITS
+from hysteresis.records._units import OSCILLATION, UNITS, words, words_of
 
 from .._constant_input import RATIO, turns_back
 from ._column_pairs import Column

@@ -10,11 +10,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-from ..._note import Note
-from .._cells import MISSING
+from ..._verdict import Note
+from .._arrays import MISSING
 from .._units import is_unit, written_unit
-from ._dialects import Dialect
-from ._notes import is_numbered, listed_names
+from ._notes import Dialect, is_numbered, listed_names
 from ._sheet import Piece, Sheet, decimal_of, feet_of, is_number, joined, trimmed, units_of
 
 Rows = Sequence[tuple[int, list[str]]]

@@ -1,26 +1,21 @@
 """The table of a text that is more than a header and rows: notes, units, pieces, blanks, or no names."""
 
 import csv
+import json
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
+from typing import Any
 
-from ..._note import Note
-from ._blocks import (
-    Block,
-    blocks,
-    headers,
-    mostly,
-    nameless,
-    period_of,
-    sheet_of,
-    worth_of,
-)
-from ._dialects import dialect_of, maker_of
-from ._file import fault
-from ._notes import Lines, is_numbered
-from ._sheet import Layout, Sheet, is_number, trimmed
+import numpy as np
+
+from ..._verdict import Note
+from .._arrays import floats
+from ._blocks import Block, blocks, headers, mostly, nameless, padded, period_of, sheet_of, worth_of
+from ._notes import OTHER, Lines, dialect_of, is_numbered, maker_of
+from ._sheet import Layout, Sheet, distinct, fault, is_number, trimmed
 
 _LOOK = 400
 """Lines from which the separator and the dialect are found."""
@@ -179,3 +174,169 @@ def splitter(lines: list[str]) -> tuple[str, Callable[[str], list[str]]]:
         return sum(map(all, full)), len(full), len(rows) if way[0] else 0
 
     return max([*((s, by(s)) for s in "\t;,|"), ("", blanks)], key=score)
+
+
+# JSON as loggers write it: an object for each row, line by line or in a list, or one of whole columns.
+#
+# Keys name the columns. What is nested gets the names of its keys, or its places, joined by points.
+
+_BEGINS = re.compile(r"\s*(\[\s*)?\{\s*\"")
+_BETWEEN = re.compile(r"[\s,]*")
+MOST_COLUMNS, MOST_GAPS = 10_000, 20
+"""Columns of a table, and cells for each value that is there."""
+
+
+def json_lines(path: Path, text: str) -> Sheet | None:
+    """The table of such a text, None where it is no JSON.
+
+    Raises `InputError` `damaged-file` where an object cannot be read, except for the last one, which a
+    logger may not have ended; `no-rows` where there are no rows; `too-many-columns`.
+    """
+    if not _BEGINS.match(text):
+        return None
+    rows, line, last, notes = _objects(path, text)
+    if len(rows) == 1 and (whole := _whole_columns(last)):
+        length = len(next(iter(whole.values())))
+        return Sheet(whole, np.ones(length, int), {}, _notes(len(whole), length, notes))
+    if len(rows) < 2:
+        problem = "this is JSON, and no object of it is a row."
+        raise fault("no-rows", path, problem, "write an object for each row.")
+    names: dict[str, None] = {}
+    for row in rows:
+        names |= dict.fromkeys(row)
+        few = len(names) * len(rows) > MOST_GAPS * (sum(map(len, rows)) + 1000)
+        if len(names) > MOST_COLUMNS or (row is rows[-1] and few):
+            problem = f"{len(rows):,} objects have {len(names):,} keys or more, and few of them in common."
+            mend = f"write the same keys in each object, at most {MOST_COLUMNS:,}."
+            raise fault("too-many-columns", path, problem, mend)
+    columns = {
+        unique: [row.get(name, "") for row in rows]
+        for unique, name in zip(distinct([*names]), names, strict=True)
+    }
+    return Sheet(columns, np.array(line), {}, _notes(len(columns), len(rows), notes))
+
+
+def _notes(columns: int, rows: int, notes: list[Note]) -> tuple[Note, ...]:
+    return (Note("format", f"Read as JSON of {rows} rows and {columns} keys."), *notes)
+
+
+def _objects(path: Path, text: str) -> tuple[list[dict[str, str]], list[int], Any, list[Note]]:
+    """The named values of each object and the line on which it begins, and the last object as it is."""
+    decode = json.JSONDecoder().raw_decode
+    rows, line, now, last = [], [], 1, None
+    before, at = 0, text.index("{")
+    while at < len(text) and text[at] != "]":
+        now += text.count("\n", before, at)
+        before = at
+        try:
+            last, at = decode(text, at)
+            rows.append(dict(islice(_named(last), MOST_COLUMNS + 1)))
+        except (ValueError, RecursionError):
+            if rows and "\n" not in text[at:].strip():
+                said = f"Left out the last object, on line {now}: it does not end."
+                return rows, line, None, [Note("skipped", said)]
+            problem = f"this is JSON, and the object on line {now} cannot be read."
+            raise fault("damaged-file", path, problem, "mend that line or leave it out.") from None
+        line.append(now)
+        found = _BETWEEN.match(text, at)
+        at = found.end() if found else at
+    return rows, line, last, []
+
+
+def _named(value: Any, name: str = "") -> Iterator[tuple[str, str]]:
+    """The values within an object as text, each with its name."""
+    if isinstance(value, dict | list):
+        pairs = value.items() if isinstance(value, dict) else enumerate(value)
+        for key, part in pairs:
+            yield from _named(part, f"{name}.{key}" if name else str(key))
+    else:
+        yield name, "" if value is None else str(value)
+
+
+def _whole_columns(row: Any) -> dict[str, list[str]]:
+    """The columns of an object of lists, all as long; none where it is no such object."""
+    lists = [x for x in row.values() if isinstance(x, list)] if isinstance(row, dict) else []
+    if not lists or len(lists) < len(row) or len({len(x) for x in lists}) > 1 or len(lists[0]) < 2:
+        return {}
+    return {name: ["" if v is None else str(v) for v in x] for name, x in row.items()}
+
+
+# LabVIEW measurement files (.lvm): a header of keys, then segments, each with a header of its own.
+#
+# The file's header names the separator, the decimal sign and what stands for the clock: `X_Columns` No (a
+# step `Delta_X` from `X0`), One (one column for all channels) or Multi (one for each). Segments that follow
+# one another are put under one another and told apart by a column. Format: NI, "Specification for the
+# LabVIEW Measurement File (.lvm)", tutorial 4139.
+
+MARK, CLOCK = "LabVIEW Measurement", "X_Value"
+_END = "***End_of_Header***"
+
+
+def labview(path: Path, text: str) -> Sheet | None:
+    """The table of a LabVIEW measurement file, or None where it is none.
+
+    Raises `InputError` `damaged-file` where its headers do not end, `no-rows` without a row.
+    """
+    if not text.startswith(MARK):
+        return None
+    lines = re.split(r"\r\n|\r|\n", text)
+    separator = "," if any(re.match(r"Separator,Comma\b", x) for x in lines[:20]) else "\t"
+    rows = [(k, [c.strip() for c in line.split(separator)]) for k, line in enumerate(lines, 1)]
+    rows = [(k, row) for k, row in rows if any(row)]
+    ends = [at for at, (_, row) in enumerate(rows) if row[0] == _END]
+    if not ends:
+        raise fault("damaged-file", path, f"{_END} is missing.", "export the file again.")
+    about = {row[0]: row[1:] for _, row in rows[: ends[0]]}
+    decimal = "," if about.get("Decimal_Separator", [])[:1] == [","] else "."
+    found: list[Block] = []
+    begin = ends[0]
+    for number, end in enumerate(ends[1:] or ends, 1):
+        about |= {row[0]: row[1:] for _, row in rows[begin:end]}
+        inside = range(end + 1, len(rows))
+        begin = next((at for at in inside if rows[at][1][0] in ("Channels", _END)), len(rows))
+        if block := _block(rows[end + 1 : begin], about, decimal, str(number)):
+            found.append(block)
+    dialect = OTHER._replace(name="a LabVIEW measurement file", column="segment", decimal=decimal)
+    if (sheet := sheet_of(found, dialect, decimal)) is None:
+        raise fault("no-rows", path, "headers and no rows.")
+    return sheet
+
+
+def _block(
+    rows: list[tuple[int, list[str]]], about: dict[str, list[str]], decimal: str, number: str
+) -> Block | None:
+    """One segment, None where it has no rows; `about` holds its header, or that of the file."""
+    width = max((len(row) for _, row in rows), default=0)
+    names = [CLOCK, *(f"channel {k}" for k in range(1, width))]
+    if rows and not any(map(is_number, rows[0][1])):
+        (_, names), *rows = rows
+    if not rows:
+        return None
+    clocks = [k for k, name in enumerate(names) if name == CLOCK]
+    channels = [k for k, name in enumerate(names) if name not in (CLOCK, "Comment", "")]
+    labels = [x for x in about.get("Y_Unit_Label", []) if x]
+    labels = labels if len(labels) == len(channels) else [""] * len(channels)
+    known = zip(channels, distinct([names[k] for k in channels]), labels, strict=True)
+    cells = list(zip(*(padded(row, len(names)) for _, row in rows), strict=True))
+    seconds = "s" if "Time" in about.get("X_Dimension", ["Time"]) else ""
+    found: list[tuple[str, str, tuple[str, ...]]] = []  # name, unit and cells of each column
+    if about.get("X_Columns", [])[:1] == ["No"] or not clocks or not any(cells[clocks[0]]):
+        start, step = (_first(about.get(key, []), decimal) for key in ("X0", "Delta_X"))
+        x = (start or 0.0) + (step or 1.0) * np.arange(len(rows))
+        found.append((CLOCK, seconds, tuple(f"{v:.12g}".replace(".", decimal) for v in x)))
+        clocks = []
+    elif len({cells[k] for k in clocks}) == 1:
+        found.append((CLOCK, seconds, cells[clocks[0]]))
+        clocks = []
+    for k, name, unit in known:
+        # Of several clocks each channel has the one before it.
+        found += [(f"{CLOCK} {name}", "s", cells[c]) for c in clocks if c < k][-1:]
+        found.append((name, unit, cells[k]))
+    header, units, columns = zip(*found, strict=True)
+    table = [list(row) for row in zip(*columns, strict=True)]
+    return Block(header, units, table, [k for k, _ in rows], [[number]], [])
+
+
+def _first(cells: list[str], decimal: str) -> float | None:
+    known = floats(cells, decimal) if cells else np.zeros(0)
+    return next(iter(known[~np.isnan(known)].tolist()), None)

@@ -1,4 +1,4 @@
-"""The cells of a workbook as JSON: a program of its own, which `_extras` starts by `_apart`.
+"""The cells of a workbook as JSON: a program of its own, which `_binary` starts by `_apart`.
 
 A reader makes room for all cells between the first and the last, and for a text that is stored once as
 often as it is used.

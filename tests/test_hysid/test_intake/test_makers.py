@@ -233,7 +233,7 @@ def test_of_a_large_file_an_excerpt_is_read(tmp_path, monkeypatch):
     ]
     lines[-5] = lines[-5].rsplit(",", 2)[0] + ",OVLD,0"
     file.write_text("t (s),F (N),x (mm),again (N)\n" + "\n".join(lines) + "\n")
-    monkeypatch.setattr("hysteresis.records.importers._file.LARGE", 2)
+    monkeypatch.setattr("hysteresis.records.importers._sheet.LARGE", 2)
     assert file.stat().st_size > 2**20
     told = run("init", file, "--json").json()
     assert told["rows"] == pytest.approx(long, rel=0.05)

@@ -11,7 +11,7 @@ from hysteresis import Preisach, Record, StandardLinearSolid
 from hysteresis.internal import SumDensity
 from hysteresis.preisach import GaussianDensity, GridDensity
 from identify import FitResult, fit, load, save
-from identify.fitting._parametric_preisach import INCREMENTS, SHAPES, of_grid
+from identify.fitting._parametric import INCREMENTS, SHAPES, of_grid
 
 PLACE_AND_WIDTH = ("coercivity", "coercivity_width", "bias", "bias_width")
 

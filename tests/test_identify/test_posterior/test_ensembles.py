@@ -6,8 +6,8 @@ import emcee
 import numpy as np
 import pytest
 
-from identify.posterior._convergence import has_two_modes, rhat
 from identify.posterior._emcee import autocorrelation_times, sample_ensembles
+from identify.posterior._posterior import has_two_modes, rhat
 from identify.storage._checkpoint import Checkpoint
 
 KEEPS_NOTHING = Checkpoint(None)

@@ -1,10 +1,12 @@
 """Whether a compensator can be used: its errors on a record, the loop it leaves, its time, in words."""
 
+import time
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
 
+import jax
 import numpy as np
 from jaxtyping import Bool, Float
 
@@ -12,18 +14,150 @@ from hysteresis import AbstractModel, InputError, Note, Record
 from hysteresis._format import plain, quantity
 from hysteresis._verdict import Level, Verdict
 from hysteresis.models._conditioned import with_condition
-from hysteresis.numerics._normal import NORMAL_95
-from hysteresis.records._loads import over
+from hysteresis.numerics._functions import NORMAL_95
+from hysteresis.records._abstract_record import over
+from hysteresis.records._cycles import counted_cycles
 
-from .._contract import AbstractCompensator, Status
-from .._estimate import Simulates, check_units, estimate
-from ..guards._guarded import limited
-from ..uncertainty._ensemble import UncertainEstimate
-from ..uncertainty._flat_intervals import flat_intervals
-from ._loop_widths import Loop, loop_widths
-from ._speed import Latency as Latency
-from ._speed import Step as Step
-from ._speed import latency, speed
+from ._contract import AbstractCompensator, Status
+from ._readings import Simulates, check_units, estimate, readings_of
+from .guards._guarded import limited
+from .uncertainty._ensemble import UncertainEstimate
+from .uncertainty._guaranteed import flat_intervals
+
+# How wide the loops of a record are, and how much of that a compensator leaves.
+
+LEVELS = 32
+"""Equal parts of what both branches of a cycle pass, in each of which their gap is taken."""
+
+
+class Loop(NamedTuple):
+    """How wide the loops are, in the input's unit, as means over `cycles`; NaN where there are none.
+
+    - `before`: between the inputs of both branches at one output.
+    - `after`: between the errors of both branches at one input.
+    """
+
+    before: float
+    after: float
+    cycles: int
+
+    @property
+    def ratio(self) -> float:
+        """Part of the width that is left: 0 after a perfect compensator; NaN where no loop was."""
+        return self.after / self.before if self.before > 0 else float("nan")
+
+
+def loop_widths(record: Record, estimate: Float[np.ndarray, " samples"]) -> Loop:
+    """How wide the loops are before and after a compensator, e = input - estimate:
+
+        before = mean over cycles and y of |u_rising(y) - u_falling(y)|
+        after  = mean over cycles and u of |e_rising(u) - e_falling(u)|
+
+    over `LEVELS` equal parts of the y, or u, that both branches of a cycle pass; each branch's value is
+    the mean over the part of its rows joined by straight lines. Where y turns with u both widths are the
+    loop's area over a range, so a straight line through the ends of a closed loop leaves all: a ratio of
+    1. Noise of the output widens what is left. Only counted rows of complete cycles are taken.
+    """
+    u, y, error = record.input, record.output, record.input - estimate
+    found = []
+    for cycles in counted_cycles(record, record.mask, share=0.0):
+        for _, rows, _ in cycles:
+            inside = rows.start + np.flatnonzero(record.mask[rows])
+            legs = [inside[record.branch[inside] == sign] for sign in (1, -1)]
+            if min(map(len, legs)) < 3:
+                continue
+            widths = _width(y, u, legs), _width(u, error, legs)
+            if np.isfinite(widths).all():
+                found.append(widths)
+    before, after = np.mean(found, axis=0).tolist() if found else [float("nan")] * 2
+    return Loop(before, after, len(found))
+
+
+def _width(level: np.ndarray, value: np.ndarray, legs: list[np.ndarray]) -> float:
+    """Mean distance between the values of two legs at one level; NaN where they share none."""
+    low, high = max(level[x].min() for x in legs), min(level[x].max() for x in legs)
+    if not high > low:
+        return float("nan")
+    edges = np.linspace(low, high, LEVELS + 1)
+    rising, falling = (_means(level[x], value[x], edges) for x in legs)
+    return float(np.abs(rising - falling).mean())
+
+
+def _means(level: np.ndarray, value: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """Between each two edges the mean of the values joined by straight lines; ties are averaged."""
+    at, which, count = np.unique(level, return_inverse=True, return_counts=True)
+    grid = np.union1d(at, edges)
+    joined = np.interp(grid, at, np.bincount(which, value) / count)
+    steps = np.diff(grid) * (joined[1:] + joined[:-1]) / 2
+    area = np.append(0.0, np.cumsum(steps))[np.searchsorted(grid, edges)]
+    return np.diff(area) / np.diff(edges)
+
+
+# The time of a step, here and on the target, and whether it keeps up with a rate.
+
+
+class Latency(NamedTuple):
+    """Seconds of one compiled step, called from Python on this machine; `tail` is the 99.9 % quantile."""
+
+    median: float
+    tail: float
+    steps: int
+
+
+class Step(NamedTuple):
+    """What one step takes on the target: its name, seconds in the mean and at most, NaN where they are not
+    known, and operations in the mean and at most, as they were counted on readings."""
+
+    target: str
+    mean: float = float("nan")
+    most: float = float("nan")
+    operations: float | None = None
+    most_operations: int | None = None
+
+
+def latency(
+    compensator: AbstractCompensator, record: Record, steps: int = 2000, seconds: float = 1.0
+) -> Latency:
+    """Time one compiled step after the other on a record's first rows, for so many steps or seconds."""
+    step = jax.jit(lambda state, t, y: compensator.step(state, t, y))
+    clock = np.zeros(len(record)) if record.time is None else record.time
+    readings = readings_of(compensator, record)
+    rows = np.arange(min(steps, int(np.append(record.starts[1:], len(record))[0])))
+    state = compensator.init()
+    for k in rows[[0, 0, 0]]:  # compiled twice: a first state may be weakly typed
+        state, _ = jax.block_until_ready(step(state, clock[k], readings[k]))
+    state, taken = compensator.init(), []
+    end = time.perf_counter() + seconds
+    for k in np.resize(rows, steps):
+        begin = time.perf_counter()
+        state, _ = jax.block_until_ready(step(state, clock[k], readings[k]))
+        taken.append(time.perf_counter() - begin)
+        if begin > end:
+            break
+    return Latency(float(np.median(taken)), float(np.quantile(taken, 0.999)), len(taken))
+
+
+def speed(found: dict[str, Any]) -> tuple[str, Note] | None:
+    """The level and the note of what is said of the rate that is needed."""
+    if (rate := found["rate"]) is None:
+        return None
+    step = found["step"] or Step("JAX, called from Python here,", found["latency"].median)
+    if step.operations is not None and not np.isfinite(step.mean):
+        text = (
+            f"A step in {step.target} takes {step.operations:,.0f} operations in the mean and"
+            f" {step.most_operations:,} at most on the training's readings: {rate:g} Hz needs a processor"
+            f" of {1e-6 * rate * step.most_operations:.3g} million operations a second."
+        )
+        return "PASS", Note("needs-processor", text)
+    mean, most = (f"{1e6 * x:.3g} µs" for x in (step.mean, step.most))
+    one = f"A step in {step.target} takes {mean}:"
+    if step.mean > 1 / rate:
+        return "FAIL", Note("too-slow", f"{one} too long for {rate:g} Hz.")
+    if step.most > 1 / rate:
+        text = f"Some steps in {step.target} take {most}: too long for {rate:g} Hz."
+        return "CAUTION", Note("sometimes-slow", text)
+    return "PASS", Note("fast-enough", f"{one} {rate:g} Hz can be kept up.")
+
 
 NOT_OK, LEFT, ERROR, ROUND_TRIP = 0.01, 0.5, 5.0, 1e-6
 """What makes for CAUTION: share of samples not OK, part of the loop's width left, NRMSE in per cent, and

@@ -1,1 +1,0 @@
-"""Judging a compensator on data it has not seen."""

@@ -1,1 +1,0 @@
-"""First-order reversal curves: branches, diagram, Everett surface."""
