@@ -93,8 +93,9 @@ def periodic_test(
 
 
 def _without_drift(x: Float[np.ndarray, "periods samples n"]) -> np.ndarray:
-    """Periods without the usual step of their means, a straight drift, which is a sawtooth in each."""
-    if len(x) < 2:
+    """Periods without the usual step of their means, a straight drift, which is a sawtooth in each. Of two
+    periods nothing tells it from what has not settled yet."""
+    if len(x) <= 2:
         return x
     slope = np.median(np.diff(x.mean(1), axis=0), 0) / x.shape[1]
     row = np.arange(float(x[..., 0].size)).reshape(x.shape[:2])
