@@ -54,7 +54,8 @@ def place_stops(rng: np.random.Generator) -> ModulatedStops:
 
 
 def span_stops(rng: np.random.Generator) -> ModulatedStops:
-    return _stops(rng, np.array([0.0, 1.0, HIGH - LOW]), "span")
+    """None of the levels is 0, the range of every first sample: an output has no slope by its level there."""
+    return _stops(rng, np.array([0.1, 1.0, HIGH - LOW]), "span")
 
 
 def plays(rng: np.random.Generator) -> ModulatedStops:
