@@ -339,7 +339,8 @@ def from_known(model: AbstractModel, record: Record, misfit: Misfit) -> FromKnow
         each = np.asarray(outputs(*run)).reshape(len(past.inputs), -1)[:, rows.start - rows.stop :]
         values[rows] = each[0]
         last = slice(max(rest.start - max(1, round(FEW * misfit.lasts)), rows.start), rest.start)
-        error = np.nanmean((record.output - values)[last]) if misfit.lasts else np.nan
+        missed = record.output[last] - values[last]
+        error = np.nanmean(missed) if misfit.lasts else np.nan
         if np.isfinite(error):
             values[rest] += error * np.exp(-np.arange(1, 1 + rows.stop - rest.start) / misfit.lasts)
         deviation[rows] = np.sqrt(((each[1:] - each[0]) ** 2).sum(0) / 2)
