@@ -21,22 +21,26 @@ from threadpoolctl import threadpool_limits
 from hysteresis import Feedback, InputError
 from hysteresis.dynamics._feedback import CLOSE
 
-from .._levels import HELD, LITTLE, MUCH, SOME_ROWS
+from .._levels import HELD, LITTLE
 from ._feedback_search import Spectra, gauss_newton, simulated
 from ._feedback_unknowns import SLOWEST, Unknowns
 from ._measured_motion import LEAST_ROWS
 from ._periodic_tests import excited_lines, input_sizes, periodic_test, spectra_of
 from ._vector_fitting import vector_fitted
 
-MOST_MODES = 30
+MANY, MOST_MODES = 20, 30
 WORTH = 1 - HELD
 """More modes, or a group of channels, have to bring the error of what is held out below this part of it."""
+
+NEAR = 1.3
+"""Of trials by vector fitting those are taken that err less than so many times the best: the shortest such
+delay, and all such numbers of modes, which Gauss-Newton then tells apart."""
 
 BAND = 0.02, 1.15
 """Poles that are modes: where they lie, in parts of the highest excited frequency."""
 
-LEAST_LINES = 4
-"""Lines that tell a mode's pole and residue."""
+LEAST_LINES, FEW = 4, 1000
+"""Lines that tell a mode's pole and residue, and so many of many that a step takes."""
 
 
 # Many small factorisations, as in `spectrum`.
@@ -92,7 +96,7 @@ def fit_modes(u: ArrayLike, y: ArrayLike, dt: float) -> Feedback:
 
     part = data._replace(U=data.U * seen[:, None], Y=data.Y * seen[:, None])
     found = chosen_modes(part, at, (data.U[0, at], data.Y[0, at]), error)
-    thin = max(1, data.lines.count // SOME_ROWS)
+    thin = max(1, data.lines.count // FEW)
     found = gauss_newton(found, data, Unknowns(), steps=20, thin=thin).model
     without = found.entries[:, :-1], found.direct[:, :-1]
     return in_units(replace(found, entries=without[0], direct=without[1]))
@@ -110,7 +114,7 @@ def _noise(raw: Spectra, at: np.ndarray, seen: np.ndarray) -> np.ndarray:
     were not seen."""
     data = _struck(raw)[1]
     told = data.lines.s[at], data.U[0, at], data.Y[0, at]
-    model = modal(*told, MOST_MODES, 0.0, data.Y.shape[2], max(1, len(at) // SOME_ROWS))
+    model = modal(*told, MANY, 0.0, data.Y.shape[2], max(1, len(at) // FEW))
     if not len(model.poles):
         return 0 * raw.size
     left = data.left(simulated(model, data).output)[:, ~seen]
@@ -120,12 +124,9 @@ def _noise(raw: Spectra, at: np.ndarray, seen: np.ndarray) -> np.ndarray:
 def chosen_modes(
     data: Spectra, at: np.ndarray, told: tuple[Any, Any], error: Callable[[Feedback], float]
 ) -> Feedback:
-    """Modes of one level, their number and the delay by the `error` of what is held out.
-
-    Of trials by vector fitting those are taken that do not err much more than the best: the shortest such
-    delay, and all such numbers of modes, which Gauss-Newton then tells apart. Errors below what a steady
-    state leaves tell nothing. At the lines `at` they are looked for from what is `told`, inputs and outputs
-    or ones and responses.
+    """Modes of one level, their number and the delay by the `error` of what is held out: errors below what
+    a steady state leaves tell nothing. At the lines `at` they are looked for from what is `told`, inputs
+    and outputs or ones and responses.
 
     Raises `InputError` `nothing-fits`.
     """
@@ -135,16 +136,16 @@ def chosen_modes(
         model = modal(s, *told, count, delay, data.Y.shape[2], thin)
         return (error(model), model) if len(model.poles) else (np.inf, model)
 
-    thin = max(1, len(at) // SOME_ROWS)
+    thin = max(1, len(at) // FEW)
     delays = np.arange(8) * 0.25 * data.lines.dt
-    errors = np.array([tried(MOST_MODES, d, thin)[0] for d in delays])
-    delay = delays[np.argmax(errors <= MUCH * errors.min())]
+    errors = np.array([tried(MANY, d, thin)[0] for d in delays])
+    delay = delays[np.argmax(errors <= NEAR * errors.min())]
     least, best, found = np.inf, 1.0, None  # of no model 1 is left
     seen = {0}
     for count in range(2, MOST_MODES + 1, 2):
         e, model = tried(count, delay)
         least = min(least, e)
-        if e > MUCH * least or best < CLOSE or len(model.poles) in seen:
+        if e > NEAR * least or best < CLOSE or len(model.poles) in seen:
             continue
         seen.add(len(model.poles))
         model = gauss_newton(model, data, Unknowns(), steps=10, thin=thin).model
