@@ -350,7 +350,7 @@ class LoopDifference(NamedTuple):
     """A figure in two groups: their means over specimens, the second less the first, and its error.
 
     - `p`: the probability of a difference this large if there was none (Welch), corrected for the number of
-      figures (Holm). `needed`: specimens a group that would show this difference in 80 of 100 cases at the
+      figures (Holm). `needed`: specimens a group that would show this difference in 90 of 100 cases at the
       same level without correction; None without a difference. `reason`: why nothing is told.
     """
 
