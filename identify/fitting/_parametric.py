@@ -274,7 +274,7 @@ def least_squares(
 ) -> LeastSquares:
     """Fit the free parameters of `template`, numbers and short arrays, by least squares.
 
-    The search for a start runs on about a thousand rows, side by side, from the free vectors in `first` and
+    The search for a start runs on about 2,000 rows, side by side, from the free vectors in `first` and
     from `starts` others about the first of them. The best are refined on every row. The fit leaves out a
     conditioning cycle where that takes away a part of the held-out error, see `earned`.
 
@@ -392,7 +392,7 @@ def _search(
     starts: int,
     options: Options,
 ) -> tuple[Starts, tuple[Optimum, ...]]:
-    """Every start and its objective on about a thousand rows, and the different optima; wider starts where
+    """Every start and its objective on about 2,000 rows, and the different optima; wider starts where
     none was finite."""
     record = data.record
     rows, thin_starts = thinned_rows(record, SOME_ROWS)
