@@ -54,7 +54,7 @@ def place_stops(rng: np.random.Generator) -> ModulatedStops:
 
 
 def span_stops(rng: np.random.Generator) -> ModulatedStops:
-    """None of the levels is 0, the range of every first sample: an output has no slope by its level there."""
+    """No level is 0, the range of every first sample, where no output has a slope by it."""
     return _stops(rng, np.array([0.1, 1.0, HIGH - LOW]), "span")
 
 
