@@ -296,7 +296,7 @@ class Sessions:
     """Tokens, each of which opens one session, and the sessions that are open.
 
     - A token is in an address, and is good once. Where a used one comes again, `said` gets another, so that
-      whoever sees the terminal can go on.
+      those who see the terminal can go on.
     - The secret of a session is kept by the page, which sends it as a header. No cookie is set: a browser
       sends those of 127.0.0.1 to every port of it, and another user's server may listen there.
     - A link to a file cannot have a header. Its address holds a key that is good for this file alone,

@@ -9,6 +9,7 @@ from scipy.optimize import isotonic_regression
 
 from hysteresis import Record
 
+from .._levels import WHOLE
 from ._input_memory import OncePerInput
 
 BINS = 64
@@ -90,7 +91,7 @@ class ReplayBaseline:
     ) -> Branches:
         if self.cycle is not None:
             counts = np.bincount(self.cycle[rows])
-            whole = counts >= 0.9 * np.bincount(self.cycle)[: len(counts)]
+            whole = counts >= WHOLE * np.bincount(self.cycle)[: len(counts)]
             numbers = np.flatnonzero(whole & (counts > 0))
             if (numbers := numbers[numbers > 0]).size:
                 rows = rows[self.cycle[rows] == numbers[-1]]

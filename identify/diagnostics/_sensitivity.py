@@ -288,7 +288,7 @@ def _described(
 ) -> Direction:
     start = np.asarray(aim.start)
     away = (free - start)[:count]
-    # Whoever changes by a tenth takes part, however far the leading one goes.
+    # All that change by a tenth take part, however far the leading one goes.
     least = min(0.2 * float(np.abs(away).max()), 0.1)
     part = [int(i) for i in np.argsort(-np.abs(away)) if abs(away[i]) > least]
     before, after = aim.values(start), aim.values(free)
