@@ -16,6 +16,7 @@ from .._levels import CHANCE, CONFIDENCE, ROUNDING, SOME_ROWS
 from ..noise._model import NoiseModel, rows_of
 from ..noise._reml import PARTS
 from ..noise._residual_statistics import estimate_noise
+from ..records._folds import BLOCKS_OF_FOLD
 from ..records._new_record import prepare
 from ..results._fit_result import FitResult
 from ..results._repeatability import cycles_or_sequences
@@ -62,6 +63,11 @@ def predictive(
     quantile of the equal mixture of all draws' distributions, so it is smooth and the same every time.
     With Student's t the mixture is of t's, as if correlated residuals had the innovations' tails.
 
+    Of rows that were not fitted a model errs by more than its noise: there the variance is that of the
+    held-out parts of the fit at least. What is missing of it is added to the noise's, and the tails are
+    those of Student's t: a part, which rises and falls, counts as two facts on it, on noise any number
+    (Welch and Satterthwaite).
+
     Neighbouring rows are no independent facts: as many count as `Noise` says of the residuals, and with
     so many the coverage that would be no surprise is told, 95 % of a binomial's.
 
@@ -95,6 +101,13 @@ def predictive(
         of_rows = of_rows._replace(weight=fit.train.typical_sigma / record.sigma)
     y, scale = (np.asarray(a) for a in _evaluate(models, noise, prepared, of_rows, rows))
     tail = None if noise.tail is None else np.asarray(noise.tail)
+    own = float(np.mean(y.var(0) + scale**2))
+    blocks = () if fit.blocks is None or not held_out else fit.blocks
+    if len(blocks) and (found := float(np.mean(blocks))) > own:
+        scale = np.sqrt(scale**2 + found - own)
+        facts = 2 * len(blocks) / BLOCKS_OF_FOLD
+        heavier = np.full(len(y), (1 - own / found) ** 2 / facts)
+        tail = heavier if tail is None else np.maximum(tail, heavier)
     ends = [0.5, *((1 + sign * level) / 2 for sign in (-1, 1) for level in LEVELS)]
     middle, *bands = (_quantile(q, y, scale, tail) for q in ends)
     low, high = np.split(np.array(bands), 2)

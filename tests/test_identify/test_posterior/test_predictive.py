@@ -49,6 +49,18 @@ def test_bands_widen_with_noise_that_grows_and_lie_inside_each_other() -> None:
     assert np.corrcoef(width, found.middle)[0, 1] > 0.9
 
 
+def test_rows_that_were_not_fitted_err_as_held_out_parts_do() -> None:
+    fit = line(*pressed(1.5, 2.0, 0))
+    off = replace(fit, blocks=np.full(10, 3.0**2))
+    found = predictive(off)
+    # Ten blocks of one part count as two facts. Of the 3 noise and the line's error are known: 1 to 2 %.
+    half = (found.high[1] - found.low[1]) / 2
+    np.testing.assert_allclose(half, scipy.stats.t.ppf(0.95, 2) * 3.0, rtol=0.02)
+    for name in ("low", "high"):
+        own, same = (getattr(predictive(one, fit.train), name) for one in (off, fit))
+        np.testing.assert_array_equal(own, same)
+
+
 def test_coverage_is_said_with_what_it_is_worth() -> None:
     fit = line(*pressed(1.5, 2.0, 0))
     found = predictive(fit)
