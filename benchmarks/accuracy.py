@@ -27,6 +27,7 @@ import numpy as np
 
 import identify
 from hysid.commands._asked import Fit
+from hysid.intake._folders import folders_of
 from hysid.intake._selection import Selection
 from hysteresis import InputError, Record
 
@@ -57,6 +58,10 @@ class Task(NamedTuple):
     span: float | None = None
     part: str = "test"
 
+
+BAND = identify.LEVELS.index(0.9)
+LEAST_HELD, MOST_HELD = 80.0, 97.0
+"""Per cent of held-out rows that 90 % bands may hold."""
 
 CREEP = "creep and relaxation"
 """What `--only` has to be part of for those rows."""
@@ -220,10 +225,19 @@ def data_folder() -> Path:
 
 
 class Fitted(NamedTuple):
-    """What came of a task: its row, and the verdicts of its fits, several where each value has its own."""
+    """What came of a task: its row, the verdicts of its fits, several where each value has its own, and
+    what share of their held-out rows 90 % bands hold, the mean over fits."""
 
     row: Row
     verdicts: tuple[Judged, ...] = ()
+    held: float | None = None
+
+
+def _held(task: Task, document: dict[str, Any], folder: Path) -> float | None:
+    if task.part != "test":
+        return None
+    fits = (identify.load(folder / one) for one in folders_of(folder, document).values())
+    return 100 * float(np.mean([identify.predictive(fit).coverage[BAND] for fit in fits]))
 
 
 def _verdicts(task: Task, document: dict[str, Any]) -> tuple[Judged, ...]:
@@ -282,7 +296,8 @@ def fitted(task: Task, folder: Path) -> Fitted:
         except InputError as error:
             refused = judged(f"{task.what} ({error.code})", float("nan"), task.bar)
             return Fitted(refused)
-    seconds = time.process_time() - begin
+        seconds = time.process_time() - begin
+        held = _held(task, document, Path(out) / "fit")
     test = document["metrics"][task.part]
     value = test["nrmse_percent"] if task.span is None else 100 * test["rmse"] / task.span
     line, quintic, black_box = task.references
@@ -293,8 +308,18 @@ def fitted(task: Task, folder: Path) -> Fitted:
     if (rival := network.frozen().get(task.what)) is not None:
         beside += f", network of {rival['parameters']} parameters {rival['error']:.3g}"
     beside += f"; {document['verdict']['level']}; {seconds:.0f} s of processor time"
+    if held is not None:
+        beside += f"; 90 % bands hold {held:.0f} %"
     row = judged(f"{task.what} ({beside})", value, task.bar)
-    return Fitted(row, _verdicts(task, document))
+    return Fitted(row, _verdicts(task, document), held)
+
+
+def bands(held: Sequence[float]) -> list[Row]:
+    """Of the sets the part whose 90 % bands hold about so much of the held-out rows."""
+    inside = [LEAST_HELD <= one <= MOST_HELD for one in held]
+    ends = f"{LEAST_HELD:g} to {MOST_HELD:g} %"
+    what = f"sets whose 90 % bands hold {ends} of held-out rows, % of {len(held)}"
+    return [judged(what, 100 * float(np.mean(inside)), 75.0, at_least=True)] if held else []
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -314,10 +339,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
         report(found, chosen.json)
         return
     verdicts: list[Judged] = []
+    held: list[float] = []
     for task in tasks:
         one = fitted(task, data_folder())
         found.append(said(one.row))
         verdicts += one.verdicts
+        held += [] if one.held is None else [one.held]
+    found += map(said, bands(held))
     if (chosen.only or "") in CREEP:
         found += map(said, creep.rows(data_folder()))
     if (chosen.only or "") in specimens.LIKE:
