@@ -25,7 +25,7 @@ import scipy.linalg
 import scipy.optimize
 from jaxtyping import Float
 
-from .._levels import FACTOR, ROUNDING
+from .._levels import FACTOR, ROUNDING, SURE
 from ..linear._cross_validation import STRENGTHS as PRIOR_STRENGTHS
 
 # Sums over rows from which the normal equations under AR(1) noise follow for any correlation.
@@ -98,13 +98,13 @@ STRENGTHS = np.log(USUAL) + DECADES * np.linspace(-2, 2, 100)
 """Logarithms of the strengths that the readings are asked about: two deviations of the prior either way."""
 
 ENDS = (-2.0, 4.0)
-"""Of atanh phi."""
+"""Of atanh phi, at most."""
 
 NEAR, STEP = 10.0, 0.5
 """Correlations are close together within so many deviations of the likeliest, and so far apart there."""
 
 COARSE = 10
-"""Correlations between the `ENDS`."""
+"""Correlations between the ends."""
 
 Points = Float[np.ndarray, "points 3"]
 
@@ -136,16 +136,26 @@ class WeightsEvidence:
     """log p(y | log sigma, 2 atanh phi, log strength) plus the log prior, of many points at once.
 
     - `sums`: of the rows (A U, y), U the known directions. Outputs are in units of their range.
-    - `place`, `root`: the mean, and a root of the covariance.
+    - `ends`: of atanh phi. `place`, `root`: the mean, and a root of the covariance.
+
+    Noise is no more correlated than what the `fitted` weights of U leave, beyond its standard error and
+    what they took from it: else a misfit, smooth but for small steps, would be one of differences alone.
     """
 
     names = ("sigma", "phi", "prior.strength")
 
-    def __init__(self, sums: NeighbourSums) -> None:
+    def __init__(self, sums: NeighbourSums, fitted: Float[np.ndarray, " known"]) -> None:
         self.sums = sums
+        left = np.append(-fitted, 1.0)
+        alike = 0.5 * (left @ sums.next @ left) / max(left @ sums.same @ left, 1e-300)
+        most = np.arctanh(min(float(alike), np.tanh(ENDS[1])))
+        most += SURE / np.sqrt(sums.rows) + len(fitted) / sums.rows
+        self.ends = ENDS[0], float(np.clip(most, 0.0, ENDS[1]))
         top, width = self._top()
         near = top + width * np.arange(-NEAR, NEAR + STEP / 2, STEP)
-        nodes = np.concatenate([np.linspace(*ENDS, COARSE), near[np.abs(near - 1) < 3]])
+        nodes = np.concatenate(
+            [np.linspace(*self.ends, COARSE), near[(near > self.ends[0]) & (near < self.ends[1])]]
+        )
         self.nodes: Float[np.ndarray, " nodes"] = np.unique(nodes)
         each = [self._at(float(v)) for v in self.nodes]
         self._values, self._squares, self._yy, self._log_det = (
@@ -156,7 +166,7 @@ class WeightsEvidence:
         self.place, self.root = self._moments(width)
 
     def __call__(self, points: Points) -> Float[np.ndarray, " points"]:
-        """Of every point; -inf beyond the `ENDS`."""
+        """Of every point; -inf beyond the `ends`."""
         log_sigma, z, log_strength = points.T
         v = z / 2
         first = np.clip(np.searchsorted(self.nodes, v) - 2, 0, len(self.nodes) - 4)
@@ -171,7 +181,7 @@ class WeightsEvidence:
         with np.errstate(all="ignore"):
             likelihood = 2 * (self.sums.rows - 1) * log_sigma + flat + left * np.exp(-2 * log_sigma)
             value = -0.5 * likelihood + _log_prior(points)
-        inside = (v > ENDS[0]) & (v < ENDS[1]) & np.isfinite(value)
+        inside = (v > self.ends[0]) & (v < self.ends[1]) & np.isfinite(value)
         return np.where(inside, value, -np.inf)
 
     @staticmethod
@@ -216,7 +226,10 @@ class WeightsEvidence:
             return float(self._over_strengths(v)[0].min())
 
         found: Any = scipy.optimize.minimize_scalar(
-            loss, bounds=(ENDS[0] + 0.1, ENDS[1] - 0.1), method="bounded", options={"xatol": 1e-3}
+            loss,
+            bounds=(self.ends[0] + 0.1, self.ends[1] - 0.01),
+            method="bounded",
+            options={"xatol": 1e-3},
         )
         top, h = float(found.x), 0.05
         curvature = (loss(top + h) + loss(top - h) - 2 * loss(top)) / h**2
