@@ -19,10 +19,10 @@ from ._extrapolation import Allowed, Fractional, allowed, fractional_of
 from ._prony_series import Fitted, Input, Kind, Problem, Way
 from ._response import Response, problem_of, resolved, side_of
 
-MOST = 8
+MOST = 10
 """Time constants of a short series, at most, where no number is asked for."""
-SUPPORT = 6.0
-"""What a further time constant has to gain: strong evidence, after Kass and Raftery, JASA 90 (1995)."""
+SUPPORT = 10.0
+"""What a further time constant must gain: very strong evidence, after Kass and Raftery, JASA 90 (1995)."""
 TOGETHER = 2.0
 """Storage and loss contradict each other where together they leave so many times what each alone does, and
 more than `SEAM` of the reading."""
