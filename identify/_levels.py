@@ -55,6 +55,9 @@ WORTH = 0.2
 WHOLE = 0.9
 """Of the rows or the range of the largest one of its kind: what has so much of them is a whole one."""
 
+COARSE = 20
+"""Cells of a coarse even grid on an input's range; fine ones have two or four times as many."""
+
 RADII = np.geomspace(0.01, 0.5, 10)
 """Of stop operators beside other columns, in parts of an input's range."""
 

@@ -34,10 +34,10 @@ SHARE = 0.5
 LONG = 0.5
 """Ways shorter than this part of the longest one may lie on one side of the valley."""
 
-FOLD = 0.3
+FOLD = 0.5
 """State up to which rows next to the fold count as little as there."""
 
-DEGREE = 4
+DEGREE = 2
 """Of the polynomial that folds the state again: nearly even, with sides that may differ."""
 
 

@@ -13,8 +13,8 @@ from hysteresis.preisach import GaussianDensity, GridDensity, LorentzianDensity
 from hysteresis.preisach._density import AbstractDensity, SumDensity
 from hysteresis.records._excitation import check_rows
 
-from .._levels import LITTLE, ROUNDING, SOME_ROWS, STEPS
-from ..linear._preisach_fit import COARSE, fit_preisach
+from .._levels import COARSE, LITTLE, ROUNDING, SOME_ROWS, STEPS
+from ..linear._preisach_fit import fit_preisach
 from ..noise._arithmetic import Rows
 from ..noise._model import BELIEVED, NoiseModel, nothing_speaks_against, rows_of
 from ..noise._reml import Linearised, kinds

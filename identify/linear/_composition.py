@@ -64,7 +64,7 @@ from ._nnls import nonnegative_least_squares
 from ._preisach_design_matrix import NodeSpace
 from ._unknown_vectors import in_units, split, upper_triangular
 
-SPEEDS = np.array([0.02, 0.1, 0.5, 2.0])
+SPEEDS = 10.0 ** np.arange(-2, 1)
 """Of Coulomb friction, in parts of the speed that a quarter of the samples exceed."""
 
 DECAYS = 4.0 ** np.arange(-2, 2)

@@ -12,6 +12,7 @@ from hysteresis.numerics._functions import hats_of
 from hysteresis.numerics._recurrence import clamped, relaxed, running
 from hysteresis.preisach import GridDensity, Initial
 
+from .._levels import COARSE, HELD_AT_ONCE
 from ..records._new_record import starts_of
 from ._preisach_design_matrix import design_block
 from ._unknown_vectors import Values, split
@@ -21,9 +22,6 @@ from ._unknown_vectors import Values, split
 # All but the present input depends on the past, so it is computed over all rows in blocks, with the state
 # of every memory carried from one to the next; what is wanted may be a few of the rows. Orientation,
 # floor and choice of parts make columns of it, and do not change it.
-
-ROWS = 1 << 13
-"""Rows of a block."""
 
 Samples = Float[np.ndarray, " rows"]
 
@@ -105,14 +103,15 @@ def memory_blocks(
     """At some rows of a record, block by block, and which rows they are."""
     grid = _grid(layout)
     prepared = None
+    most = HELD_AT_ONCE // (1 + len(layout.times) * layout.cells + len(layout.thresholds))
     if layout.relays:
         u = record.input
-        v = np.concatenate([_mapped(layout, u[k : k + ROWS]) for k in range(0, len(u), ROWS)])
+        v = np.concatenate([_mapped(layout, u[k : k + most]) for k in range(0, len(u), most)])
         prepared = grid.located(np.clip(v, 0.0, 1.0), starts=starts_of(record))
     state = _State.nothing(layout)
     last = int(rows[-1]) + 1 if len(rows) else 0
-    for begin in range(0, last, ROWS):
-        here = slice(begin, min(begin + ROWS, last))
+    for begin in range(0, last, most):
+        here = slice(begin, min(begin + most, last))
         inside = (record.starts >= begin) & (record.starts < here.stop)
         t = None if record.time is None else record.time[here]
         v = _mapped(layout, record.input[here])
@@ -308,7 +307,7 @@ DRIFTS = (DRIFT, TIME_DRIFT)
 PARTS = (
     CURVE, MAXWELL, STRENGTHS, SOFTENING, RELAYS, PLAYS, STOPS, PLACE_STOPS, SPAN_STOPS, FRICTION, *DRIFTS
 )  # fmt: skip
-CELLS = {CURVE: 40, MAXWELL: 12, STRENGTHS: 18, SOFTENING: 12, RELAYS: 24}
+CELLS = {CURVE: 2 * COARSE, MAXWELL: 12, STRENGTHS: 18, SOFTENING: 12, RELAYS: 24}
 """Cells of each part's even grid on the input's range."""
 
 IN_A_ROW = {

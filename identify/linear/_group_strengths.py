@@ -29,7 +29,7 @@ import scipy.linalg
 from jaxtyping import Float, Int
 from scipy.optimize import minimize
 
-from .._levels import ROUNDING, STEPS
+from .._levels import LITTLE, ROUNDING, STEPS
 from ..records._folds import Fold
 from ._composition_parts import (
     CELLS,
@@ -54,9 +54,6 @@ from ._cross_validation import NormalEquations, total
 
 NEIGHBOURS = 0.05
 """Share of a group's prior that each weight has for itself."""
-
-FLAT = 1e-4
-"""Of a column's standard deviation over the largest: below it says nothing."""
 
 APART = 100.0
 """Between groups of neighbours, in units of `Group.places`: they have nothing in common."""
@@ -92,7 +89,7 @@ class GroupedColumns:
         self, X: Float[np.ndarray, "rows columns"], groups: Sequence[Group], even: bool = True
     ) -> None:
         self.mean, size = X.mean(0), X.std(0)
-        self.told = size > FLAT * size.max(initial=0.0)
+        self.told = size > LITTLE * size.max(initial=0.0)
         self.size = np.where(self.told & even, size, 1.0)
         Z = (X - self.mean) / self.size
         turned, of, brought = [], [], []
@@ -212,7 +209,7 @@ FIRMNESS = {
 }  # fmt: skip
 """How much stronger the prior holds a part than the curve."""
 
-BAND_FIRMNESS = 30.0
+BAND_FIRMNESS = 10.0
 """How much stronger the prior holds a band alone than a stop. It lets branches yield and stiffen again."""
 
 RIDGE = 1e-7

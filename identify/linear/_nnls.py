@@ -24,8 +24,8 @@ def nonnegative_least_squares(
     return np.apply_along_axis(SignedMinimum(H, free).of, -1, b, start)
 
 
-SHARE = 0.2
-"""Part of a factor's variables by which another set may differ: both ways then cost the same."""
+SHARE = 0.5
+"""Part of a factor's variables by which another set may differ: up to there no dearer than a new one."""
 
 
 class SignedMinimum:

@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float
 from hysteresis import Record
 from hysteresis.preisach import Initial
 
-from .._levels import WORTH
+from .._levels import COARSE, WORTH
 from ..noise._model import noise_behind, spread_over_rows
 from ..records._folds import Parts, best_of, block_errors, earned, simplest
 from ..records._new_record import located
@@ -35,9 +35,6 @@ from ._unknown_vectors import relative
 # is minimised under x >= 0 but for the offset, and C x >= 0 for a leading model. W weighs the rows. D_w
 # are the differences of the weights between neighbouring cells of n x n, mainly along the diagonal, D_r
 # those of the increments; the powers of n make lambda mean the same on every grid.
-
-COARSE = 20
-"""Cells of the grid on which the prior's strength is counted, and the first one tried."""
 
 ACROSS = 0.3
 """Of the differences between cells whose thresholds are not equally far apart, beside those between cells

@@ -13,7 +13,7 @@ from hysteresis.records._arrays import pieces
 from hysteresis.records._change import ALIKE, FEWEST
 from hysteresis.records._cycles import counted_cycles, default_dead_band, turning_points
 
-from .._levels import MUCH, REPEATS, WHOLE
+from .._levels import MUCH, PART, REPEATS, WHOLE
 from ._folds import Fold, Parts
 
 
@@ -128,11 +128,6 @@ def least_at(objective: Callable[[float], float], begin: float, step: float) -> 
 # How fast and how far the input of a record moves, and whether its differences are its speeds.
 
 
-EVEN = 0.05
-"""Of a usual step of the input: where nine in ten steps differ from the one before by less, their noise
-makes two per cent of a speed."""
-
-
 def rates_differ(record: Record) -> bool:
     """Whether the ranges over the durations of its whole cycles differ; of sequences without one, theirs.
 
@@ -187,7 +182,7 @@ def moves_evenly(record: Record, usual: float) -> bool:
     """Whether the input's differences are its speeds, with no noise or rounding to speak of."""
     turns = [np.diff(record.input[rows], 2) for _, rows in record.sequences()]
     bends = np.abs(np.concatenate(turns))
-    return bool(len(bends)) and bool(np.quantile(bends, 0.9) < EVEN * usual)
+    return bool(len(bends)) and bool(np.quantile(bends, 0.9) < PART * usual)
 
 
 SOME_OF = 2 * REPEATS

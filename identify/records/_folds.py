@@ -12,6 +12,8 @@ from hysteresis import Record
 from hysteresis.records._change import FEWEST
 from hysteresis.records._cycles import counted_cycles, default_dead_band, turning_points
 
+from .._levels import PART
+
 
 class Fold(NamedTuple):
     """Which parts a trial fit sees and which it is judged on."""
@@ -304,7 +306,7 @@ LEAST_GAIN = 0.05
 """Share of the squared held-out error that a further part of a model, or fewer rows, must take away."""
 
 
-NEARLY = 1.1
+NEARLY = 1 + PART
 """A simpler model may have so many times the held-out error of the best one."""
 
 
