@@ -269,7 +269,8 @@ def _legs(u: np.ndarray) -> np.ndarray:
                 np.sum((gap <= CLOSED * size) + 0.5 * (passes & (gap > CLOSED * size)))
             )
             if legs > 2:
-                score *= float(np.ptp(v[begin : begin + legs + 1]) >= (1 - CLOSED) * np.ptp(v))
+                turns = v[begin + legs * np.arange(len(cut))[:, None] + np.arange(legs + 1)]
+                score *= float(np.abs(turns - turns[0]).max() <= CLOSED * np.ptp(v))
             if score > most:
                 best, most = cut, score
         if most > 0.5 * max(len(points) - 1, 1):

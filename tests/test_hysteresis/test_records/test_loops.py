@@ -208,6 +208,10 @@ def test_a_period_of_many_turns_is_one_loop():
     assert len(full) >= 3
     # int c v^2 dt over a period
     assert table["energy lost"].value[full] == pytest.approx(0.2 * np.pi * (1 + 1.8**2), rel=1e-3)
+    # Cycles that shrink and grow again do not repeat each other: each is a loop.
+    a = angles(10)
+    x = np.sin(a) * np.interp(a, [0, a[-1] / 2, a[-1]], [1, 0.5, 1])
+    assert len(record_of(x, x + 0.1 * np.cos(a)).loops().full) == 10
 
 
 def test_rows_that_do_not_count_empty_their_loops():
