@@ -70,7 +70,8 @@ def loop_direction(record: AbstractRecord) -> float:
         1.0
     """
     loops = loops_of(record)
-    return loops.net / loops.total if loops.total and loops.width > WIDER * _noise(record) else 0.0
+    least = WIDER * noise_over_input(record, record.mask)
+    return loops.net / loops.total if loops.total and loops.width > least else 0.0
 
 
 @once
@@ -237,10 +238,19 @@ def loops_of(record: AbstractRecord) -> LoopSums:
     return loop_sums(record, record.output, record.mask)
 
 
-def _noise(record: AbstractRecord) -> float:
-    counted = record.mask & np.isfinite(record.output)
-    parts = [in_rows(counted[s], record.output[s])[0] for _, s in record.sequences()]
-    return float(np.median([noise_level(y) for y in parts if len(y)] or [0.0]))
+def noise_over_input(record: AbstractRecord, used: np.ndarray) -> float:
+    """Standard deviation from row to row of the output at an input that is read with noise as well:
+
+    `hypot(noise_level(y), noise_level(u) range(y) / range(u))`, the median of all sequences
+    """
+    used = used & np.isfinite(record.output)
+    each = [in_rows(used[s], record.input[s], record.output[s]) for _, s in record.sequences()]
+    found = [
+        float(np.hypot(noise_level(y), noise_level(u) * np.ptp(y) / (np.ptp(u) or np.inf)))
+        for u, y in each
+        if len(y)
+    ]
+    return float(np.median(found or [0.0]))
 
 
 def _runs(record: AbstractRecord, rows: np.ndarray) -> list[np.ndarray]:

@@ -11,8 +11,8 @@ from jaxtyping import Bool, Float
 from hysteresis import AbstractModel, Note, Record
 from hysteresis._verdict import warning
 from hysteresis.models._viscoelastic import AbstractViscoelastic
-from hysteresis.records._cycles import loop_sums, noise_level
-from hysteresis.records._excitation import WIDER
+from hysteresis.records._cycles import loop_sums
+from hysteresis.records._excitation import WIDER, noise_over_input
 
 from .._levels import CHANCE, HELD, LITTLE, MUCH, SEAM
 from ..noise._residual_statistics import estimate_noise
@@ -170,8 +170,8 @@ class LoopsLeft(NamedTuple):
     """Mean distance between rising and falling branches of the fitted rows, in the output's unit.
 
     - `width`: of the measured loops. `left`: of the residuals over the same input. NaN without a loop.
-    - `noise`: standard deviation of the reading from row to row; two branches with nothing but noise are
-      1.1 times that apart. `span`: range of the output.
+    - `noise`: standard deviation of the reading at an input from row to row; two branches with nothing but
+      noise are 1.1 times that apart. `span`: range of the output.
     """
 
     width: float
@@ -193,11 +193,10 @@ class LoopsLeft(NamedTuple):
 def loops_left(fit: FitResult) -> LoopsLeft:
     """Loops in the measured output and in the residuals, over the rows that were fitted."""
     record, used, y = fit.train, fit.used, fit.train.output
-    noise = [noise_level(y[x][used[x]]) for _, x in record.sequences() if used[x].any()]
     return LoopsLeft(
         loop_sums(record, y, used).width,
         loop_sums(record, fit.residuals, used).width,
-        float(np.median(noise)) if noise else 0.0,
+        noise_over_input(record, used),
         float(np.ptp(y[used])) if used.any() else 0.0,
     )
 

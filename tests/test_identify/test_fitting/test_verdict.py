@@ -10,6 +10,7 @@ import pytest
 
 from hysteresis import LinearSponge, Record
 from identify import FitResult, fit, fit_step
+from identify.diagnostics._residual_breakdown import loops_left
 from identify.fitting._verdict import judge
 from identify.internal import Verdict, estimate_noise, members_and_questions, root_difference
 from identify.noise._model import NoiseModel
@@ -104,6 +105,12 @@ def test_loops_in_the_residuals_are_measured(loops: FitResult, line: FitResult):
     assert percent == pytest.approx(100 * left / width, abs=1.1)  # both are told by three digits
     assert percent > 80
     assert "loops-left" not in line.verdict.codes
+    # An input that is read with noise opens a line as far as the noise goes.
+    clean = record((10.0, 10.0, 10.0, 10.0), 0.0)
+    noisy = replace(clean, input=clean.input + np.random.default_rng(1).normal(0, 0.3, len(clean)))
+    noisy = fit(noisy, test_cycles=1, **QUICK)
+    assert loops_left(noisy).width > 3 * 0.02
+    assert "loops-left" not in noisy.verdict.codes
 
 
 def test_a_line_through_a_line_passes(line: FitResult):
