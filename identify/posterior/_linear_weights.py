@@ -207,7 +207,8 @@ def sample_weights(
     """
     begin = time.perf_counter()
     design = weights_design(linear, fit.train, fit.used)
-    evidence = WeightsEvidence(design.sums, linear.unknowns @ design.basis.dual)
+    left = neighbour_sums([fit.residuals[fit.used, None]], runs(fit.train.starts, fit.used))
+    evidence = WeightsEvidence(design.sums, left)
     place, root = evidence.place, evidence.root
     first = first_walkers(evidence, place, root, ensembles, walkers, seed)
     chains = sample_ensembles(evidence, first, place, root, seed, steps, most, kept, tell)

@@ -138,19 +138,19 @@ class WeightsEvidence:
     - `sums`: of the rows (A U, y), U the known directions. Outputs are in units of their range.
     - `ends`: of atanh phi. `place`, `root`: the mean, and a root of the covariance.
 
-    Noise is no more correlated than what the `fitted` weights of U leave, beyond its standard error and
-    what they took from it: else a misfit, smooth but for small steps, would be one of differences alone.
+    Noise is no more correlated than what the fit leaves, whose sums are `left`, beyond its standard error
+    and what the weights took from it: else a misfit, smooth but for small steps, would be one of
+    differences alone.
     """
 
     names = ("sigma", "phi", "prior.strength")
 
-    def __init__(self, sums: NeighbourSums, fitted: Float[np.ndarray, " known"]) -> None:
+    def __init__(self, sums: NeighbourSums, left: NeighbourSums) -> None:
         self.sums = sums
-        left = np.append(-fitted, 1.0)
-        alike = 0.5 * (left @ sums.next @ left) / max(left @ sums.same @ left, 1e-300)
-        most = np.arctanh(min(float(alike), np.tanh(ENDS[1])))
-        most += SURE / np.sqrt(sums.rows) + len(fitted) / sums.rows
-        self.ends = ENDS[0], float(np.clip(most, 0.0, ENDS[1]))
+        (product,), (square,) = left.next / 2, np.maximum(left.same, 1e-300)
+        most = np.arctanh(np.clip(product[0] / square[0], 0.0, np.tanh(ENDS[1])))
+        most += SURE / np.sqrt(sums.rows) + (len(sums.same) - 1) / sums.rows
+        self.ends = ENDS[0], min(float(most), ENDS[1])
         top, width = self._top()
         near = top + width * np.arange(-NEAR, NEAR + STEP / 2, STEP)
         nodes = np.concatenate(
@@ -249,7 +249,10 @@ class WeightsEvidence:
             *(np.array([2 * STEP * width, np.diff(STRENGTHS)[0]]) ** 2 / 12),
         ]
         covariance = np.cov(points.T, aweights=weight, ddof=0) + np.diag(inside)
-        return np.average(points, 0, weight), np.linalg.cholesky(covariance)
+        place, root = np.average(points, 0, weight), np.linalg.cholesky(covariance)
+        apart = min(float(np.sqrt(covariance[1, 1])), self.ends[1] - self.ends[0])
+        place[1] = np.clip(place[1], 2 * self.ends[0] + apart, 2 * self.ends[1] - apart)
+        return place, root
 
 
 def _lagrange(nodes: Float[np.ndarray, "points 4"], x: np.ndarray) -> np.ndarray:
