@@ -198,7 +198,7 @@ def sample_weights(
     """Draw noise, its correlation and the prior's strength by emcee, and given each the unknowns.
 
     The unknowns are integrated out of the likelihood, see `WeightsEvidence`. Given the others they are
-    Gaussian, about those of the fit: what a model misses is no AR(1) noise, under which the centre may be
+    Gaussian, about those of the fit: what a model misses is not AR(1) noise, under which the centre may be
     ten times as far from the data. Each draw is projected in its own metric onto the models that can be,
     with no negative weight and no falling branch, and with the sums of the draw that the data determine.
 
@@ -207,7 +207,8 @@ def sample_weights(
     """
     begin = time.perf_counter()
     design = weights_design(linear, fit.train, fit.used)
-    left = neighbour_sums([fit.residuals[fit.used, None]], runs(fit.train.starts, fit.used))
+    left = fit.residuals * fit.train.weights  # as the sums of the rows have them
+    left = neighbour_sums([left[fit.used, None]], runs(fit.train.starts, fit.used))
     evidence = WeightsEvidence(design.sums, left)
     place, root = evidence.place, evidence.root
     first = first_walkers(evidence, place, root, ensembles, walkers, seed)
@@ -288,20 +289,13 @@ class _Given:
     def drawn(
         self, point: Float[np.ndarray, " 3"], random: np.random.Generator
     ) -> Float[np.ndarray, " unknowns"]:
-        """One draw, projected."""
+        """One draw: the unknowns of a model that are nearest to it by its precision."""
         noise = random.normal(size=len(self.U)) * np.exp(point[0]) / np.sqrt(self.design.sums.rows)
         factor, strength = self._normal(point)
         away = noise / np.sqrt(strength)
         away[: self.known] = scipy.linalg.solve_triangular(factor.T, noise[: self.known])
-        return self._projected(
-            self._under(point) + self._held, self.linear.unknowns + self.U @ away
-        )
-
-    def _projected(
-        self, H: Float[np.ndarray, "unknowns unknowns"], x: Float[np.ndarray, " unknowns"]
-    ) -> Float[np.ndarray, " unknowns"]:
-        """The unknowns of a model that are nearest to x by the precision H."""
-        H = jittered(H.copy())  # a drawn prior may be next to none
+        H = jittered(self._under(point) + self._held)  # a drawn prior may be next to none
+        x = self.linear.unknowns + self.U @ away
         return self.linear.meaning.minimum(H, H @ x, x > 0)
 
     def _under(self, point: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "unknowns unknowns"]:
@@ -313,11 +307,6 @@ class _Given:
         self, point: Float[np.ndarray, " 3"]
     ) -> tuple[Float[np.ndarray, "known known"], float]:
         """Of the known directions: the Cholesky factor of U'A'V^-1 A U / N + strength, and the strength."""
-        sums = self.design.sums
-        whole, strength = (
-            sums.under(float(np.tanh(point[1] / 2))) / sums.rows,
-            float(np.exp(point[2])),
-        )
-        return scipy.linalg.cholesky(
-            whole[:-1, :-1] + strength * np.eye(self.known), lower=True
-        ), strength
+        H = self.design.sums.under(float(np.tanh(point[1] / 2)))[:-1, :-1] / self.design.sums.rows
+        strength = float(np.exp(point[2]))
+        return scipy.linalg.cholesky(H + strength * np.eye(self.known), lower=True), strength

@@ -147,8 +147,8 @@ class WeightsEvidence:
 
     def __init__(self, sums: NeighbourSums, left: NeighbourSums) -> None:
         self.sums = sums
-        (product,), (square,) = left.next / 2, np.maximum(left.same, 1e-300)
-        most = np.arctanh(np.clip(product[0] / square[0], 0.0, np.tanh(ENDS[1])))
+        alike = left.next.item() / 2 / max(left.same.item(), 1e-300)
+        most = np.arctanh(np.clip(alike, 0.0, np.tanh(ENDS[1])))
         most += SURE / np.sqrt(sums.rows) + (len(sums.same) - 1) / sums.rows
         self.ends = ENDS[0], min(float(most), ENDS[1])
         top, width = self._top()
