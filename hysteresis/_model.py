@@ -8,6 +8,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from ._errors import InputError
@@ -90,8 +91,12 @@ class AbstractModel(eqx.Module, Generic[State, Prepared]):
     def simulate(
         self, t: Times, u: Series, state: State | None = None, *, starts: Starts = (0,)
     ) -> Float[Array, " samples"]:
-        """`evaluate(prepare(t, u, state, starts=starts))`, compiled."""
+        """`evaluate(prepare(t, u, state, starts=starts))`, compiled.
+
+        Raises `InputError` as `prepare` does, and `not-finite` where an input is NaN or infinite.
+        """
         same_samples(t, u)
+        complete(u)
         if not len(u):
             return jnp.zeros(0)
         if (simulated := getattr(self, "simulated", None)) is not None:
@@ -182,6 +187,7 @@ class AbstractModel(eqx.Module, Generic[State, Prepared]):
     def stream(self, t: Times, u: Series, state: State | None = None) -> tuple[State, Output]:
         """`step` over all samples: (state after the last one, outputs). Slower than `simulate`, but for
         models that run their laws."""
+        complete(u)
         if (follow := getattr(self, "follow", None)) is not None:
             return follow(t, u, state)
         u = jnp.asarray(u)
@@ -237,6 +243,15 @@ def same_samples(t: Any, values: Any) -> None:
     if t is not None and np.shape(t) != np.shape(values)[:1]:
         said = f"There are times of shape {np.shape(t)} for samples of shape {np.shape(values)}."
         raise InputError("length-mismatch", said, fix="give one time for every sample.")
+
+
+def complete(u: Any) -> None:
+    """Raise `InputError` `not-finite` where an input is NaN or infinite."""
+    if isinstance(u, Tracer) or not (bad := ~np.isfinite(np.asarray(u))).any():
+        return
+    said = f"{bad.sum()} inputs are NaN or infinite, the first at sample {np.argwhere(bad)[0, 0]}."
+    fix = "fill them, or cut the record there: what follows depends on every input before it."
+    raise InputError("not-finite", said, fix=fix)
 
 
 def needed_time(name: str, time: Any, place: str = "") -> Any:

@@ -184,3 +184,6 @@ def test_time_is_needed_where_the_rate_matters_and_nowhere_else(problem: Problem
     for columns in (u[:, None], np.stack([u, u], 1)):
         with pytest.raises(InputError, match="wrong-shape"):
             model.simulate(t, columns)
+    for run in (model.simulate, model.stream):
+        with pytest.raises(InputError, match="not-finite"):
+            run(t, np.where(u == u[-1], np.nan, u))
