@@ -13,7 +13,7 @@ from .._verdict import Note, warning
 from ._abstract_record import AbstractRecord
 from ._arrays import in_rows
 from ._cycles import Cycle, counted_cycles
-from ._zero import zero_drift
+from ._zero import comparable, zero_drift
 
 ENOUGH = 10_000
 """Cycles that are compared: their rate is known as well as the record tells it."""
@@ -69,7 +69,7 @@ def change(record: AbstractRecord) -> Change | None:
     differences from the median cycle tells the rate, their median how far the zero has moved: a curve that
     changes its shape leaves the median where it is.
     """
-    counted = record.mask & np.isfinite(record.output)
+    counted = comparable(record)
     each = (_levels(record, counted, cycles) for cycles in counted_cycles(record, counted))
     found = [one for one in each if one is not None]
     if not found:

@@ -15,7 +15,7 @@ from ._arrays import in_rows, pieces
 from ._change import change_warnings
 from ._cycles import LoopSums, default_dead_band, loop_sums, noise_level, turning_points
 from ._units import UNITS
-from ._zero import lost_contact, zero_jumps
+from ._zero import comparable, lost_contact, zero_jumps
 
 _Found = TypeVar("_Found")
 
@@ -198,10 +198,10 @@ def _created_energy(record: AbstractRecord) -> list[Note]:
     to_force = kinds == [["displacement"], ["force"]]
     if not to_force and kinds != [["force"], ["displacement"]]:
         return []
-    loops = loops_of(record)
-    u, y = in_rows(np.isfinite(record.output), record.input, record.output)
-    if not (np.ptp(u) and np.ptp(y)):
+    u, y = in_rows(comparable(record), record.input, record.output)
+    if not (len(u) and np.ptp(u) and np.ptp(y)):
         return []
+    loops = loops_of(record)
     # Force over displacement takes energy clockwise.
     taken = (-loops.net if to_force else loops.net) / max(loops.count, 1)
     # Where loops are thin or crossed a small lag between the channels turns them.

@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float, Int, Int8
 
 from ._abstract_record import AbstractRecord
 from ._arrays import in_pieces, in_rows, pieces
+from ._branch_rows import STILL
 from ._cycles import branches, default_dead_band, noise_level, turning_points
 
 LEAST = 0.02
@@ -127,7 +128,7 @@ def zero_jumps(record: AbstractRecord, lost: Sequence[LostContact] = ()) -> list
         size = np.abs(beyond)
         (steps,) = np.nonzero(size > np.maximum(least, usual[kind]))
         for one in steps[np.argsort(-size[steps], kind="stable")][: max(MOST)].tolist():
-            if _recurs(part.u, at, beyond, one):
+            if _recurs(part, at, beyond, one):
                 continue
             k = int(at[one])
             if (jump := _jump(part, k, int(kind[one]), pace)) is not None:
@@ -149,7 +150,7 @@ def _parts(
     record: AbstractRecord, kept: Bool[np.ndarray, " rows"] | None = None
 ) -> Iterator[_Part]:
     """Each sequence; of the rows in which `kept` holds."""
-    counts = record.mask & np.isfinite(record.output)
+    counts = comparable(record)
     counts = counts if kept is None else counts & kept
     for _, rows in record.sequences():
         used = counts[rows]
@@ -158,15 +159,32 @@ def _parts(
         yield _Part(row, *in_rows(used, record.input[rows], record.output[rows]))
 
 
-def _recurs(u: Rows, at: Steps, beyond: Far, one: int) -> bool:
-    """Whether another step half as high stands out on the same branch, at the same input to a tenth."""
-    step = int(at[one])
-    like = at[beyond * np.sign(beyond[one]) > 0.5 * abs(beyond[one])]
+def comparable(record: AbstractRecord) -> Bool[np.ndarray, " rows"]:
+    """Rows that count, of sequences in which no condition moves: elsewhere equal inputs tell nothing."""
+    counts = record.mask & np.isfinite(record.output)
+    for c in (record.columns[name] for name in record.conditions):
+        for _, rows in record.sequences():
+            counts[rows] &= np.ptp(c[rows]) <= STILL * np.ptp(c)
+    return counts
+
+
+def _recurs(part: _Part, at: Steps, beyond: Far, one: int) -> bool:
+    """Whether another step half as high stands out on the same branch, at the same input to a tenth; or
+    goes as far beyond the slope here at the very same input, where a specimen may snap in every row."""
+    u, y, step, size = part.u, part.y, int(at[one]), float(beyond[one])
+    like = at[beyond * np.sign(size) > 0.5 * abs(size)]
     like = like[np.abs(like - step) > BESIDE]
     like = like[np.abs(u[like] - u[step]) < 0.1 * np.ptp(u)]
     ends = [np.clip([k - BESIDE, k + 1 + BESIDE], 0, len(u) - 1) for k in (step, *like)]
     own, *others = np.sign(np.diff(u[np.array(ends)], axis=1)[:, 0])
-    return bool(own in others)
+    if own in others:
+        return True
+    moves = np.diff(u)
+    same = np.flatnonzero(np.abs(u[:-1] - u[step]) <= BESIDE * abs(moves[step]))
+    pace = moves[same] / moves[step] if moves[step] else np.zeros(len(same))
+    same, pace = (x[(pace > 0) & (pace < 2) & (np.abs(same - step) > BESIDE)] for x in (same, pace))
+    more = y[same + 1] - y[same] - pace * (y[step + 1] - y[step] - size)
+    return bool((more * np.sign(size) > 0.5 * abs(size)).any())
 
 
 def _jump(part: _Part, step: int, kind: int, pace: float) -> float | None:

@@ -201,9 +201,9 @@ def loop(u: np.ndarray, seed: int) -> np.ndarray:
     return y + 0.003 * np.random.default_rng(seed).normal(size=len(u))
 
 
-def said(u: np.ndarray, y: np.ndarray) -> dict[str, Any]:
+def said(u: np.ndarray, y: np.ndarray, **more: Any) -> dict[str, Any]:
     """What is said of the zero, by its code; lines are rows, from 0."""
-    record = Record.from_arrays(u, y, 0.1 * np.arange(len(u)), line=np.arange(len(u)))
+    record = Record.from_arrays(u, y, 0.1 * np.arange(len(u)), line=np.arange(len(u)), **more)
     return {note.code: note.values for note in check_identifiable(record) if note.code in ZEROS}
 
 
@@ -232,6 +232,8 @@ def test_a_drift_is_sized_among_loops_of_any_size(seed: int, share: float, sign:
     assert found.keys() == {"zero-moves"}
     # Where cycles are compared, the first and the last of their size may lie well inside of the record.
     assert 0.5 < found["zero-moves"]["moved"] / size < 1.2
+    pressure = np.linspace(1, 2, len(u))  # which may be what moved it
+    assert not said(u, y, columns={"p": pressure}, conditions={"p": "bar"})
 
 
 @given(SEEDS, st.floats(0.1, 0.5))
