@@ -33,7 +33,7 @@ from hysteresis import InputError, Record
 
 from . import _measured_data as data
 from . import _other_rigs
-from ._accuracy import creep, known, lags, motions, network, specimens
+from ._accuracy import creep, known, lags, motions, network, specimens, two_inputs
 from ._accuracy.verdicts import Judged, calibration, is_beaten
 from ._measure import Row, judged, noted, options, report, said
 
@@ -354,8 +354,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         found += map(said, lags.rows())
     if (chosen.only or "") in known.KNOWN:
         found += map(said, known.rows(data_folder()))
-    if (chosen.only or "") in _other_rigs.VIRTUAL:
-        for row, verdict in _other_rigs.rows():
+    for what, rigs in ((_other_rigs.VIRTUAL, _other_rigs.rows), (two_inputs.TWO, two_inputs.rows)):
+        for row, verdict in rigs() if (chosen.only or "") in what else ():
             found.append(said(row))
             verdicts.append(verdict)
     found += map(said, calibration(verdicts))

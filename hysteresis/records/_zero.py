@@ -182,8 +182,8 @@ def _recurs(part: _Part, at: Steps, beyond: Far, one: int) -> bool:
     moves = np.diff(u)
     same = np.flatnonzero(np.abs(u[:-1] - u[step]) <= BESIDE * abs(moves[step]))
     pace = moves[same] / moves[step] if moves[step] else np.zeros(len(same))
-    same, pace = (x[(pace > 0) & (pace < 2) & (np.abs(same - step) > BESIDE)] for x in (same, pace))
-    more = y[same + 1] - y[same] - pace * (y[step + 1] - y[step] - size)
+    kept = (pace > 0) & (pace < 2) & (np.abs(same - step) > BESIDE)
+    more = (y[same + 1] - y[same] - pace * (y[step + 1] - y[step] - size))[kept]
     return bool((more * np.sign(size) > 0.5 * abs(size)).any())
 
 

@@ -249,6 +249,7 @@ def fit(
         test,
         keep_conditioning=conditioning == "keep",
         keep_clocks=clocks == "keep",
+        may_modulate=model == "auto" and purpose == "predict",
         say=say,
     )
     data = replace(data, sequences=sequences)
@@ -372,8 +373,11 @@ def _tried(
 
 def _ranked(tried: list[Trial], mixed: bool) -> list[Trial]:
     """The one to take, which is the simplest one as good as the best, then the others, best first; with
-    `mixed` the mixture of earlier specimens. Weights of either sign need more, see `DRIFT_GAIN`."""
+    `mixed` the mixture of earlier specimens. Weights of either sign need more, see `DRIFT_GAIN`. Behind a
+    map of channels, whose many weights have either sign, no model is simple or rises: the best is taken."""
     ranked = sorted(tried, key=lambda one: one.fit.score)
+    if ranked[0].fit.channels is not None:
+        return ranked
     rising = [
         one for one in ranked if not isinstance(one.fit.detail, Composition) or one.fit.detail.rises
     ]

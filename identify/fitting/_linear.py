@@ -29,6 +29,8 @@ from ._training_data import Candidate, Options, TrainingData, Trial
 DRAWS, FEW_DRAWS = 64, 2 * PAIRS
 """Draws from which the errors of the totals are estimated; few until a fit is chosen."""
 
+SIGNED = "Its output need not rise with the input; --purpose compensate takes a model that does."
+
 
 class GridCandidate(Candidate):
     """A Preisach model whose density is a weight for each cell of a grid; a template fixes its shape."""
@@ -81,15 +83,19 @@ class CompositionCandidate(Candidate):
                     path = tuple(one for one in path if one.held_out > mean.held_out)
                 path = (*path, mean)
         else:
-            path = fit_conditioned(data.record, data.parts, data.condition, data.leadings, state)
+            path = fit_conditioned(
+                data.record, data.parts, data.condition, data.leadings, state,
+                options.is_auto and options.either_sign,
+            )  # fmt: skip
         outputs_together(path, data.record)
         results = []
         for linear in path:
-            notes = [
-                f"Prior strength {linear.strength:g}, chosen with the parts on {data.parts.how}."
-            ]
+            chosen = "" if linear.meaning.shares else f" {linear.strength:g}, chosen with the parts"
+            notes = [f"Prior strength{chosen or 's of the parts, chosen'} on {data.parts.how}."]
             if getattr(linear.meaning, "members", ()):
                 notes = [_average_in_words(linear.meaning)]
+            if linear.meaning.shares:
+                notes.append(SIGNED)
             if data.clocks.lag:
                 notes.append(_lag_in_words(data))
             notes += _condition_in_words(linear, data)
@@ -195,10 +201,7 @@ def _condition_in_words(linear: LinearFit, data: TrainingData) -> list[str]:
 
 def _average_in_words(mean: CompositionUnknowns) -> str:
     members = " and ".join(f"{one.name} (weight {one.weight:.2f})" for one in mean.members)
-    said = f"The average of {members}, by their held-out errors."
-    if mean.shares:
-        said += " Its output need not rise with the input; --purpose compensate takes a model that does."
-    return said
+    return f"The average of {members}, by their held-out errors."
 
 
 def _lag_in_words(data: TrainingData) -> str:

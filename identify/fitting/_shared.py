@@ -78,7 +78,9 @@ def fit_shared(
     weights = _weights_of(records)
     options = Options("auto", starts, seed, "gaussian", parameters or {}, True, say)
     data = [
-        training_data(record, test, keep_conditioning=True, keep_clocks=True, say=say)
+        training_data(
+            record, test, keep_conditioning=True, keep_clocks=True, may_modulate=False, say=say
+        )
         for record, test in zip(records, tests or [None] * len(records), strict=True)
     ]
     joint = _Joint([asked.searched(one, options) for one in data], share, weights)

@@ -13,10 +13,11 @@ from hysteresis.records._excitation import check_identifiable
 
 from ..diagnostics._residual_breakdown import extrapolation
 from ..linear._channel_map_fit import fit_channel_map
+from ..linear._conditioned_fit import by_condition
 from ..records._clocks import Clocks, is_held, rates_differ
 from ..records._conditions import condition_parts, name_of_condition
 from ..records._folds import Parts, block_errors, parts
-from ..records._new_record import combine
+from ..records._new_record import as_condition, combine
 from ..records._orientation import initial_states, orientations, output_falls, thinned
 from ..records._sequence_terms import SequenceTerms
 from ..results._fit_result import FitResult
@@ -107,19 +108,26 @@ def training_data(
     *,
     keep_conditioning: bool,
     keep_clocks: bool,
+    may_modulate: bool,
     say: Callable[[str], None],
 ) -> TrainingData:
     """Prepare a record, each step once and in the order in which the models see its effects.
 
     `keep_conditioning` keeps first cycles that differ from the later ones; `keep_clocks` keeps the input as
-    it is.
+    it is; `may_modulate`: one of two channels may become a condition of the other.
 
     Raises `InputError` where the record cannot identify anything.
     """
     channels = None
     if record.channels:
-        channels, record = fit_channel_map(thinned(record), keep_conditioning=keep_conditioning)
-        test = None if test is None else combine(thinned(test), channels)
+        given = thinned(record)
+        channels, record, missed = fit_channel_map(given, keep_conditioning=keep_conditioning)
+        two = may_modulate and len(given.channels) == 2
+        if two and (other := by_condition(given, missed)) is not None:
+            channels, record = None, other
+        if test is not None:
+            test = as_condition(thinned(test), record.input_name, record.conditions)
+            test = combine(test, channels)
         say(record.history[-1])
     warnings = tuple(check_identifiable(record))
     condition = name_of_condition(record)

@@ -19,7 +19,6 @@ Source: Bates and Granger, The combination of forecasts, Operational Research Qu
 """
 
 import copy
-import itertools
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -33,7 +32,7 @@ from ._composition import CompositionUnknowns, Member
 from ._composition_fit import Problem, Tried, best_prior
 from ._composition_parts import CURVE, DRIFTS, PLAYS, STOPS, STRENGTHS
 from ._cross_validation import Choice, normal_equations_of
-from ._group_strengths import Group, GroupedColumns, places_of
+from ._group_strengths import APART, Group, GroupedColumns, places_of
 from ._group_strengths import Strengths as Search
 from ._linear_fit import LinearFit
 
@@ -97,7 +96,7 @@ def _of_either_sign(best: Tried) -> _Mean:
     """All parts with weights of either sign, whose strengths predict held-out rows best."""
     either = copy.copy(best.problem)
     parts = tuple(p for p in either.whole.parts if p in best.parts or p not in BESIDE)
-    either.whole = either.whole._replace(shares=_shares(either))
+    either.whole = either.whole._replace(shares=shares(either))
     either.inside = np.ones(either.whole.count, bool)
     # The search takes sums over rows, a problem means.
     return _alone(either, parts, 1 / int(either.taut.sum()))
@@ -119,23 +118,28 @@ def _fitted(problem: Problem, mean: _Mean, base: Tried) -> LinearFit[Composition
     return replace(found, meaning=meaning, unknowns=unknowns, b=found.H @ unknowns)
 
 
-def _shares(problem: Problem) -> tuple[float, ...]:
-    """Of a line and of each part, those that predict held-out rows best."""
+def shares(problem: Problem) -> tuple[float, ...]:
+    """How large weights are expected of a line and of each part: as predicts held-out rows best."""
     signed = [part for part in problem.whole.parts if part not in BESIDE]
     each = [problem.A[:, problem.whole.where((part,))[1:]] for part in signed]
-    line = each[signed.index(CURVE)].sum(1)
-    ends = np.cumsum([1, *(X.shape[1] for X in each)])
-    groups = [Group(np.zeros(1, int), np.zeros((1, 1)), is_expected=True)]
-    groups += [
-        Group(np.arange(begin, end), places_of(part, end - begin))
-        for part, (begin, end) in zip(signed, itertools.pairwise(ends.tolist()), strict=True)
-    ]
-    columns = GroupedColumns(np.column_stack([line, *each]), groups, even=False)
+    line = each[signed.index(CURVE)].sum(1, keepdims=True)
+    hats = problem.hats
+    knots = np.arange(hats.shape[1])
+    ones = [np.ones_like(line)] if len(knots) > 1 else []  # an offset at each knot
+    columns, groups, end = [], [], 0
+    for part, X in [*((None, X) for X in (*ones, line)), *zip(signed, each, strict=True)]:
+        columns.append((hats[:, :, None] * X[:, None]).reshape(len(X), -1))
+        places = np.zeros((1, 1)) if part is None else places_of(part, X.shape[1])
+        apart = APART * np.repeat(knots, len(places))
+        places = np.column_stack([np.tile(places, (len(knots), 1)), apart])
+        begin, end = end, end + len(places)
+        groups.append(Group(np.arange(begin, end), places, is_expected=part is None))
+    grouped = GroupedColumns(np.hstack(columns), groups, even=False)
     of_part = {p: (problem.label == p) & problem.taut for p in problem.parts.all}
     size = float(problem.y[problem.taut].std()) or 1.0
     normal = normal_equations_of(
-        *problem.weighed(columns.whitened, problem.y / size, problem.rows), of_part
+        *problem.weighed(grouped.whitened, problem.y / size, problem.rows), of_part
     )
-    found = np.exp(Search(columns, normal, problem.parts.folds).logs) / columns.brought
-    shares = dict(zip(("", *signed), found.tolist(), strict=True))
-    return tuple(max(shares.get(part, 0.0), NOTHING) for part in ("", *problem.whole.parts))
+    found = np.exp(Search(grouped, normal, problem.parts.folds).logs) / grouped.brought
+    of = dict(zip(("", *signed), found[len(ones) :].tolist(), strict=True))
+    return tuple(max(of.get(part, 0.0), NOTHING) for part in ("", *problem.whole.parts))

@@ -24,7 +24,7 @@ from hysteresis.models._channel_map import memory_columns
 from .._levels import ENOUGH_ROWS, RADII
 from ..records._clocks import repeats, slow_times
 from ..records._conditions import BLOCKS, MOST_FOLDS
-from ..records._folds import Fold, earned, held_out_errors, thinned
+from ..records._folds import BLOCKS_OF_FOLD, Fold, earned, held_out_errors, thinned
 from ..records._new_record import combine
 from ._cross_validation import normal_equations_of
 from ._group_strengths import APART, Group, GroupedColumns, Strengths
@@ -36,10 +36,13 @@ SETTLING = 3
 """First cycles left out, at most."""
 
 
-def fit_channel_map(record: Record, keep_conditioning: bool = False) -> tuple[ChannelMap, Record]:
-    """The map of a record's channels, and the record with the combined input to fit a model to.
+def fit_channel_map(
+    record: Record, keep_conditioning: bool = False
+) -> tuple[ChannelMap, Record, Float[np.ndarray, " blocks"]]:
+    """The map of a record's channels, the record with the combined input to fit a model to, and the map's
+    squared errors on the rows that `condition_parts` would hold out.
 
-    Its history says what was done. `keep_conditioning` leaves no cycle out of the map.
+    The record's history says what was done. `keep_conditioning` leaves no cycle out of the map.
 
     Raises `InputError` where no channel changes, nor the output, or there are fewer rows than channels.
     """
@@ -106,11 +109,9 @@ def fit_channel_map(record: Record, keep_conditioning: bool = False) -> tuple[Ch
         " off. Each has the values of a map without it."
     )
     said.append(Note("combined", text))
-    return fitted, replace(
-        combined,
-        input=u,
-        history=(*record.history, *said),
-    )
+    combined = replace(combined, input=u, history=(*record.history, *said))
+    outer = 0 if several else BLOCKS_OF_FOLD
+    return fitted, combined, best.blocks[outer : BLOCKS_OF_FOLD * len(cut.each) - outer]
 
 
 class _Problem:

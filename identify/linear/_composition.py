@@ -152,7 +152,8 @@ class CompositionUnknowns(NamedTuple):
     def name(self) -> str:
         """What a composition of these parts is called."""
         if self.shares:
-            return f"average with {len(self.parts)} parts of either sign"
+            average = "average with " if self.members else ""
+            return f"{average}{len(self.parts)} parts of either sign"
         kind = "average: " if self.members else ""
         return kind + " + ".join(self.lasting) + (" of a mapped input" if self.first else "")
 

@@ -221,6 +221,11 @@ class Problem:
         self.inside = np.ones(whole.count, bool)
         self.sums: dict[tuple[int, ...], NormalEquations] = {}
 
+    @property
+    def hats(self) -> Float[np.ndarray, "rows knots"]:
+        """Of the knots of a condition, at each row; 1 without one."""
+        return np.ones((len(self.rows), 1))
+
     def _reached(self, which: tuple[int, ...], whole: CompositionUnknowns) -> tuple[float, float]:
         """Path and time at which what drifts in these parts stopped: the end, of several runs a middle."""
         rows = np.isin(self.label, which)

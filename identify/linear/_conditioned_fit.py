@@ -1,6 +1,8 @@
 """Fitting a composition that depends on a condition: which parts, how many knots, on which axis."""
 
+from collections.abc import Callable
 from copy import copy
+from itertools import permutations
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,10 +13,22 @@ from hysteresis.models._conditioned import AXES
 from hysteresis.preisach import Initial
 
 from .._levels import MUCH
-from ..records._conditions import inner_folds, trained_values
-from ..records._folds import BLOCKS_OF_FOLD, Parts, as_good, best_of, simplest
-from ._composition_fit import STRENGTHS_OF_PRIOR, Problem, Solved, Tried, _path, unknowns_for
-from ._composition_parts import CURVE, DRIFTS, PARTS
+from ..records._clocks import amplitudes_differ
+from ..records._conditions import condition_parts, inner_folds, trained_values
+from ..records._folds import BLOCKS_OF_FOLD, Parts, as_good, best_of, earned, simplest
+from ..records._new_record import as_condition
+from ..records._orientation import orientations
+from ._average import shares
+from ._composition_fit import (
+    DRIFT_GAIN,
+    STRENGTHS_OF_PRIOR,
+    Problem,
+    Solved,
+    Tried,
+    _path,
+    unknowns_for,
+)
+from ._composition_parts import CURVE, DRIFTS, FRICTION, MAXWELL, PARTS, STOPS
 from ._conditioned_unknowns import ConditionedUnknowns, on_axis, shares_of
 from ._cross_validation import jittered
 from ._linear_fit import LinearFit
@@ -30,14 +44,20 @@ CONDITIONED = tuple(part for part in PARTS if part not in DRIFTS)
 """A condition may change slowly in a run, so a drift is not told from its effect."""
 
 
+SIGNED = (CURVE, MAXWELL, STOPS, FRICTION)
+"""Parts of few unknowns, which are as many at every knot."""
+
+
 def fit_conditioned(
     record: Record,
     parts: Parts,
     name: str,
     leadings: tuple[bool, ...],
     initial: Initial = "negative",
+    either_sign: bool = False,
 ) -> tuple[LinearFit, ...]:
-    """Compositions from a curve alone to the best one, each of whose unknowns depend on a condition.
+    """Compositions from a curve alone to the best one, each of whose unknowns depend on a condition; and
+    one of few parts with weights of `either_sign`, if they may be.
 
     `parts` hold one value of the condition each, see `condition_parts`. A curve with every number of
     knots on every axis is tried first; with the best of them parts join one by one as in
@@ -48,12 +68,11 @@ def fit_conditioned(
     found = []
     for leading in leadings:
         base = ConditionedProblem(record, parts, name, leading, initial)
-        problem = _several(base, (CURVE,), STRENGTHS_OF_PRIOR, base.axes).problem
+        problem = _several(base, _rising((CURVE,), STRENGTHS_OF_PRIOR), base.axes).problem
         assert isinstance(problem, ConditionedProblem)
         path = _path(problem.of(problem.axis, min(problem.knot_count, COUNTS[0])))
         last = path[-1]
-        strengths, axes = (last.strength,), (problem.axis,)
-        chosen = _several(problem, last.parts, strengths, axes)
+        chosen = _several(problem, _rising(last.parts, (last.strength,)), (problem.axis,))
         # Whether the condition matters at all is judged on all held-out parts: at the middle of the trained
         # values a model of their mean does well too.
         one = problem.of("linear", 1).tried(last.parts, last.strength)
@@ -63,7 +82,54 @@ def fit_conditioned(
     assert isinstance(problem, ConditionedProblem)
     without = problem.of("linear", 1).tried(best.parts, best.strength)
     path = [*before, *([without] if problem.knot_count > 1 else []), best]
+    if either_sign and amplitudes_differ(record):
+        path.append(_of_either_sign(record, parts, name, problem.whole.leading, initial))
     return tuple(choice.problem.fitted(choice) for choice in path)
+
+
+def by_condition(record: Record, missed: Float[np.ndarray, " blocks"]) -> Record | None:
+    """A record of two channels with one of them as the input and the other as a condition, where parts of
+    either sign then take away as much of the held-out errors `missed` as those parts have to."""
+    found = []
+    for alone, name in permutations(record.channels):
+        one = as_condition(record, alone, (name,))
+        if amplitudes_differ(one):
+            choice = _of_either_sign(one, condition_parts(one, name), name, orientations(one)[0])
+            found.append((choice.blocks * choice.problem.whole.scale**2, one))
+    blocks, best = min(found, key=lambda one: one[0].mean(), default=(missed, record))
+    if len(blocks) != len(missed) or not earned(missed, blocks, DRIFT_GAIN):
+        return None
+    off, sum_off = (
+        100 * float(np.sqrt(x.mean())) / float(np.ptp(record.output[record.mask]))
+        for x in (blocks, missed)
+    )
+    said = (
+        f"{', '.join(best.conditions)} sets the effect of {best.input_name}: parts held out are {off:.2g} %"
+        f" of the range off, and {sum_off:.2g} % with a sum of both."
+    )
+    return best.noted("condition", said)
+
+
+def _rising(
+    some: tuple[str, ...], strengths: tuple[float, ...]
+) -> Callable[["ConditionedProblem"], list[Tried]]:
+    return lambda problem: [problem.tried(some, strength) for strength in strengths]
+
+
+def _of_either_sign(
+    record: Record, parts: Parts, name: str, leading: bool, initial: Initial = "negative"
+) -> Tried:
+    """A few parts with weights of either sign: where a curve falls at some conditions, or falls while loops
+    rise, no sum of parts that rise is like it."""
+
+    def tried(problem: ConditionedProblem) -> list[Tried]:
+        problem.whole = problem.whole._replace(shares=shares(problem))
+        problem.summed, problem.inside_at = {}, {}
+        # The search takes sums over rows, a problem means.
+        return [problem.tried(problem.whole.parts, 1 / int(problem.taut.sum()))]
+
+    whole = ConditionedProblem(record, parts, name, leading, initial, SIGNED)
+    return _several(whole, tried, whole.axes)
 
 
 class ConditionedProblem(Problem):
@@ -75,13 +141,11 @@ class ConditionedProblem(Problem):
     """
 
     def __init__(
-        self, record: Record, parts: Parts, name: str, leading: bool, initial: Initial
-    ) -> None:
-        super().__init__(
-            record,
-            parts,
-            unknowns_for(record, parts, initial, CONDITIONED)._replace(leading=leading),
-        )
+        self, record: Record, parts: Parts, name: str, leading: bool, initial: Initial,
+        some: tuple[str, ...] | None = None,
+    ) -> None:  # fmt: skip
+        whole = unknowns_for(record, parts, initial, some or CONDITIONED)
+        super().__init__(record, parts, whole._replace(leading=leading))
         c = record.columns[name]
         self.condition, self.c = name, c[self.rows]
         self.value = np.array([c[parts.label == p].mean() for p in parts.all])
@@ -106,6 +170,10 @@ class ConditionedProblem(Problem):
         other = copy(self)
         other.axis, other.knot_count = axis, knots
         return other
+
+    @property
+    def hats(self) -> Float[np.ndarray, "rows knots"]:
+        return shares_of(self.knots(self.parts.all), self.axis, self.c)
 
     def knots(self, which: tuple[int, ...]) -> Float[np.ndarray, " knots"]:
         """Knots from the values of some parts: the ends, and those next to even steps between."""
@@ -134,14 +202,15 @@ class ConditionedProblem(Problem):
         if key not in self.summed:
             shares = shares_of(self.knots(which), self.axis, self.value)
             columns = self.whole.where(some)
-            H, b = 0.0, 0.0
-            for value in np.unique(self.value[list(which)]):
-                alike = [p for p in which if self.value[p] == value]
-                h = shares[alike[0]]
-                H += np.kron(
-                    np.outer(h, h), sum(self.normal[p].H[np.ix_(columns, columns)] for p in alike)
-                )
-                b += np.kron(h, sum(self.normal[p].b[columns] for p in alike))
+            cells, knots = np.ix_(columns, columns), range(shares.shape[1])
+            alike = [
+                [p for p in which if self.value[p] == v] for v in np.unique(self.value[list(which)])
+            ]
+            each = np.stack([sum(self.normal[p].H[cells] for p in own) for own in alike])
+            right = np.stack([sum(self.normal[p].b[columns] for p in own) for own in alike])
+            h = shares[[own[0] for own in alike]]
+            H = np.block([[np.tensordot(h[:, i] * h[:, j], each, 1) for j in knots] for i in knots])
+            b = (h.T @ right).ravel()
             rows = sum(self.normal[p].rows for p in which)
             self.summed[key] = np.asarray(H / rows), np.asarray(b / rows)
         return self.summed[key]
@@ -190,8 +259,7 @@ class ConditionedProblem(Problem):
 
 def _several(
     problem: ConditionedProblem,
-    some: tuple[str, ...],
-    strengths: tuple[float, ...],
+    tried: Callable[[ConditionedProblem], list[Tried]],
     axes: tuple[str, ...],
 ) -> Tried:
     """The axis of the best choice of several knots, and on it the fewest knots that are as good.
@@ -203,7 +271,7 @@ def _several(
     for axis in axes:
         each: list[_Judged] = []
         for count in problem.counts:
-            tries = [problem.of(axis, count).tried(some, strength) for strength in strengths]
+            tries = tried(problem.of(axis, count))
             new = simplest(_Judged(one, one.blocks[judged]) for one in tries)
             if each and np.array_equal(new.blocks, each[-1].blocks):
                 each.pop()

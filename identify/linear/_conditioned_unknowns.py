@@ -60,6 +60,11 @@ class ConditionedUnknowns(NamedTuple):
         return self.base.first
 
     @property
+    def shares(self) -> tuple[float, ...]:
+        """How large unknowns of either sign are expected, see `CompositionUnknowns`."""
+        return self.base.shares
+
+    @property
     def floor(self) -> float | None:
         """The output never falls below it."""
         return self.base.floor

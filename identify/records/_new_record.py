@@ -1,6 +1,6 @@
 """A new record from arrays, for a model that was fitted to another one."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -43,6 +43,19 @@ def combine(record: Record, channels: ChannelMap | None) -> Record:
         input_unit=record.output_unit,
         channels={},
     )
+
+
+def as_condition(record: Record, name: str, conditions: Collection[str]) -> Record:
+    """The record with the input `name` and some of its other channels as conditions, where it has both as
+    channels, or the one for the other."""
+    units = {**record.channels, record.input_name: record.input_unit, **record.conditions}
+    if not {name, *conditions} <= {*units} & {*record.columns}:
+        return record
+    held = {one: units[one] for one in conditions}
+    return replace(
+        record, input=record.columns[name], input_name=name, input_unit=units[name], channels={},
+        conditions=held,
+    )  # fmt: skip
 
 
 def combined_name(channels: ChannelMap) -> str:

@@ -205,8 +205,7 @@ class Composition:
     @property
     def rises(self) -> bool:
         """Whether no weight is negative, so that each part but the strengths rises with the input."""
-        meaning = self.linear.meaning
-        return isinstance(meaning, ConditionedUnknowns) or not meaning.shares
+        return not self.linear.meaning.shares
 
     def words(self) -> Words:
         meaning = self.linear.meaning

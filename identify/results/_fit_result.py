@@ -1,7 +1,7 @@
 """What a fit gives back."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -25,7 +25,7 @@ from ..noise._model import NoiseModel
 from ..noise._residual_statistics import Noise
 from ..parameters._settings import Settings
 from ..records._clocks import Clocks
-from ..records._new_record import beyond, combine, new_record, predict
+from ..records._new_record import as_condition, beyond, combine, new_record, predict
 from ..records._sequence_terms import SequenceTerms
 from ._characteristics import Characteristic, characteristics, fitted_loops
 from ._detail import Composition, Detail, Motion, Parametric
@@ -334,15 +334,8 @@ class FitResult:
 
         Raises `InputError` `wrong-channels` where its inputs are not those of the fit.
         """
-        own = {
-            name: unit for name, unit in record.channels.items() if name in self.train.conditions
-        }
-        alone = self.train.input_name
-        if own and {*record.channels} == {alone, *own}:
-            record = replace(
-                record, input=record.columns[alone], input_name=alone,
-                input_unit=record.channels[alone], channels={}, conditions=own,
-            )  # fmt: skip
+        if self.train.conditions and record.input_name != self.train.input_name:
+            record = as_condition(record, self.train.input_name, self.train.conditions)
         return combine(record, self.channels)
 
     @property

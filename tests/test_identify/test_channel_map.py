@@ -160,3 +160,31 @@ def test_other_inputs_than_those_of_the_fit_are_refused(found: Any):
             one.predict(wrong)
     with raises("wrong-unit", "falls is in mV; the model was fitted to V"):
         found.predict(replace(record, channels=CHANNELS | {"falls": "mV"}))
+
+
+def test_one_of_two_inputs_may_set_the_effect_of_the_other(monkeypatch: Any, tmp_path: Path):
+    """A muscle's pressure multiplies what its length does, as no sum of both is like; it pulls less the
+    shorter it is, and rubs, so that no sum of parts which rise is like it either."""
+    monkeypatch.setattr("identify.fitting._candidates.AUTO", ("Composition",))
+    monkeypatch.setattr("identify.linear._conditioned_fit.CONDITIONED", ("curve", "stops"))
+    k, stop = np.arange(600), [0.0]
+    length, pressure = 1 - np.cos(k / 10) * (0.6 + 0.4 * np.sin(k / 70)), 2 + np.sin(k / 37)
+    for moved in np.diff(length):
+        stop.append(np.clip(stop[-1] + moved, -0.2, 0.2))
+    force = pressure * (3 - length + np.array(stop))
+    force += 0.01 * np.random.default_rng(0).normal(size=len(k))
+    record = Record.from_arrays(
+        None, force, k / 10, columns={"length": length, "pressure": pressure},
+        channels={"length": "mm", "pressure": "bar"}, output_unit="N",
+    )  # fmt: skip
+    found = fit(record, test_tail=0.3)
+    assert found.condition is not None
+    assert found.condition.name == "pressure"
+    test = found.metrics["test"]
+    assert test is not None
+    # The best of simple ones is a ridge on products, 0.023 N for 0.013; noise is 0.01.
+    assert test.rmse < min(0.015, *(one.judged[0] for one in found.baselines))
+    assert "need not rise" in " ".join(found.notes)
+    save(found, tmp_path / "fit")
+    np.testing.assert_array_equal(load(tmp_path / "fit").predict(record), found.predict(record))
+    assert fit(record, test_tail=0.3, purpose="compensate").condition is None
