@@ -56,6 +56,15 @@ def test_an_export_says_each_unit_once(tmp_path: Path):
     assert "\n| reading | output, from" in (out / "README.md").read_text()
 
 
+def test_a_clock_without_a_unit_is_said_to_be_in_seconds(tmp_path: Path):
+    one = case("creep")
+    for unit, count in (("s", 0), ("1", 1)):
+        options = {"times": one.t, "time_unit": unit}
+        done = export_to("ros2", one.model, tmp_path / "sensor", one.y, **options)
+        assert len(done.notes) == count
+    assert "| time | a unit that is not known |" in (done.path / "README.md").read_text()
+
+
 def test_a_folder_is_replaced_only_where_an_export_wrote_it(tmp_path: Path):
     one = case("creep")
     one.write("arduino", tmp_path / "sensor")

@@ -22,6 +22,7 @@ from hysteresis._files import atomic_file, naming
 
 from ...runtime._file import checksum
 from .._c99_header import STANDARD, header
+from .._document import Moved
 from .._export import Exported, Program
 from .._header_facts import quantity
 
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
 TEMPLATES = Path(__file__).parent / "templates"
 MARK = "hysid-export.json"
 """Name of the runtime's file in every exported folder, which says that hysid may replace the folder."""
+CLEARED = ", without hysteresis and creep"
 COMPILE = ("-std=c99", "-O2", "-fPIC", "-shared", "-ffp-contract=off")
 
 
@@ -62,8 +64,13 @@ class Artefact:
             "step": steps[len(steps) // 2] if steps else 0.0,  # the median, in the model's time
             "per_second": _per_second(self.program.time_unit) if document["rates"] else 1.0,
             "time_unit": self.program.time_unit,
+            "cleared": "" if isinstance(self.program.model, Moved) else CLEARED,
             "hysid": version("hysid"),
         }
+        if document["rates"] and self.program.time_unit in ("", "1"):
+            self.notes.append(
+                "The model's times have no unit: a target that counts seconds takes them for seconds."
+            )
 
     def add_header(self, path: str) -> None:
         """The C99 header, the same that `hysid export --to c` writes."""
