@@ -170,12 +170,6 @@ class GuardedCompensator(AbstractCompensator[GuardedState, Found]):
         """How far apart the estimates of all starts may be."""
         return jnp.asarray(within_of(self.deviation, self.low, self.high))
 
-    @property
-    def decides(self) -> bool:
-        """Whether what the inner compensator says of its own range counts no longer: it speaks of a
-        condition too, where it depends on one."""
-        return conditioned_in(self.inner) is None
-
     def init(self) -> GuardedState:
         none, others = jnp.asarray(jnp.nan, float), tuple(start.state for start in self.starts)
         own = jnp.asarray(self._numbers.state, float)
@@ -238,7 +232,7 @@ class GuardedCompensator(AbstractCompensator[GuardedState, Found]):
         least, most = self.seen or (1.0, 0.0)  # no reading is between
         parameters = {
             "low": self.low, "high": self.high, "slack": jnp.maximum(self.slack, rounding),
-            "holds": self.beyond == "limit", "decides": self.decides, "least": least, "most": most,
+            "holds": self.beyond == "limit", "decides": True, "least": least, "most": most,
             "within": self.within,
         }  # fmt: skip
         return node("guard", parameters, BEGUN)

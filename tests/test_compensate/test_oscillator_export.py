@@ -9,6 +9,7 @@ import pytest
 import compensate
 from compensate import Status, export_c, export_runtime, invert
 from compensate.export._export import Program
+from compensate.export.targets._export_to import write_to
 from compensate.runtime import load
 from hysteresis import (
     BoucWenForce,
@@ -22,7 +23,7 @@ from hysteresis import (
 )
 from tests.c_harness import COMPILERS, Compiled
 from tests.refusals import refuses
-from tests.test_compensate.test_inverses.test_conditioned import model, walk
+from tests.test_compensate.test_inverses.test_conditioned import model, part, walk
 from tests.thorough import rest_thorough
 
 MIXED = BoucWenForce(alpha=4e4, beta_gamma=700.0, beta_delta=-900.0)
@@ -49,6 +50,8 @@ def test_targets_step_as_the_model(name: str, tmp_path):
     assert type(sensor).__name__ == "Compensator"
     found = [sensor.step(*now).value for now in zip(step, FORCE, strict=True)]
     assert np.abs(found - wanted).max() < 1e-9 * np.abs(wanted).max()
+    library = write_to("arduino", program, tmp_path / "it", None).path
+    assert "without hysteresis" not in (library / "README.md").read_text()
     it = Compiled(program.write_c(tmp_path / "it.h").path)
     np.testing.assert_array_equal(it.run(step, FORCE)[0], found)
     assert it.wrong == 0
@@ -145,3 +148,16 @@ def test_a_step_without_the_condition_is_refused_and_a_bad_one_leaves_no_trace(t
     assert (bad.value, bad.status) == (before.value, Status.INVALID)
     assert compensator.step(0.01, float(y[1]), float(c[1])).value == pytest.approx(u[1], abs=1e-7)
     refuses("wrong-shape", lambda: export_runtime(model(), tmp_path / "other.json", y))
+
+
+def test_a_strange_condition_counts_in_the_run_in_of_a_file_as_in_python(tmp_path: Path):
+    one = Conditioned((part(1.0, 3.0), part(2.0, 2.0)), [10.0, 50.0])
+    u, c = walk(400)
+    y = np.asarray(one.simulate(None, np.column_stack([u, c])))
+    c[2:30] = 60.0
+    options = {"trained": (-1.0, 2.0), "start": "unknown"}
+    wanted = invert(one, **options).simulate(None, np.column_stack([y, c])).status
+    file = export_runtime(one, tmp_path / "it.json", np.column_stack([y, c]), **options).path
+    step = load(file).step
+    found = [step(0.01, *pair).status for pair in zip(y.tolist(), c.tolist(), strict=True)]
+    np.testing.assert_array_equal([int(each) for each in found], wanted)
