@@ -250,6 +250,11 @@ class Program:
                 fix="give the times of the readings.",
             )  # fmt: skip
         low, high = limits or wider(y)
+        if not -np.inf < low <= high < np.inf:
+            raise InputError(
+                "bad-option", f"Readings cannot be limited from {low:g} to {high:g}.",
+                fix="Give the lower limit, then the upper one (--limits LOW HIGH).",
+            )  # fmt: skip
         self.guard = compensator if isinstance(compensator, GuardedCompensator) else None
         y, t = np.clip(y, low, high), np.zeros_like(y) if t is None else t
         given = np.column_stack([y, c]) if conditioned else y

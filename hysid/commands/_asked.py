@@ -7,6 +7,7 @@ reads it.
 import re
 from collections.abc import Mapping
 from dataclasses import Field, dataclass, field, fields
+from datetime import date
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -283,6 +284,12 @@ class Export(Command):
             )
         if self.fixed and self.single:
             raise typer.BadParameter("give --float or --fixed, not both")
+        if len(self.targets) < sum(x is not None for x in (self.c, self.runtime, self.to)):
+            raise typer.BadParameter("--to names what --c or --runtime names; give one of them")
+        try:
+            date.fromisoformat(self.date or "1970-01-01")
+        except ValueError:
+            raise typer.BadParameter(f"--date {self.date!r} is not YYYY-MM-DD") from None
 
 
 class Sample(Command):

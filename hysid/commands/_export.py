@@ -2,6 +2,7 @@
 
 import json
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +46,9 @@ def run(asked: Export) -> Done:
     unknown unless `start` says otherwise.
     """
     if asked.to is not None and asked.to[0] in CARDS:
+        if len(asked.targets) > 1:
+            said = "A material card is not a compensator, which --c and --runtime write."
+            raise InputError("bad-option", said, fix="Export them one by one.")
         return _card(asked, *asked.to)
     real = "fixed" if asked.fixed else "float" if asked.single else None
     folder, targets, start = asked.folder, asked.targets, asked.start
@@ -86,10 +90,11 @@ def run(asked: Export) -> Done:
     )
     files, notes = _written(program, targets, real)
     assert program.guard is not None
-    if start == "unknown" and "ok_share" in (kept := fitted.compensator or {}):
+    kept = fitted.compensator or {}
+    if start == "unknown" and asked.limits is None and "ok_share" in kept:
         run_in = RunIn.of(kept)
     else:
-        status = np.asarray(estimate(program.guard, record).status)
+        status = np.asarray(estimate(replace(program.guard, readings=limits), record).status)
         run_in = run_in_of(status, record, start)
     if run_in.share < HALF:
         notes.append("Most estimates are not OK: a program that waits for OK seldom runs.")

@@ -71,6 +71,11 @@ def test_the_files_carry_the_fit(folder: Path):
     assert run("export", folder, "--c", c, "--float", "--limits", 1, 9).code == 0
     assert "typedef float foam_real;" in c.read_text()
     assert "from 1 to 9;" in c.read_text()
+    wrong = (("--limits", 9, 1), "Readings cannot be limited"), (("--date", "2020-02-31"), "--date")
+    for options, said in (*wrong, (("--to", "c", c), "give one of them")):
+        refused(run("export", folder, "--c", folder / "no.h", *options), said)
+    beyond = run("export", folder, "--c", c, "--limits", 90, 99, "--json").json()
+    assert beyond["ok_share"] == 0
 
 
 def test_a_target_is_written(folder: Path):
