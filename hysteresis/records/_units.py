@@ -125,6 +125,8 @@ def column_unit(
     Raises `unknown-unit`, `wrong-unit`; the message names `path` and the option of the `role`.
     """
     unit, notes = named_unit(name, given, in_row), []
+    if unit is None and role == "time" and (alone := spelled(name)) in UNITS["time"]:
+        unit = alone  # a column "ms", or "seconds"
     if unit is None:
         unit, notes = "1", [Note("no-unit", f"Column {name!r} names no unit: taken as 1.")]
     place, option = f"{path}, column {name!r}", f"{role}_unit= (--{role}-unit UNIT)"

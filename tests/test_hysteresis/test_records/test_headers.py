@@ -274,6 +274,12 @@ def test_counters_of_a_microcontroller_have_their_unit(tmp_path):
     assert read_csv(tmp_path / "run.csv", "force (N)", "x (mm)", "millis").time_unit == "ms"
 
 
+@pytest.mark.parametrize(("name", "unit"), [("ms", "ms"), ("Seconds", "s"), ("t", "1")])
+def test_a_time_column_may_be_called_as_its_unit(name, unit, tmp_path):
+    clock_of(["0", "500", "1000"], tmp_path, name)
+    assert read_csv(tmp_path / "run.csv", "force (N)", "x (mm)", name).time_unit == unit
+
+
 @pytest.mark.parametrize("header", ["micros", "time (ms)", "t"])
 @pytest.mark.parametrize("bits", [16, 32])
 def test_a_counter_that_turns_over_goes_on(bits, header, tmp_path):
