@@ -215,7 +215,9 @@ class Selection(SelectionOptions):
             return record.split_rows(held) if held.any() else (record, None)
         if not self.test_where:
             return record, None
-        held = fulfilling(record, self.test_where)
+        held = fulfilling(record, self.test_where, strict=self.each is None)
+        if self.each is not None and not held.any():
+            return record, None
         share = {label: held[rows].mean() for label, rows in record.sequences()}
         if set(share.values()) <= {0.0, 1.0} and 0 < sum(share.values()) < len(share):
             return record.split_groups([label for label, part in share.items() if part])

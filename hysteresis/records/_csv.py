@@ -325,11 +325,11 @@ def parse_condition(text: str) -> tuple[str, list[str]]:
     return name, values
 
 
-def fulfilling(table: Table | Record, conditions: Iterable[str]) -> np.ndarray:
+def fulfilling(table: Table | Record, conditions: Iterable[str], strict: bool = True) -> np.ndarray:
     """The rows (n,) bool of a table or record that fulfil all conditions; see `parse_condition`.
 
-    Numbers compare as numbers: `run=4` holds for "4" and 4.0. Raises `no-column`, and `no-match` where a
-    value occurs nowhere.
+    Numbers compare as numbers: `run=4` holds for "4" and 4.0. Raises `no-column`, and where it is `strict`
+    `no-match` for a value that occurs nowhere.
     """
     rows = np.ones(len(table.line), bool)
     for name, values in map(parse_condition, conditions):
@@ -338,16 +338,18 @@ def fulfilling(table: Table | Record, conditions: Iterable[str]) -> np.ndarray:
             rest = np.mod(floats(column_of(table, stem)), int(modulus))
             rows &= np.isin(rest, floats(values))
         else:
-            rows &= _matching(table, name, values)
+            rows &= _matching(table, name, values, strict)
     return rows
 
 
-def _matching(table: Table | Record, name: str, values: Sequence[str]) -> np.ndarray:
+def _matching(
+    table: Table | Record, name: str, values: Sequence[str], strict: bool = True
+) -> np.ndarray:
     words, inverse = np.unique(column_of(table, name), return_inverse=True)
     numbers, found = floats(words), np.zeros(len(words), bool)
     for value, number in zip(values, floats(values), strict=True):
         hit = (words.astype(str) == value) | (numbers == number)
-        if not hit.any():
+        if strict and not hit.any():
             known = [f"{w:g}" if isinstance(w, float) else str(w) for w in words.tolist()]
             near = ", ".join(get_close_matches(value, known, 5, 0.0))
             problem = f"No row has {name}={value}; nearest: {near}."

@@ -179,6 +179,13 @@ def test_rows_are_used_and_held_out_as_asked(folder, tmp_path, options, train, t
     assert (data["rows_train"], data["rows_test"]) == (train, test)
 
 
+def test_of_each_value_the_rows_that_it_has_are_held_out(folder, tmp_path):
+    options = ("--each", "block", "--test-where", "block=thin", *LINE, "--out", tmp_path / "out")
+    assert run("fit", folder / "blocks.csv", *COLUMNS, *options).code == 0
+    kept = identify.load(tmp_path / "out" / "soft")
+    assert (len(kept.train), kept.test) == (101, None)
+
+
 def test_where_there_is_no_json_people_can_read_it(folder, tmp_path):
     model = (*LINE, "--out", tmp_path / "out")
     said = run("fit", folder / "run.csv", *COLUMNS, *model)
