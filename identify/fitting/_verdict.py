@@ -15,6 +15,7 @@ from ..diagnostics._profile_likelihood import another_minimum
 from ..diagnostics._residual_breakdown import loops_left, unseen_time_constants
 from ..diagnostics._sensitivity import without_effect
 from ..records._folds import KIND, LEAST_GAIN, root_difference
+from ..records._sequence_terms import RELATIVE
 from ..results._detail import Composition, DiscreteSpectrum
 from ..results._fit_result import PURPOSES, FitResult
 from ..results._goodness_of_fit import best_baseline
@@ -389,7 +390,7 @@ def _parameters(fit: FitResult, found: Reasons) -> None:
 
 
 def _noise(fit: FitResult, found: Reasons) -> None:
-    if fit.train.sigma is not None:
+    if fit.train.sigma is not None and fit.train.sigma_name != RELATIVE:
         ratio = fit.noise.sigma / fit.train.typical_sigma
         text = (
             f"The residuals are {ratio:.3g} times the sigma given: if that is absolute, the reduced"

@@ -110,3 +110,4 @@ def test_errors_count_by_sequence():
     off = (fit["K"].value * u - y) ** 2 * weight
     said = 100 * np.mean([np.sqrt(off[run == k].mean()) for k in (0, 1)])
     assert any(f"{said:.3g} % of the rms of each one's output" in note for note in fit.notes)
+    assert "sigma" not in fit.verdict.codes  # nobody gave one
