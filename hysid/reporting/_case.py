@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float, Int
 
 import identify
 from compensate import Status, estimate
+from compensate.guards._guarded import limited
 from hysteresis import InputError, Record
 from identify.internal import predict
 
@@ -204,7 +205,8 @@ class Case:
         try:
             compensator = exported(self.fit)
             found, own = estimate(compensator, record), self.outputs(record)
-            again = estimate(compensator, replace(record, output=own)).value
+            within, _ = limited(compensator, np.zeros(0))
+            again = estimate(within, replace(record, output=own)).value
         except InputError as error:
             return error
         back = self.outputs(replace(record, input=np.asarray(again)))

@@ -6,8 +6,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-import numpy as np
-
 import identify
 from hysteresis import Burgers, InputError, LinearSponge, Preisach
 from hysteresis._escape import shell_word, visible
@@ -126,10 +124,7 @@ def facts(case: Case) -> list[tuple[str, str]]:
         (f"{word} error, of the range", quantity(judged.nrmse_percent, "%")),
     ]
     if metrics["test"] is not None:
-        fitted = case.fit.used
-        rms = np.sqrt(np.mean(case.fit.residuals[fitted] ** 2))
-        share = 100 * float(rms / np.ptp(case.fit.train.output[fitted]))
-        facts.append(("fitted rows, of the range", quantity(share, "%")))
+        facts.append(("fitted rows, of the range", quantity(metrics["train"].nrmse_percent, "%")))
     if isinstance(case.fit.detail, DiscreteSpectrum):
         return facts + _report_step.facts(case)
     if isinstance(case.fit.detail, Motion):

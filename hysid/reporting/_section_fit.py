@@ -40,8 +40,9 @@ def loops(case: Case) -> Section:
             f.Curve(f"{fit.name} model", *model, f.VERMILLION),
         ]
         figure = f.chart(curves, case.input_label, case.output_label, limits=limits)
-        rms = float(np.sqrt(np.mean((predicted - record.output)[keep] ** 2)))
-        caption = f"{word.capitalize()} rows, rms error {quantity(rms, case.units[1])}."
+        errors = fit.metrics[part]
+        assert errors is not None
+        caption = f"{word.capitalize()} rows, rms error {quantity(errors.rmse, case.units[1])}."
         caption += " The thin line should lie inside the broad one."
         if part == "train" and dropped.any():
             caption += " The fit excludes the first cycle (grey), which conditions the sample."
@@ -66,13 +67,13 @@ def loop_figures(case: Case) -> Section:
 
 def residuals(case: Case) -> Section:
     fit, unit = case.fit, case.units[1]
-    used, train = fit.used, fit.train
-    rows = case.rows
+    train, rows = fit.train, case.rows
     y_label = label("predicted − measured", unit)
-    rms = float(np.sqrt(np.mean(fit.residuals[used] ** 2)))
+    errors = fit.metrics["train"]
+    assert errors is not None
     section = Section("Residuals", [
         f"Residuals are predicted minus measured {case.output}."
-        f" Over the fitted rows they are {quantity(rms, unit)} rms."
+        f" Over the fitted rows they are {quantity(errors.rmse, unit)} rms."
     ])  # fmt: skip
     colours = {"training": f.BLUE, "held-out": f.GREEN, "excluded": f.GREY}
 
@@ -108,8 +109,8 @@ def residuals(case: Case) -> Section:
         means.append(f"{quantity(float(rows.residual[at].mean()), unit)} while {word}")
     figure = f.chart(curves, case.input_label, y_label, zero=True)
     caption = (
-        f"Residuals by branch: on average {' and '.join(means)}. Lines that are apart mean that the"
-        " loop's width is wrong; lines that bend together mean that its curve is wrong."
+        f"Residuals of all these rows by branch: on average {' and '.join(means)}. Lines that are apart"
+        " mean that the loop's width is wrong; lines that bend together mean that its curve is wrong."
     )
     section.draw(figure, "Residuals against input by branch", caption)
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from compensate import Status
 from compensate.export._header_facts import learnt_on
-from hysteresis import InputError, Preisach
+from hysteresis import InputError, Preisach, Scaled
 from hysteresis._escape import shell_word
 from hysteresis.preisach import GridDensity
 from hysteresis.trees import plain
@@ -111,7 +111,9 @@ def posterior(case: Case) -> Section:
 
 
 def density(case: Case) -> Section:
-    model, fit = case.fit.model, case.fit
+    model, fit, factor = case.fit.model, case.fit, 1.0
+    if isinstance(model, Scaled):
+        model, factor = model.inner, float(model.factor)
     assert isinstance(model, Preisach)
     assert isinstance(model.density, GridDensity)
     density, (input_unit, output_unit) = model.density, case.units
@@ -131,6 +133,8 @@ def density(case: Case) -> Section:
         " Switching alone does not determine a cell: full loops determine only the sums along rows and"
         " columns, and smaller loops inside them determine the rest."
     )
+    if factor < 0:
+        said += f" The {case.output} falls where a relay switches up."
     section = Section("Density", [said])
     unit = pretty(f"{output_unit} / {input_unit}²") if input_unit != "1" else output_unit
     figure = f.triangle(edges, edges, np.where(lower, weights / area, np.nan), lower & ~excited,
@@ -143,7 +147,7 @@ def density(case: Case) -> Section:
     section.draw(figure, "Density over the triangle of thresholds", caption)
 
     if model.reversible is not None:
-        curve = float(model.offset) + np.append(0.0, np.cumsum(np.asarray(model.reversible)))
+        curve = factor * (float(model.offset) + np.append(0.0, np.cumsum(model.reversible)))
         drawn, y_label = f.Curve("", edges, curve, f.BLUE), label("memoryless part", output_unit)
         figure = f.chart([drawn], case.input_label, y_label)
         caption = "Memoryless part of the model; the relays add the loop to it."
@@ -167,7 +171,7 @@ def compensator(case: Case) -> Section:
         f" ({number(100 * trip.rms / span)} % of its range)."
     )
     section.text.append(
-        "From the model's own output it reproduces that output to"
+        "From the model's own output it reproduces that output, without its limits, to"
         f" {number(trip.exactness)} of its range"
         + (": exact." if trip.exactness < 1e-9 else ", which is not exact.")
     )

@@ -6,6 +6,7 @@ import json
 import re
 import shutil
 from collections import Counter
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -185,6 +186,21 @@ def luminance(colour: str) -> float:
     parts = [int(digits[k : k + 2], 16) / 255 for k in (0, 2, 4)]
     linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in parts]
     return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+def test_a_density_of_an_output_that_falls_and_errors_that_are_weighed(tmp_path: Path):
+    record = sponge()
+    far = record.input > np.quantile(record.input, 0.8)
+    columns = {**record.columns, "s": np.where(record.input > 10, 3.0, 1.0)}
+    record = replace(record, output=-record.output, columns=columns, sigma_name="s")
+    train, test = record.split_rows(far)
+    found = fit(train, "Preisach", test=test)
+    page = Page(write_report(save(found, tmp_path / "falls")))
+    assert "The displacement falls where a relay switches up." in page.text
+    rms = f"{found.metrics['train'].rmse:#.3g} mm"
+    for words in ("Over the fitted rows they are", "Training rows, rms error"):
+        assert f"{words} {rms}" in page.text
+    assert "of its range: exact." in page.text  # beyond the trained inputs, too
 
 
 def test_a_folder_at_fault_is_named(tmp_path: Path, preisach: Path):
