@@ -12,8 +12,12 @@ from hysteresis import InputError
 
 from .._levels import CHANCE
 from ..posterior._posterior import Posterior
+from ..results._detail import Composition, GridWeights
 from ..results._repeatability import Repeatability, repeatability
 from ._gaussian_estimate import Estimate, Fitted, estimate, in_common, opened
+
+ALIKE = 0.05
+"""Part of the span by which the inputs may differ of two fits whose parameters are sums over them."""
 
 
 class ParameterChange(NamedTuple):
@@ -100,8 +104,8 @@ def change(
     - `margin`: the smallest change that matters, as a fraction of the value before.
     - `posteriors`: one for each fit, or None; by default those saved in the folders.
 
-    Raises `InputError` `not-comparable` if the fits share no parameter with a standard error, and
-    `given-twice` if both are fits of the same rows.
+    Raises `InputError` `not-comparable` if the fits share no parameter with a standard error, or if these
+    are sums over inputs of another range, and `given-twice` if both are fits of the same rows.
 
     Source: Wald, Trans. AMS 54 (1943); Holm, Scandinavian Journal of Statistics 6 (1979).
 
@@ -126,6 +130,14 @@ def change(
             "given-twice",
             "both fits are of the same rows, so nothing can have changed between them.",
             fix="compare their models (hysid compare DIR DIR), or name a fit of another record.",
+        )
+    ranges = [fit.trained for fit in fits if isinstance(fit.detail, GridWeights | Composition)]
+    if len(ranges) == 2 and np.abs(np.diff(ranges, axis=0)).max() > ALIKE * np.ptp(ranges):
+        (a, b), (c, d) = ranges
+        raise InputError(
+            "not-comparable",
+            f"sums of weights are over the inputs, {a:g} to {b:g} before and {c:g} to {d:g} after.",
+            fix="compare records of the same range of the input.",
         )
     estimates = [estimate(fit, posterior) for fit, posterior in zip(fits, found, strict=True)]
     repeated = (

@@ -139,6 +139,15 @@ def test_a_sponge_and_the_same_six_months_later() -> None:
     assert again.words[1].startswith(f"K: no significant change ({by:+.3g} ± ")
 
 
+def test_sums_over_other_inputs_are_not_compared() -> None:
+    u = 2 - 2 * np.cos(np.arange(121) / 5)
+    small, large = (
+        identify.fit(Record.from_arrays(k * u, k * u + np.sin(np.arange(121)) / 50), "Preisach")
+        for k in (1.0, 1.5)
+    )
+    refuses("not-comparable", lambda: change(small, large), "3.99", "5.99")
+
+
 def test_what_cannot_be_compared_is_refused() -> None:
     before, after = line(*pressed(*NEW, seed=0)), line(*pressed(*AGED, seed=1))
     fixed = line(*pressed(*AGED, seed=1), slope=1.2)
