@@ -177,6 +177,8 @@ def as_float(value: Any) -> Any:
 def as_array(value: Any) -> Array:
     """As `jnp.asarray`, without the program of 20 ms that it compiles for every shape of NumPy's arrays."""
     own = isinstance(value, np.ndarray) and value.dtype.kind in "fiub"
+    if own and not value.dtype.isnative:  # as files of other machines have it
+        value = value.astype(value.dtype.newbyteorder())
     return jax.device_put(value) if own else jnp.asarray(value)
 
 

@@ -72,7 +72,7 @@ def run(asked: Predict) -> Done:
             words = [Status(int(s)).name for s in status]
             run_in = run_in_of(status, record)
             since = () if record.known is None else ("From the known rows on",)
-            said.append(run_in.sentence(record.time_unit, *since))
+            said.append(f"{value}: " * bool(value) + run_in.sentence(record.time_unit, *since))
         elif motion is not None:
             values = motion.steady(record) if steady else motion.from_rest(record)
             words = _outside(fitted, record)

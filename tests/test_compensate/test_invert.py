@@ -230,6 +230,12 @@ def test_signed_densities_that_fall_are_refused():
     np.testing.assert_allclose(again, y, rtol=0, atol=1e-9 * float(jnp.ptp(y)))
 
 
+def test_readings_of_another_byte_order_are_numbers():
+    swapped = np.array([1.0, 3.0]).astype(np.dtype(float).newbyteorder())
+    found = invert(LinearSponge(2.0, 1.0)).simulate(None, swapped)
+    np.testing.assert_allclose(found.value, [0.0, 1.0])
+
+
 def test_a_line_without_slope_is_refused():
     refuses("not-invertible", lambda: invert(LinearSponge(K=0.0, b=1.0)), "slope K is 0")
     for what in ("sponge", LinearSponge):

@@ -151,6 +151,8 @@ def test_each_is_predicted_and_sampled_by_its_own_fit(each, folder):
     assert fits(found, PREDICTED)
     rows = read(found["file"])
     assert [row["block"] for row in rows] == ["soft"] * 101 + ["thin"] * 101
+    backwards = run("predict", folder / "each", folder / "blocks.csv", "--inverse").out
+    assert "Note: thin: Switched on at the first row" in backwards
     drawn = run("sample", folder / "each", "--steps", 40, "--ensembles", 2, "--json").json()
     assert fits(drawn, POSTERIOR)
     assert {"soft: K", "thin: K"} <= {p["name"] for p in drawn["parameters"]}
