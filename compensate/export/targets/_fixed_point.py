@@ -27,7 +27,7 @@ def add_fixed_point(made: Artefact, path: str) -> None:
     if tree["kind"] != "preisach" or not p["scale"] or p["cells"] > 120:
         raise InputError(
             "not-exportable",
-            "Fixed point is for a Preisach grid of at most 120 even cells.",
+            "Fixed point is for a Preisach grid of at most 120 even cells, of an output that rises.",
             fix='Use float, or fit a GridDensity (model="Preisach").',
         )
     if guard and guard["beyond"] != "limit":
