@@ -10,14 +10,11 @@ from jaxtyping import Float
 
 from hysteresis import InputError
 
-from .._levels import CHANCE
+from .._levels import CHANCE, HELD
 from ..posterior._posterior import Posterior
 from ..results._detail import Composition, GridWeights
 from ..results._repeatability import Repeatability, repeatability
 from ._gaussian_estimate import Estimate, Fitted, estimate, in_common, opened
-
-ALIKE = 0.05
-"""Part of the span by which the inputs may differ of two fits whose parameters are sums over them."""
 
 
 class ParameterChange(NamedTuple):
@@ -132,7 +129,7 @@ def change(
             fix="compare their models (hysid compare DIR DIR), or name a fit of another record.",
         )
     ranges = [fit.trained for fit in fits if isinstance(fit.detail, GridWeights | Composition)]
-    if len(ranges) == 2 and np.abs(np.diff(ranges, axis=0)).max() > ALIKE * np.ptp(ranges):
+    if len(ranges) == 2 and np.abs(np.diff(ranges, axis=0)).max() > HELD * np.ptp(ranges):
         (a, b), (c, d) = ranges
         raise InputError(
             "not-comparable",

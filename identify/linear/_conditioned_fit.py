@@ -93,10 +93,9 @@ def by_condition(record: Record, missed: Float[np.ndarray, " blocks"]) -> Record
     found = []
     for alone, name in permutations(record.channels):
         one = as_condition(record, alone, (name,))
-        if amplitudes_differ(one):
-            choice = _of_either_sign(one, condition_parts(one, name), name, orientations(one)[0])
-            found.append((choice.blocks * choice.problem.whole.scale**2, one))
-    blocks, best = min(found, key=lambda one: one[0].mean(), default=(missed, record))
+        choice = _of_either_sign(one, condition_parts(one, name), name, orientations(one)[0])
+        found.append((choice.blocks * choice.problem.whole.scale**2, one))
+    blocks, best = min(found, key=lambda one: one[0].mean())
     if len(blocks) != len(missed) or not earned(missed, blocks, DRIFT_GAIN):
         return None
     off, sum_off = (
