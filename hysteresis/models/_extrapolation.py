@@ -20,7 +20,7 @@ from ..preisach import GridDensity, Preisach
 from ..preisach._memory import staircase
 from ..trees import common_range, looked_for, part_tree, search_range
 from ._compose import AbstractComposite, Over, Scaled, Series, Sum
-from ._conditioned import Conditioned
+from ._conditioned import Conditioned, _on_axis
 from ._curves import AbstractCurve, Values
 
 # A mixture of models that were found before: only its weights are left to find.
@@ -97,8 +97,11 @@ class Mixture(AbstractComposite[tuple[Any, ...], Float[Array, "samples models"]]
 
 
 @in_own_precision
-def extended(model: Any, low: float, high: float) -> Any:
-    """The model with its grids of relays widened to hold inputs from `low` to `high`.
+def extended(
+    model: Any, low: float, high: float, conditions: tuple[float, float] | None = None
+) -> Any:
+    """The model with its grids of relays widened to hold inputs from `low` to `high`, and with `conditions`
+    from one value to another.
 
     A Preisach model is saturated beyond its grid. Its widened grid has, in each cell beyond, the mass of
     the outermost cell at the same distance alpha - beta from the diagonal: a density of that distance
@@ -106,6 +109,9 @@ def extended(model: Any, low: float, high: float) -> Any:
     relays stay where they begin, those above it down and those below it up, and an offset makes up
     for them: outputs in the old range are the same, and continuous where it ends. R goes on with its
     outermost slopes.
+
+    A `Conditioned` has a further model at each of the two beyond its knots, M + s (M - M') of the knots
+    next to it: outputs go on in a straight line.
 
     Parts of a `Sum`, a `Scaled`, a `Conditioned`, a `Mixture` and stages behind curves are widened in their
     places. Other models, and grids with a fitted first state, are given back as they are.
@@ -116,23 +122,38 @@ def extended(model: Any, low: float, high: float) -> Any:
         >>> bool(np.allclose(wider.simulate(t, u), preisach.simulate(t, u)))
         True
     """
-    found = _extended(model, low, high)
+    found = _extended(model, low, high, conditions)
     return found if found is model else with_units(found, model.units, model.trained)
 
 
-def _extended(model: Any, low: float, high: float) -> Any:
+def _extended(model: Any, low: float, high: float, ends: tuple[float, float] | None) -> Any:
     if isinstance(model, Sum):
         return Sum([extended(part, low, high) for part in model.parts])
     if isinstance(model, Conditioned | Mixture):
-        return replace(model, models=tuple(extended(one, low, high) for one in model.models))
+        wide = replace(model, models=tuple(extended(one, low, high) for one in model.models))
+        return _going_on(wide, *ends) if ends and isinstance(wide, Conditioned) else wide
     if isinstance(model, Scaled):
-        return replace(model, inner=extended(model.inner, low, high))
+        return replace(model, inner=extended(model.inner, low, high, ends))
     if isinstance(model, Series):
         return Series(_stages(model.parts, low, high))
     if isinstance(model, Preisach) and isinstance(model.density, GridDensity):
         outside = low < model.density.low or high > model.density.high
         return _widened(model, low, high) if outside and model.up is None else model
     return model
+
+
+def _going_on(model: Conditioned, low: float, high: float) -> Conditioned:
+    models, knots = [Sum([one]) for one in model.models], np.asarray(model.knots).tolist()
+    for end in (high, low) if len(knots) > 1 else ():
+        with np.errstate(divide="ignore", invalid="ignore"):  # 0 has no logarithm
+            at = _on_axis(np.array([end, *knots[:-3:-1]]), model.axis, np)
+            step = float((at[0] - at[1]) / (at[1] - at[2]))
+        if 0 < step < np.inf:
+            slope = Sum([models[-1], Scaled(models[-2], -1.0)])
+            models.append(Sum([models[-1], Scaled(slope, step)]))
+            knots.append(end)
+        models, knots = models[::-1], knots[::-1]  # once more at the other end
+    return replace(model, models=tuple(models), knots=np.array(knots))
 
 
 def _stages(parts: tuple[Any, ...], low: float, high: float) -> list[AbstractModel]:

@@ -10,14 +10,13 @@ import scipy
 from jaxtyping import Array, Float, Int
 
 from hysteresis import AbstractModel, Record
-from hysteresis.models._extrapolation import extended
 
 from .._levels import CHANCE, CONFIDENCE, ROUNDING, SOME_ROWS
 from ..noise._model import NoiseModel, rows_of
 from ..noise._reml import PARTS
 from ..noise._residual_statistics import estimate_noise
 from ..records._folds import BLOCKS_OF_FOLD
-from ..records._new_record import prepare
+from ..records._new_record import going_on, prepare
 from ..results._fit_result import FitResult
 from ..results._repeatability import cycles_or_sequences
 from ._log_posterior import likeliest_near, target
@@ -141,15 +140,12 @@ def _drawn(fit: FitResult) -> tuple[Any, NoiseModel]:
 
 def _widened(models: Any, record: Record) -> tuple[Any, AbstractModel]:
     """All draws, each continued beyond the inputs of the fit as `FitResult.predict` does, and the first."""
-    low, high = float(np.nanmin(record.input)), float(np.nanmax(record.input))
     drawn = len(jax.tree.leaves(models)[0])
     first: AbstractModel = jax.tree.map(lambda leaf: leaf[0], models)
-    wide = extended(first, low, high)
+    wide = going_on(first, record)
     if [*map(jnp.shape, jax.tree.leaves(wide))] == [*map(jnp.shape, jax.tree.leaves(first))]:
         return models, first
-    each = [
-        extended(jax.tree.map(lambda leaf, k=k: leaf[k], models), low, high) for k in range(drawn)
-    ]
+    each = [going_on(jax.tree.map(lambda leaf, k=k: leaf[k], models), record) for k in range(drawn)]
     return jax.tree.map(lambda *leaves: jnp.stack(leaves), *each), wide
 
 

@@ -9,7 +9,8 @@ from jaxtyping import Bool, Float
 from numpy.typing import ArrayLike
 
 from hysteresis import AbstractModel, ChannelMap, InputError, Preisach, Record
-from hysteresis.models._conditioned import with_condition
+from hysteresis.models._conditioned import condition_column, condition_of, with_condition
+from hysteresis.models._extrapolation import extended
 from hysteresis.preisach._preisach import PreisachInput
 
 # Combining several channels into the one input of a scalar model, by a map that was fitted.
@@ -140,6 +141,17 @@ def predict(model: AbstractModel, record: Record) -> Float[np.ndarray, " samples
     """The model's output on the record, in the output's unit; each sequence starts in the virgin state."""
     u = with_condition(model, record, record.input)
     return np.asarray(model.simulate(record.time, u, starts=starts_of(record)))
+
+
+def going_on(model: Any, record: Record) -> Any:
+    """The model as it predicts inputs and conditions of the record beyond its own, see `extended`."""
+    found = condition_of(model)
+    columns = [
+        record.input,
+        *([] if found is None else [condition_column(record, found.condition)]),
+    ]
+    inputs, *conditions = [(float(np.nanmin(x)), float(np.nanmax(x))) for x in columns]
+    return extended(model, *inputs, *conditions)
 
 
 def starts_of(record: Record) -> tuple[int, ...]:

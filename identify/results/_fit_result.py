@@ -16,7 +16,6 @@ from hysteresis._precision import in_own_precision
 from hysteresis._quantities import Units, with_units
 from hysteresis._show import aligned, at_most
 from hysteresis._verdict import Verdict
-from hysteresis.models._extrapolation import extended
 from hysteresis.records._csv import with_known
 from hysteresis.records._loop_table import LoopTable
 
@@ -25,7 +24,7 @@ from ..noise._model import NoiseModel
 from ..noise._residual_statistics import Noise
 from ..parameters._settings import Settings
 from ..records._clocks import Clocks
-from ..records._new_record import as_condition, beyond, combine, new_record, predict
+from ..records._new_record import as_condition, beyond, combine, going_on, new_record, predict
 from ..records._sequence_terms import SequenceTerms
 from ._characteristics import Characteristic, characteristics, fitted_loops
 from ._detail import Composition, Detail, Motion, Parametric
@@ -234,7 +233,8 @@ class FitResult:
         it; also on `train` and `test`. With known rows each begins in the state that these tell.
 
         Every error, table and picture of a fit is of this prediction. Beyond the inputs of the fit, relays
-        continue as play operators, see `extended`; `beyond` marks those rows.
+        continue as play operators and conditions in a straight line, see `extended`; `beyond` marks those
+        rows.
 
         **Arguments:**
 
@@ -280,8 +280,7 @@ class FitResult:
         clocked = record.time is not None or self.train.time is None
         if clocked and (outputs := self.detail.outputs(record)) is not None:
             return outputs
-        low, high = float(np.nanmin(record.input)), float(np.nanmax(record.input))
-        return predict(extended(self.model, low, high), record)
+        return predict(going_on(self.model, record), record)
 
     @property
     def condition(self) -> TrainedCondition | None:

@@ -9,10 +9,10 @@ from hysteresis import AbstractModel, Conditioned, Record
 from hysteresis._format import quantity
 from hysteresis._quantities import require_same
 from hysteresis.models._conditioned import condition_column, condition_of
-from hysteresis.models._extrapolation import extended
 
 from ..records._conditions import between, inner_folds, outside, trained_values
 from ..records._folds import BLOCKS_OF_FOLD
+from ..records._new_record import going_on
 from ..records._sequence_terms import RELATIVE, FromKnown, Misfit, from_known
 
 # What a fit predicts behind known rows.
@@ -34,8 +34,7 @@ def told(fit: Any, record: Record) -> FromKnown:
     check_units(fit, record, "output")
     if fit.sequences is not None:
         return FromKnown(*fit.sequences.predicted(record))
-    low, high = float(np.nanmin(record.input)), float(np.nanmax(record.input))
-    return from_known(extended(fit.model, low, high), record, misfit_of(fit))
+    return from_known(going_on(fit.model, record), record, misfit_of(fit))
 
 
 def check_units(fit: Any, record: Record, *sides: str) -> None:

@@ -83,6 +83,23 @@ def test_between_two_knots_it_is_straight_on_its_axis(axis: str, c: float, share
     )
 
 
+@pytest.mark.parametrize(
+    ("axis", "c", "step"),
+    [("linear", 8.0, 1.0), ("logarithmic", 12.5, 1.0), ("reciprocal", 10.0, 1 / 3)],
+)
+def test_widened_it_goes_on_straight_beyond_its_knots(axis: str, c: float, step: float):
+    model = three(axis)
+    wide = extended(model, -2.0, 3.0, (0.0, c))
+    near, last = (model.simulate(None, walk(at)) for at in (2.0, 5.0))
+    np.testing.assert_allclose(
+        wide.simulate(None, walk(c)), last + step * (last - near), atol=1e-12
+    )
+    inside = walk(np.linspace(1.0, 5.0, 60))
+    np.testing.assert_allclose(
+        wide.simulate(None, inside), model.simulate(None, inside), atol=1e-12
+    )
+
+
 def test_a_stage_behind_it_and_wider_relays_keep_its_outputs():
     model, rows = three(), walk(np.linspace(0.0, 6.0, 60))
     y = model.simulate(None, rows)
