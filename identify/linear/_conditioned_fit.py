@@ -238,7 +238,7 @@ class ConditionedProblem(Problem):
         train, x = solved
         knots = self.knots(train)
         each = self.A[np.ix_(rows, self.whole.where(some))] @ x.reshape(len(knots), -1).T
-        return (each * shares_of(knots, self.axis, self.c[rows])).sum(1)
+        return (each * shares_of(knots, self.axis, self.c[rows], going_on=True)).sum(1)
 
     def fitted(self, choice: Tried) -> LinearFit:
         """A choice, fitted to all the training parts; a plain composition where it has one knot."""

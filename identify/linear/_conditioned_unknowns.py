@@ -115,11 +115,20 @@ class ConditionedUnknowns(NamedTuple):
 
 
 def shares_of(
-    knots: Float[np.ndarray, " knots"], axis: str, c: Float[np.ndarray, " samples"]
+    knots: Float[np.ndarray, " knots"],
+    axis: str,
+    c: Float[np.ndarray, " samples"],
+    going_on: bool = False,
 ) -> Float[np.ndarray, "samples knots"]:
-    """The hat functions of `Conditioned`, for many small sets of knots: nothing is compiled."""
-    c = np.clip(c, knots[0], knots[-1])
-    return hats_of(on_axis(axis, c), on_axis(axis, knots))
+    """The hat functions of `Conditioned`, for many small sets of knots: nothing is compiled. With
+    `going_on` they are straight beyond the ends, as a prediction is."""
+    at, ends = on_axis(axis, c), on_axis(axis, knots)
+    found = hats_of(np.clip(at, ends[0], ends[-1]), ends)
+    for near, other in ((0, 1), (-1, -2)) if going_on and len(knots) > 1 else ():
+        step = np.maximum((at - ends[near]) / (ends[near] - ends[other]), 0.0)
+        found[:, near] += step
+        found[:, other] -= step
+    return found
 
 
 def on_axis(axis: str, c: Float[np.ndarray, " values"]) -> Float[np.ndarray, " values"]:
