@@ -13,7 +13,6 @@ from hysteresis.models._conditioned import AXES
 from hysteresis.preisach import Initial
 
 from .._levels import MUCH
-from ..records._clocks import amplitudes_differ
 from ..records._conditions import condition_parts, inner_folds, trained_values
 from ..records._folds import BLOCKS_OF_FOLD, Parts, as_good, best_of, earned, simplest
 from ..records._new_record import as_condition
@@ -82,7 +81,7 @@ def fit_conditioned(
     assert isinstance(problem, ConditionedProblem)
     without = problem.of("linear", 1).tried(best.parts, best.strength)
     path = [*before, *([without] if problem.knot_count > 1 else []), best]
-    if either_sign and amplitudes_differ(record):
+    if either_sign:
         path.append(_of_either_sign(record, parts, name, problem.whole.leading, initial))
     return tuple(choice.problem.fitted(choice) for choice in path)
 
