@@ -122,7 +122,7 @@ def training_data(
     if record.channels:
         given = thinned(record)
         channels, record, missed = fit_channel_map(given, keep_conditioning=keep_conditioning)
-        two = may_modulate and len(given.channels) == 2
+        two = may_modulate and len(channels.names) == len(given.channels) == 2
         if two and (other := by_condition(given, missed)) is not None:
             channels, record = None, other
         if test is not None:

@@ -145,11 +145,9 @@ def predict(model: AbstractModel, record: Record) -> Float[np.ndarray, " samples
 
 def going_on(model: Any, record: Record) -> Any:
     """The model as it predicts inputs and conditions of the record beyond its own, see `extended`."""
-    found = condition_of(model)
-    columns = [
-        record.input,
-        *([] if found is None else [condition_column(record, found.condition)]),
-    ]
+    columns = [record.input]
+    if (found := condition_of(model)) is not None:
+        columns.append(condition_column(record, found.condition))
     inputs, *conditions = [(float(np.nanmin(x)), float(np.nanmax(x))) for x in columns]
     return extended(model, *inputs, *conditions)
 
