@@ -47,7 +47,7 @@ def run(asked: Export) -> Done:
     """
     if asked.to is not None and asked.to[0] in CARDS:
         if len(asked.targets) > 1:
-            said = "A material card is not a compensator, which --c and --runtime write."
+            said = "A material card is not a compensator."
             raise InputError("bad-option", said, fix="Export them one by one.")
         return _card(asked, *asked.to)
     real = "fixed" if asked.fixed else "float" if asked.single else None
