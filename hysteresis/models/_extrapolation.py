@@ -153,6 +153,8 @@ def _going_on(model: Conditioned, low: float, high: float) -> Conditioned:
             models.append(Sum([models[-1], Scaled(slope, step)]))
             knots.append(end)
         models, knots = models[::-1], knots[::-1]  # once more at the other end
+    if len(models) == len(model.models):
+        return model
     return replace(model, models=tuple(models), knots=np.array(knots))
 
 

@@ -66,7 +66,7 @@ def fit_conditioned(
     """
     found = []
     for leading in leadings:
-        base = ConditionedProblem(record, parts, name, leading, initial)
+        base = ConditionedProblem(record, parts, name, leading, initial, CONDITIONED)
         problem = _several(base, _rising((CURVE,), STRENGTHS_OF_PRIOR), base.axes).problem
         assert isinstance(problem, ConditionedProblem)
         path = _path(problem.of(problem.axis, min(problem.knot_count, COUNTS[0])))
@@ -140,9 +140,9 @@ class ConditionedProblem(Problem):
 
     def __init__(
         self, record: Record, parts: Parts, name: str, leading: bool, initial: Initial,
-        some: tuple[str, ...] | None = None,
+        some: tuple[str, ...],
     ) -> None:  # fmt: skip
-        whole = unknowns_for(record, parts, initial, some or CONDITIONED)
+        whole = unknowns_for(record, parts, initial, some)
         super().__init__(record, parts, whole._replace(leading=leading))
         c = record.columns[name]
         self.condition, self.c = name, c[self.rows]
@@ -198,15 +198,13 @@ class ConditionedProblem(Problem):
             self.summed.clear()
         key = which, some, self.axis, self.knot_count
         if key not in self.summed:
-            shares = shares_of(self.knots(which), self.axis, self.value)
-            columns = self.whole.where(some)
-            cells, knots = np.ix_(columns, columns), range(shares.shape[1])
-            alike = [
-                [p for p in which if self.value[p] == v] for v in np.unique(self.value[list(which)])
-            ]
+            values, columns = np.unique(self.value[list(which)]), self.whole.where(some)
+            alike = [[p for p in which if self.value[p] == v] for v in values]
+            cells = np.ix_(columns, columns)
             each = np.stack([sum(self.normal[p].H[cells] for p in own) for own in alike])
             right = np.stack([sum(self.normal[p].b[columns] for p in own) for own in alike])
-            h = shares[[own[0] for own in alike]]
+            h = shares_of(self.knots(which), self.axis, values)
+            knots = range(h.shape[1])
             H = np.block([[np.tensordot(h[:, i] * h[:, j], each, 1) for j in knots] for i in knots])
             b = (h.T @ right).ravel()
             rows = sum(self.normal[p].rows for p in which)
