@@ -20,7 +20,7 @@ from jaxtyping import Complex, Float, Int
 from numpy.typing import ArrayLike
 
 from .._errors import InputError
-from .._model import DOUBLE, AbstractModel, Tree
+from .._model import DOUBLE, AbstractModel, Tree, complete
 from .._registry import register
 from ..running import Numbers, numbers_of, run
 from ..trees import node
@@ -339,8 +339,7 @@ class Feedback(eqx.Module):
         if u.ndim != 2 or not len(u) or u.shape[1] != self.inputs:
             said = f"inputs of the shape {u.shape} for a model of {self.inputs}."
             raise InputError("length-mismatch", said, fix="give (samples, inputs).")
-        if not np.isfinite(u).all():
-            raise InputError("not-finite", "an input is not a number.", fix="give finite inputs.")
+        complete(u)
         if not (dt > 0 and finer >= 1):
             raise InputError("bad-option", f"dt={dt}, finer={finer}; above 0, and at least 1.")
         return u
