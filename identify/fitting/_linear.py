@@ -9,13 +9,14 @@ from hysteresis import InputError, Preisach
 from hysteresis._format import quantity
 from hysteresis.preisach import GridDensity
 
+from .._levels import FEW
 from ..linear._average import averaged
 from ..linear._composition import CompositionUnknowns
 from ..linear._composition_fit import Problem, Tried, fitted, path_of
 from ..linear._composition_lag import fit_lagging
 from ..linear._composition_parts import DRIFTS
 from ..linear._conditioned_fit import fit_conditioned
-from ..linear._linear_fit import PAIRS, LinearFit, outputs_together
+from ..linear._linear_fit import LinearFit, outputs_together
 from ..linear._preisach_fit import GRIDS, fit_preisach
 from ..records._clocks import latest
 from ..records._folds import earned
@@ -26,8 +27,8 @@ from ..results._goodness_of_fit import evidence
 from ..results._trained_condition import trained_condition
 from ._training_data import Candidate, Options, TrainingData, Trial
 
-DRAWS, FEW_DRAWS = 64, 2 * PAIRS
-"""Draws from which the errors of the totals are estimated; few until a fit is chosen."""
+DRAWS = 100
+"""From which the errors of the totals are estimated; `FEW` until a fit is chosen."""
 
 SIGNED = "Its output need not rise with the input; --purpose compensate takes a model that does."
 
@@ -156,7 +157,7 @@ def _trial(
     found = FitResult(
         name=name,
         model=model,
-        **drawn(FEW_DRAWS),
+        **drawn(FEW),
         **judged._asdict(),
         success=True,
         blocks=linear.blocks * linear.meaning.scale**2,

@@ -19,9 +19,6 @@ from ._conditioned_unknowns import ConditionedUnknowns
 from ._preisach_unknowns import NOT_SEPARABLE, GridUnknowns
 from ._unknown_vectors import in_units
 
-PAIRS = 8
-"""Draws for one pair from which the push of the signs is estimated."""
-
 Unknowns = TypeVar("Unknowns", GridUnknowns, CompositionUnknowns, ConditionedUnknowns)
 """What the unknowns of a linear model stand for.
 
@@ -114,11 +111,8 @@ class LinearFit(Generic[Unknowns]):
         noise: Noise,
         count: int,
         random: np.random.Generator,
-        antithetic: bool = False,
     ) -> Float[np.ndarray, "count unknowns"]:
         """Draws from the projected Gaussian posterior: independent, and each a model there can be.
-
-        With `antithetic` each comes with that of the opposite noise, twice as many.
 
         x = argmin over those models of (x - z)'Q(x - z), z Gaussian about the unconstrained minimum of
         x'Hx/2 - b'x with precision Q = H / variance. That moves b by a Gaussian with covariance
@@ -131,8 +125,6 @@ class LinearFit(Generic[Unknowns]):
         variance = noise.sigma**2 * noise.correlation_time / self.meaning.scale**2 / self.rows
         factor = scipy.linalg.cholesky(self.H, lower=True)
         steps = np.sqrt(variance) * random.normal(size=(count, len(self.b)))
-        if antithetic:
-            steps = np.concatenate([steps, -steps])
         if isinstance(self.meaning, CompositionUnknowns) and self.meaning.free.all():
             return (
                 self.unknowns
@@ -152,12 +144,10 @@ class LinearFit(Generic[Unknowns]):
         sums, scale = self.meaning.totals, self.meaning.scale
         values = sums @ in_units(self.meaning, self.unknowns)
         if self.known is not None:
-            (covariance, _, shift), count_of_sums = self.known, len(values)
+            covariance, _, shift = self.known
             if shift is not None:
-                # Signs push sums to one side, as smoothing does: by as much as noise about the fit shows.
-                up = self.draws(noise, count // PAIRS, random, antithetic=True) - self.unknowns
-                values = values + scale * (shift[:count_of_sums] - sums @ up.mean(0))
-            return values, scale**2 * covariance[:count_of_sums, :count_of_sums]
+                values = values + scale * shift[: len(values)]
+            return values, scale**2 * covariance[: len(values), : len(values)]
         deviations = scale * (self.draws(noise, count, random) - self.unknowns) @ sums.T
         return values, deviations.T @ deviations / count
 

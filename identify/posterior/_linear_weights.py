@@ -285,6 +285,9 @@ class _Given:
         held = design.totals[self.determined]
         firmly = FIRM / np.maximum(variance[self.determined], 1e-300)
         self._held = (held.T * firmly) @ held
+        known = linear.known
+        shift = np.zeros(len(design.totals)) if known is None or known.shift is None else known.shift
+        self._shift = (held.T * firmly) @ shift[: len(design.totals)][self.determined]
 
     def drawn(
         self, point: Float[np.ndarray, " 3"], random: np.random.Generator
@@ -296,7 +299,8 @@ class _Given:
         away[: self.known] = scipy.linalg.solve_triangular(factor.T, noise[: self.known])
         H = jittered(self._under(point) + self._held)  # a drawn prior may be next to none
         x = self.linear.unknowns + self.U @ away
-        return self.linear.meaning.minimum(H, H @ x, x > 0)
+        shift = self._shift * (1 + random.normal())  # as uncertain as it is large
+        return self.linear.meaning.minimum(H, H @ x + shift, x > 0)
 
     def _under(self, point: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "unknowns unknowns"]:
         """The precision of all unknowns given noise and strength, times the noise's variance over N."""
