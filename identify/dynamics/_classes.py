@@ -16,7 +16,7 @@ from hysteresis._precision import in_this_precision
 from hysteresis.dynamics._recorder import stages_of
 from hysteresis.numerics._recurrence import stops
 
-from .._levels import NOTHING, SURE
+from .._levels import MUCH, NOTHING, PART, SURE
 from ._linear_approximation import LinearApproximation
 from ._measured_motion import MeasuredMotion
 from ._output_error import (
@@ -42,12 +42,7 @@ KNOTS = (2, 21, 31)
 RANGES = np.geomspace(0.2, 0.85, 9)
 """Of the radii, as parts of the largest displacement."""
 
-BAND = 1.5
-"""Displacements are low-passed at this many times the highest frequency of the force, and then known
-almost without noise."""
-
-FINER, PASSES, ROUNDS = 8, 5, 2
-LEAST_REACH = 0.15
+FINER, PASSES, ROUNDS = 10, 10, 2
 SIDE_BY_SIDE = 2
 
 
@@ -64,7 +59,7 @@ def plays_family(
     is k.
     """
     radii = reach * LARGEST * (np.arange(plays) / (plays - 1)) ** POWER
-    ends = np.maximum(reach - radii, LEAST_REACH * reach)
+    ends = np.maximum(reach - radii, PART * reach)
     counts = np.maximum(2, 2 * np.round((knots - 1) / 2 * ends / reach).astype(np.int64) + 1)
     if knots == 2:
         counts[:] = 2
@@ -95,7 +90,8 @@ def equation_error(motion: MeasuredMotion, linear: LinearApproximation, family: 
     displacement. A record without a period has the ends of its derivatives as two more unknowns.
     """
     n, w = len(motion.force), 2 * np.pi * motion.frequencies
-    highest = linear.frequencies[-1] * BAND
+    # Low-passed so far above the force's frequencies, displacements are known almost without noise.
+    highest = linear.frequencies[-1] * MUCH
     use = motion.frequencies <= min(highest, 0.9 * motion.frequencies[-1])
     U, Y = np.fft.rfft(motion.force), np.fft.rfft(motion.displacement)
     smooth = np.fft.irfft(np.where(use, Y, 0), n)
@@ -156,7 +152,7 @@ def candidates(motion: MeasuredMotion, linear: LinearApproximation) -> list[Equa
 SIZES = tuple(2**k + 1 for k in range(2, 6))
 """Knots, one more between each two of those before."""
 
-SHARES, LOSSES, SKEWS = (0.5, 0.25, 0.75), (0.5, 0.15), (-0.5, 0.5)
+SHARES, LOSSES, SKEWS = (0.5, 0.25, 0.75), (0.5, 0.1), (-0.5, 0.5)
 """Starts: the part of the stiffness that is hysteretic; how much of it the rms force takes away; how
 unlike loading and unloading are."""
 

@@ -11,15 +11,12 @@ from numpy.typing import ArrayLike
 from hysteresis import InputError, Note, Record
 from hysteresis._format import quantity
 
-from .._levels import CHANCE, FEW, HELD, LITTLE
+from .._levels import CHANCE, FEW, HELD, LITTLE, MUCH
 
 LEAST_ROWS = 64
 
 BANDS = 10
 """White noise has the same power in each of so many bands."""
-
-EXPLAINED = 1.3
-"""chi2 per row up to which the noise explains what a model leaves."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +63,7 @@ class MeasuredMotion:
     def explained(self) -> float:
         """chi2 per row up to which noise explains what is left: more where its level is less certain."""
         unsure = 0.0 if self.scatter is not None else 10 / float(np.sqrt(len(self.force)))
-        return EXPLAINED + unsure
+        return MUCH + unsure
 
     @property
     def frequencies(self) -> Float[np.ndarray, " lines"]:

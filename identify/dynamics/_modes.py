@@ -21,7 +21,7 @@ from threadpoolctl import threadpool_limits
 from hysteresis import Feedback, InputError
 from hysteresis.dynamics._feedback import CLOSE
 
-from .._levels import HELD, LITTLE
+from .._levels import HELD, LITTLE, MUCH
 from ._feedback_search import Spectra, gauss_newton, simulated
 from ._feedback_unknowns import SLOWEST, Unknowns
 from ._measured_motion import LEAST_ROWS
@@ -31,10 +31,6 @@ from ._vector_fitting import vector_fitted
 MANY, MOST_MODES = 20, 30
 WORTH = 1 - HELD
 """More modes, or a group of channels, have to bring the error of what is held out below this part of it."""
-
-NEAR = 1.3
-"""Of trials by vector fitting those are taken that err less than so many times the best: the shortest such
-delay, and all such numbers of modes, which Gauss-Newton then tells apart."""
 
 BAND = 0.02, 1.15
 """Poles that are modes: where they lie, in parts of the highest excited frequency."""
@@ -139,13 +135,14 @@ def chosen_modes(
     thin = max(1, len(at) // FEW)
     delays = np.arange(8) * 0.25 * data.lines.dt
     errors = np.array([tried(MANY, d, thin)[0] for d in delays])
-    delay = delays[np.argmax(errors <= NEAR * errors.min())]
+    delay = delays[np.argmax(errors <= MUCH * errors.min())]
+    # Gauss-Newton tells apart the numbers of modes whose poles err about as little.
     least, best, found = np.inf, 1.0, None  # of no model 1 is left
     seen = {0}
     for count in range(2, MOST_MODES + 1, 2):
         e, model = tried(count, delay)
         least = min(least, e)
-        if e > NEAR * least or best < CLOSE or len(model.poles) in seen:
+        if e > MUCH * least or best < CLOSE or len(model.poles) in seen:
             continue
         seen.add(len(model.poles))
         model = gauss_newton(model, data, Unknowns(), steps=10, thin=thin).model

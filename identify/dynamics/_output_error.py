@@ -133,7 +133,7 @@ def as_recorded(
 ALONE = 2.0
 """Numbers of the law for each unknown up to which derivatives are taken by the former."""
 
-FAR = 30.0
+FAR = 100.0
 """A simulated motion beyond this many times the largest measured one has failed."""
 
 TRIES = 10

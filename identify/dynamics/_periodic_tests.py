@@ -14,18 +14,16 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy
 from jaxtyping import Float
 from numpy.typing import ArrayLike
 
 from hysteresis import InputError
 from hysteresis.dynamics._feedback import Lines
 
-from .._levels import LITTLE
+from .._levels import CHANCE, LITTLE
 from ._feedback_search import Spectra
 from ._measured_motion import check_period, period_of
-
-NOISE = 4.0
-"""Times its deviation between periods, up to which a line of an input is noise: of one in ten million."""
 
 SAME_LEVEL = 1.05
 """Inputs whose sizes differ by less have one level."""
@@ -107,8 +105,11 @@ def _without_noise(u: Float[np.ndarray, "periods samples inputs"]) -> np.ndarray
     if len(u) < 2:
         return u[0]
     each = np.fft.rfft(u, axis=1)
-    mean, noise = each.mean(0), np.sqrt(np.median(each.var(0, ddof=1), 0) / len(u))
-    mean[1:][np.abs(mean[1:]) < NOISE * noise] = 0
+    # The power of a line of noise is gamma distributed: of a mean of periods by chance one beyond `most`.
+    mean, free = each.mean(0), len(u) - 1
+    power = np.median(each.var(0, ddof=1), 0) * free / scipy.special.gammaincinv(free, 0.5)
+    most = np.log(len(mean) / CHANCE) * power / len(u)
+    mean[1:][np.abs(mean[1:]) ** 2 < most] = 0
     return np.fft.irfft(mean, u.shape[1], axis=0)
 
 
