@@ -31,8 +31,9 @@ from hysteresis import (
     Sum,
 )
 from hysteresis.preisach import GaussianDensity
+from identify._levels import CHANCE
 from identify.noise._arithmetic import Rows
-from identify.noise._model import BELIEVED, NoiseModel, rows_of
+from identify.noise._model import NoiseModel, rows_of
 from identify.noise._reml import kinds
 from identify.noise._residual_statistics import estimate_noise
 from identify.parameters._settings import Settings, numbers_of, with_settings
@@ -198,7 +199,7 @@ def _fit(
     r = first.predicted - y
     plain = covariance_of(first.jacobian, float(r @ r) / (len(y) - len(z)))
     found = likeliest(problem, rows, first.free, kinds("auto"))
-    if found is None or found.believed < BELIEVED:
+    if found is None or found.believed < CHANCE:
         # No noise model is believed: least squares, its errors widened.
         noise = estimate_noise([r], len(z))
         nothing = Skewness(np.zeros(len(z)), np.zeros(len(z)))

@@ -11,6 +11,7 @@ from hysteresis import Record
 from hysteresis.numerics import _recurrence as input_memory
 
 from .._levels import RADII
+from ..linear._cross_validation import STRENGTHS
 from ..records._clocks import slow_times
 from ._input_memory import OncePerInput
 
@@ -21,9 +22,6 @@ LAGS = tuple(2**k for k in range(6))
 
 FEW = 2
 """So many further columns also multiply all others."""
-
-PENALTIES = tuple((10.0 ** np.arange(-6, -1, 2)).tolist())
-"""Of ridge regression, of the mean square of a standardised column; the best on the folds is taken."""
 
 
 class Weights(NamedTuple):
@@ -147,4 +145,4 @@ def ridges(train: Record, columns: tuple[str, ...]) -> tuple[LinearBaseline, ...
 
     memory = "lags, stops and slow states" if times else "lags and stops"
     design = OncePerInput(made, columns)
-    return tuple(LinearBaseline(f"ridge on {memory}", design, penalty) for penalty in PENALTIES)
+    return tuple(LinearBaseline(f"ridge on {memory}", design, penalty) for penalty in STRENGTHS)

@@ -13,7 +13,7 @@ from jaxtyping import Array, Float, Int
 from hysteresis import InputError, Oscillator, Sum
 from hysteresis.dynamics._oscillator import forces_of
 
-from .._levels import FEWEST, MUCH, SOME_ROWS
+from .._levels import FEWEST, MUCH, SOME_ROWS, WHOLE
 from ..dynamics._classes import COARSER, duhem_family, periods_to_steady_state
 from ..dynamics._measured_motion import LEAST_ROWS, measured_motion
 from ..dynamics._output_error import FAR, PLANT, STATE, Setting, covariance_of, hats
@@ -27,7 +27,6 @@ LEVELS = 2.0 ** np.arange(-2, 3)
 BANDS = tuple((1 / f, f) for f in (MUCH, 2.0, 10.0))
 """About the resonance, by which they are multiplied; the fitted record's band is tried too."""
 
-HIGHEST = 0.45
 PLACES = 100
 """Forces at which the standard deviation of the slopes f+ and f- is taken."""
 
@@ -189,7 +188,7 @@ def design_excitation(
 
 def _bands(detail: Motion, dt: float) -> list[tuple[float, float]]:
     """The fitted record's band, and those about the resonance, below the Nyquist frequency."""
-    linear, top = detail.linear, HIGHEST / dt
+    linear, top = detail.linear, WHOLE / 2 / dt
     own = (float(linear.frequencies[0]), min(float(linear.frequencies[-1]), top))
     about = [(a * linear.resonance, min(b * linear.resonance, top)) for a, b in BANDS]
     return [own, *(band for band in about if band[0] < band[1])]

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from .._levels import FEW
+from .._levels import FEW, PART
 from ..posterior._posterior import Posterior
 from ._change import untested
 from ._gaussian_estimate import Fitted, estimate, in_common, opened
@@ -18,9 +18,6 @@ because the specimens are integrated out."""
 
 PRIOR = 0.5
 """Median of tau's prior: half of the specimens then lie within a factor of 1.4 in a positive parameter."""
-
-RATIO = 1.1
-"""Ratio of neighbouring values on the grid of tau; draws are spread evenly in between."""
 
 
 class Interval(NamedTuple):
@@ -167,7 +164,7 @@ def population_draws(
     deviation = np.sqrt(np.diagonal(V, axis1=1, axis2=2))
     least = 1e-2 * np.minimum(deviation.min(0), prior)
     most = 50 * np.maximum(np.ptp(z, axis=1).max(0), np.maximum(prior, deviation.max(0)))
-    cells = np.ceil(np.log(most / least) / np.log(RATIO)).astype(int) + 1
+    cells = np.ceil(np.log(most / least) / np.log1p(PART)).astype(int) + 1
     grids = [np.geomspace(*ends) for ends in zip(least, most, cells, strict=True)]
     tau, found = np.broadcast_to(prior, (chains, size)).copy(), []
     eye = np.eye(size)

@@ -52,7 +52,7 @@ from ._verdict import check_purpose, judge
 PIECES = 100
 """Of a curve."""
 
-TIMES = 12
+TIMES = 10
 """Relaxation times, from the sampling step to ten times the longest sequence."""
 
 

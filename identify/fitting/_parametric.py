@@ -13,10 +13,10 @@ from hysteresis.preisach import GaussianDensity, GridDensity, LorentzianDensity
 from hysteresis.preisach._density import AbstractDensity, SumDensity
 from hysteresis.records._excitation import check_rows
 
-from .._levels import COARSE, LITTLE, ROUNDING, SOME_ROWS, STEPS
+from .._levels import CHANCE, COARSE, LITTLE, ROUNDING, SOME_ROWS, STEPS
 from ..linear._preisach_fit import fit_preisach
 from ..noise._arithmetic import Rows
-from ..noise._model import BELIEVED, NoiseModel, nothing_speaks_against, rows_of
+from ..noise._model import NoiseModel, nothing_speaks_against, rows_of
 from ..noise._reml import Linearised, kinds
 from ..parameters._settings import Settings, with_settings
 from ..parameters._transform import Transform, transform_for
@@ -434,7 +434,7 @@ def _sought(fit: LeastSquares, at: Linearised, noise: str | None, widened: float
     # Without a maximum plain noise was tried, and is too far from the residuals to go on from.
     tried = {} if noise is None else {NoiseModel(0.0).words: 0.0}
     evidence = tried if found is None else found.over_the_best
-    if found is not None and (found.believed > BELIEVED or noise != "auto"):
+    if found is not None and (found.believed > CHANCE or noise != "auto"):
         return _Sought(found, True, evidence)
     # No kind of noise explains the residuals. Neighbouring rows repeat each other, so `widened` of them
     # count for one, also against the priors that the user gave.

@@ -23,8 +23,8 @@ from hysteresis.models._channel_map import memory_columns
 
 from .._levels import ENOUGH_ROWS, RADII
 from ..records._clocks import repeats, slow_times
-from ..records._conditions import BLOCKS, MOST_FOLDS
-from ..records._folds import BLOCKS_OF_FOLD, Fold, earned, held_out_errors, thinned
+from ..records._conditions import BLOCKS
+from ..records._folds import BLOCKS_OF_FOLD, QUARTERS, Fold, earned, held_out_errors, thinned
 from ..records._new_record import combine
 from ._cross_validation import normal_equations_of
 from ._group_strengths import APART, Group, GroupedColumns, Strengths
@@ -242,7 +242,7 @@ def _parts(record: Record, most: int) -> _Cut:
     several = len(counted) > 1
     if several:
         for k, rows in enumerate(counted):
-            part[rows] = k % MOST_FOLDS
+            part[rows] = k % QUARTERS
     else:
         tested = tested & _settled(record, most)
         before = np.cumsum(tested) - tested

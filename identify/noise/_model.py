@@ -242,13 +242,6 @@ def _moments(series: Noises, sequences: Sequence[slice]) -> tuple[float, float]:
     return float(np.mean(series**2)), products / series.size
 
 
-LAGS = 20
-"""Lags over which innovations are looked at."""
-
-BELIEVED = 1e-3
-"""Chance of noise to leave what is left, below which it is not believed to be noise."""
-
-
 class Left(NamedTuple):
     """What is left of a linearised model under one noise, all through the filter that makes it white.
 
@@ -301,7 +294,7 @@ def _white(x: np.ndarray, place: np.ndarray, spent: int) -> float:
     degrees of freedom as lags, less those spent. Outliers count as four deviations."""
     x = np.clip(x, -4.0, 4.0)
     count = int(np.count_nonzero(x))
-    lags = np.arange(1, min(LAGS, count // 4) + 1)
+    lags = np.arange(1, min(int(10 * np.log10(max(count, 1))), count // 4) + 1)
     if len(lags) <= spent:
         return 1.0
     rho = np.array([np.sum((x[k:] * x[:-k])[place[k:] >= k]) for k in lags]) / (x @ x)

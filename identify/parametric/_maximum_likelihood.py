@@ -8,9 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._levels import ENOUGH_ROWS, LITTLE, NOTHING, STEPS
+from .._levels import CHANCE, ENOUGH_ROWS, LITTLE, NOTHING, STEPS
 from ..noise._arithmetic import Arithmetic, Rows
-from ..noise._model import BELIEVED, Left, NoiseModel, believed, nothing_speaks_against
+from ..noise._model import Left, NoiseModel, believed, nothing_speaks_against
 from ..noise._reml import Linearised, noise_fit, of_free
 from ..noise._reml import score as own_score
 from ..noise._residual_statistics import Noise, widening
@@ -18,7 +18,7 @@ from ..parameters._transform import Transform
 from ._multistart import Optimum, Problem
 from ._standard_errors import Skewness, points_about, skewness
 
-FIRST, HOPELESS = 2, BELIEVED / 100
+FIRST, HOPELESS = 2, CHANCE / 100
 """After FIRST rounds the search stops where the adequacy test of the residuals has a smaller p-value."""
 
 STEP = 1.0
@@ -105,7 +105,7 @@ def likeliest(
             first = likeliest_about(few, kinds, near)
             evidence = first.evidence
             if few is not at:
-                if first.believed(few) < BELIEVED:
+                if first.believed(few) < CHANCE:
                     return None
                 kinds = (first.kind,)
             # What is that far behind stays there when the model is linearised anew.

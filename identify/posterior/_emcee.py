@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from .._levels import FEW
+from .._levels import FEW, PART
 from ..noise._residual_statistics import autocovariance, integrated_time
 from ..storage._checkpoint import Checkpoint
 from ._posterior import Chains, Progress, rhat
@@ -16,9 +16,9 @@ from ._posterior import Chains, Progress, rhat
 # How the walkers of several ensembles move, side by side: emcee's interface for moves.
 
 
-INDEPENDENT, JUMPS = 0.5, 0.05
+INDEPENDENT, JUMPS = 0.5, PART
 """Parts of the steps: proposals from about the fit, and of the whole difference of two walkers, which leads
-from mode to mode. The others are differential evolution's."""
+from mode to mode (ter Braak 2006). The others are differential evolution's."""
 
 LogProbability = Callable[[np.ndarray], np.ndarray]
 """Of many points at once: (points, parameters) -> (points,)."""
@@ -113,9 +113,9 @@ def _differences(random: Any, walkers: np.ndarray) -> np.ndarray:
 LENGTH, AGREED = 50, 1.01
 """Autocorrelation times that an ensemble's steps have to hold, and the R-hat to fall below."""
 
-FIRST_CHECK, NEXT_CHECK = 200, 1.2
-"""The rule is tried after so many steps, and whenever they have grown by this factor: at the same steps
-however the run was cut up."""
+NEXT_CHECK = 1.2
+"""The rule is tried whenever the steps have grown by this factor: at the same ones however a run was cut
+up."""
 
 MOMENT = 1.0
 """Seconds of a block of steps: how often it can be interrupted, and says where it is."""
@@ -383,7 +383,7 @@ def _begun(
 
 def _next_check(steps: int) -> int:
     """The first step after these at which the rule is tried."""
-    check = FIRST_CHECK
+    check = LENGTH
     while check <= steps:
         check = math.ceil(check * NEXT_CHECK)
     return check

@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from hysteresis import InputError, Record
 
-from .._levels import HELD, LITTLE, MANY_ROWS, NOTHING, SOME_ROWS
+from .._levels import HELD, LITTLE, MANY_ROWS, NOTHING, PART, SOME_ROWS
 from ..linear._composition import CompositionUnknowns
 from ..linear._composition_parts import DRIFTS, memory_blocks, memory_of
 from ..linear._conditioned_unknowns import ConditionedUnknowns, shares_of
@@ -178,9 +178,6 @@ MOST = 100
 FIRM = 1 / LITTLE
 """How much firmer the projection holds a sum than the data do."""
 
-KNOWN = 0.01
-"""Part of its prior variance that is left of a sum which the data know."""
-
 
 # Many small factorisations, for which threads of BLAS only wait.
 @threadpool_limits.wrap(limits=1, user_api="blas")
@@ -262,7 +259,8 @@ class _Given:
 
     - `determined`: which of the design's sums the data know rather than the prior, at the likeliest noise
       and strength. At most half of the variance c'G c is the prior's, c'G (H - H_d) G c, with G the inverse
-      of H and H_d the H without the prior; or, of `SUMS`, it is less than `KNOWN` of the prior's variance.
+      of H and H_d the H without the prior; or, of `SUMS`, its deviation is
+      less than `PART` of the prior's.
     """
 
     def __init__(
@@ -280,13 +278,15 @@ class _Given:
         of_prior = strength * (back**2).sum(0) + (along[:, self.known :] ** 2).sum(1) / strength
         before = (along**2).sum(1) / strength
         bare = [name.partition(" at ")[0] for name in design.names]  # without that of a condition
-        narrow = np.isin(bare, SUMS) & (variance < KNOWN * before)
+        narrow = np.isin(bare, SUMS) & (variance < PART**2 * before)
         self.determined: Bool[np.ndarray, " sums"] = (of_prior <= 0.5 * variance) | narrow
         held = design.totals[self.determined]
         firmly = FIRM / np.maximum(variance[self.determined], 1e-300)
         self._held = (held.T * firmly) @ held
         known = linear.known
-        shift = np.zeros(len(design.totals)) if known is None or known.shift is None else known.shift
+        shift = (
+            np.zeros(len(design.totals)) if known is None or known.shift is None else known.shift
+        )
         self._shift = (held.T * firmly) @ shift[: len(design.totals)][self.determined]
 
     def drawn(

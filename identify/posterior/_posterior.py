@@ -15,7 +15,7 @@ from jaxtyping import Array, Float, Int
 from hysteresis._drawing import html_of, plot_of
 from hysteresis._show import aligned, at_most
 
-from .._levels import FEW, HELD_AT_ONCE, PART, SOME_ROWS
+from .._levels import CONFIDENCE, FEW, HELD_AT_ONCE, PART, SOME_ROWS
 from ._log_posterior import Target
 
 # Whether chains agree, how many draws they are worth, and whether they know one mode or several.
@@ -57,9 +57,9 @@ class Chains(NamedTuple):
         return self.points[:, :: self.thin].reshape(chains, -1, parameters)
 
 
-VALLEY, ASIDE = 0.5, 0.05
-"""A valley counts below this part of the lower peak, and with this part of the draws, and `FEW` effective
-ones, on either side."""
+VALLEY = 0.5
+"""A valley counts below this part of the lower peak, with as many of the draws as lie beyond an end of an
+interval, and `FEW` effective ones, on either side."""
 
 
 def rhat(chains: Float[np.ndarray, "chains draws"]) -> float:
@@ -100,7 +100,7 @@ def has_two_modes(draws: Float[np.ndarray, " draws"], effective: float) -> bool:
     lower = np.minimum(
         np.maximum.accumulate(density), np.maximum.accumulate(density[::-1])[::-1]
     )  # of the highest peaks on either side
-    aside = max(ASIDE, FEW / effective)
+    aside = max((1 - CONFIDENCE) / 2, FEW / effective)
     valleys = (density < VALLEY * lower) & (below > aside) & (below < 1 - aside)
     return bool(valleys.any())
 

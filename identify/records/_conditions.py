@@ -12,9 +12,6 @@ from ._folds import QUARTERS, Fold, Parts
 BLOCKS = QUARTERS + 2
 """Of consecutive rows, where no condition can be held out; the first and the last are always trained."""
 
-MOST_FOLDS = 5
-"""That hold out conditions, or sequences."""
-
 
 def name_of_condition(record: Record) -> str | None:
     """The condition of a record; None where it has none.
@@ -96,7 +93,7 @@ def condition_parts(record: Record, name: str) -> Parts:
 
 def inner_folds(values: Float[np.ndarray, " values"] | None) -> int:
     """How many of the folds of `condition_parts`, the first ones, hold out conditions."""
-    return 0 if values is None else int(np.clip(len(values) - 2, 0, MOST_FOLDS))
+    return 0 if values is None else int(np.clip(len(values) - 2, 0, QUARTERS))
 
 
 def _folds_of(
@@ -117,7 +114,7 @@ def _folds_of(
         keys = np.array([_nearest(c[rows].mean(keepdims=True), values)[0] for rows in counted])
     least = int(np.bincount(keys)[np.unique(keys)].min())
     if least > 1:
-        number, seen = min(MOST_FOLDS, least), dict.fromkeys(keys.tolist(), 0)
+        number, seen = min(QUARTERS, least), dict.fromkeys(keys.tolist(), 0)
         for key, rows in zip(keys.tolist(), counted, strict=True):
             fold[rows] = 1 + seen[key] % number
             seen[key] += 1

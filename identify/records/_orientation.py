@@ -24,7 +24,7 @@ FINE = 1e-4
 """Of the input's range: how far the path may be off where rows are enough; where they are few, `SEAM`. The
 best models leave some thousandths unexplained, and a verdict allows some hundredths."""
 
-NOISE = 8.0
+NOISE = 10.0
 """Standard deviations of the input's noise: its extremes lie so far apart, and are no path."""
 
 

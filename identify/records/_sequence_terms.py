@@ -33,7 +33,7 @@ from hysteresis.numerics._functions import NORMAL_95, hats_of
 from hysteresis.numerics._recurrence import clamped, relaxed
 from hysteresis.records._abstract_record import KNOWN
 
-from .._levels import FEWEST, LITTLE
+from .._levels import FEWEST, LITTLE, PART
 from ._clocks import usual_speed
 from ._folds import QUARTERS
 
@@ -280,9 +280,6 @@ class _Search:
 RELATIVE = "rms of the sequence"
 """The name of a sigma that is the rms of each sequence's output."""
 
-FEW = 0.1
-"""Of the rows in which an error decays: over the last so many known ones it is averaged."""
-
 
 class Misfit(NamedTuple):
     """What a model errs by where its state is known: rms, in parts of that of the known outputs where it is
@@ -338,7 +335,7 @@ def from_known(model: AbstractModel, record: Record, misfit: Misfit) -> FromKnow
         run = past.followed_by(None if t is None else t[rest], u[rest])
         each = np.asarray(outputs(*run)).reshape(len(past.inputs), -1)[:, rows.start - rows.stop :]
         values[rows] = each[0]
-        last = slice(max(rest.start - max(1, round(FEW * misfit.lasts)), rows.start), rest.start)
+        last = slice(max(rest.start - max(1, round(PART * misfit.lasts)), rows.start), rest.start)
         missed = record.output[last] - values[last]
         error = np.nanmean(missed) if misfit.lasts else np.nan
         if np.isfinite(error):

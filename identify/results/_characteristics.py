@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from jaxtyping import Bool, Float
 
 from hysteresis import Record
@@ -16,9 +17,6 @@ from hysteresis._format import number_of
 from hysteresis.records._loop_table import LoopTable, loop_table
 
 from .._levels import FEWEST, HELD, LITTLE, SURE
-
-SCATTER = 6.0
-"""At its level an input is this close, of its range, or this many median deviations."""
 
 ALIKE = 0.5
 """Of the largest change in a hold: holds that change by so much are compared."""
@@ -167,7 +165,8 @@ def holds_of(record: Record) -> list[np.ndarray]:
             rows = np.arange(run[0], run[-1] + FEWEST)
             # Where it arrives and leaves it still moves: from the first row at the level to the last.
             away = np.abs(u[rows] - np.median(u[rows]))
-            at = np.flatnonzero(away <= max(SCATTER * np.median(away), LITTLE * span))
+            scatter = np.median(away) / scipy.special.ndtri(0.75)
+            at = np.flatnonzero(away <= max(SURE * scatter, LITTLE * span))
             rows = rows[at[0] : at[-1] + 1]
             moved = np.ptp(u[rows])
             # Of the way that it goes in the time of a hold where it moves: more is a slow turn.

@@ -15,14 +15,14 @@ from hysteresis.records._abstract_record import over
 from hysteresis.records._loop_cut import Pair, largest_row, step_of, student
 from hysteresis.records._loop_figures import Loops
 
-from .._levels import FEWEST, REPEATS, SEAM, WHOLE
+from .._levels import FEWEST, PART, REPEATS, SEAM, WHOLE
 from ._characteristics import holds_of
 
-LEAST, RESOLUTIONS = 0.1, 500
+RESOLUTIONS = 500
 """Errors of the reading are told from the first of ten even steps of the range on, and from so many
 resolutions on. Below, they would be those of noise."""
 
-UPPER, LOWER = 0.5, LEAST
+UPPER, LOWER = 0.5, PART
 """Of the range: a hold above the one tells creep, one below the other behind a load its recovery."""
 
 DEFINITIONS = {
@@ -262,7 +262,7 @@ class _Sheet(NamedTuple):
         where = f"{number_of(loops.size, 'loop')}, at {quantity(float(self.inputs[at]), unit, 3)}"
         yield self.row("hysteresis", abs(falling - rising)[at], error[at], where)
         reading = rising - self.bottom[0].mean()
-        judged = self.inputs >= self.low + LEAST * (self.high - self.low)
+        judged = self.inputs >= self.low + PART * (self.high - self.low)
         far = np.flatnonzero(judged & (np.abs(reading) >= RESOLUTIONS * self.resolution))
 
         def relative(name: str, apart: np.ndarray, wrong: np.ndarray, count: int) -> SheetRow:
