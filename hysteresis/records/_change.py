@@ -65,6 +65,9 @@ class Change(NamedTuple):
 def change(record: AbstractRecord) -> Change | None:
     """Compare the cycles of the sequence that has most of one kind; None where there are fewer than four.
 
+    A cycle behind one of another kind is left out: small loops on either branch of a larger one pass the
+    same inputs at other outputs, and nothing has drifted.
+
     Of each cycle the output is read at 32 inputs that all of them pass, on both branches. The mean of its
     differences from the median cycle tells the rate, their median how far the zero has moved: a curve that
     changes its shape leaves the median where it is.
@@ -130,6 +133,7 @@ def _levels(
     ends = np.array([(u[own].min(), u[own].max()) for own in inside(cycles)])
     middle = np.median(ends, axis=0)
     alike = (np.abs(ends - middle) <= ALIKE * (middle[1] - middle[0])).all(1)
+    alike[1:] &= alike[:-1].copy()
     if alike.sum() < FEWEST:
         return None
     cycles = list(compress(cycles, alike))

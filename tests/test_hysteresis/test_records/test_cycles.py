@@ -244,6 +244,15 @@ def test_a_drift_of_the_input_is_none_of_the_output(seed: int, share: float):
     assert not said(reading, load)
 
 
+@given(SEEDS, st.floats(15, 40))
+def test_small_loops_on_either_branch_move_no_zero(seed: int, radius: float):
+    """They pass the same inputs, and the larger loop around them sets the output."""
+    way = np.array([0, 25, 5, 50, 30, 75, 55, 100, 75, 95, 50, 70, 25, 45] * 4, float)
+    u = np.interp(np.arange(40 * len(way) - 39), 40 * np.arange(len(way)), way)
+    y = (u - play(u, radius)) / radius + 0.002 * u
+    assert not said(u, y + 0.01 * np.random.default_rng(seed).normal(size=len(u)))
+
+
 @given(SEEDS, st.floats(0.15, 0.7), st.booleans(), st.sampled_from([0.0, 1.5]))
 def test_lost_contact_is_placed(seed: int, place: float, regained: bool, zero: float):
     """The zero is the first reading, or 0."""
