@@ -7,7 +7,7 @@ import numpy as np
 from hysteresis import InputError, Note, Record
 from hysteresis._format import quantity
 from hysteresis._verdict import Level, Verdict
-from hysteresis.records._change import change
+from hysteresis.records._change import ALIKE, change
 from hysteresis.records._cycles import counted_cycles
 
 from .._levels import MUCH, PART
@@ -37,11 +37,13 @@ class Reasons(NamedTuple):
 
 
 class _Loop(NamedTuple):
-    """A cycle: range of its input, rms error, and range of its output, over the rows that count."""
+    """A cycle: range of its input, rms error, and range of its output, over the rows that count; and how
+    long it lasts, in rows where there is no time."""
 
     span: float
     rmse: float
     output: float
+    lasts: float
 
 
 def over_cycles(fit: FitResult, found: Reasons) -> None:
@@ -96,9 +98,12 @@ def _changes(fit: FitResult, found: Reasons) -> None:
 
 
 def _grows(fit: FitResult, each: list[list[_Loop]], found: Reasons) -> None:
-    """An error that grows from held-out cycle to held-out cycle, of the sequence with most of them."""
-    errors = np.array([loop.rmse for loop in max(each, key=len, default=[])])
-    if len(errors) < 3:
+    """An error that grows from held-out cycle to held-out cycle, of the sequence with most of them; where
+    they are alike, because otherwise it grows with their sizes or rates."""
+    loops = max(each, key=len, default=[])
+    errors = np.array([loop.rmse for loop in loops])
+    kinds = np.array([(loop.span, loop.lasts) for loop in loops])
+    if len(errors) < 3 or (np.ptp(kinds, 0) > ALIKE * np.median(kinds, 0)).any():
         return
     third = len(errors) // 3
     first, last = (float(np.sqrt(np.mean(part**2))) for part in (errors[:third], errors[-third:]))
@@ -145,10 +150,12 @@ def _sizes(fit: FitResult, held: list[_Loop], found: Reasons) -> None:
 def _loops_of_cycles(record: Record, used: np.ndarray, error: np.ndarray) -> list[list[_Loop]]:
     """Of each sequence the cycles of which at least half of the rows are used."""
     counted = used & np.isfinite(record.output)
+    clock = np.arange(len(record)) if record.time is None else record.time
 
     def told(rows: slice) -> _Loop:
         u, y, e = (x[rows][counted[rows]] for x in (record.input, record.output, error))
-        return _Loop(float(np.ptp(u)), float(np.sqrt(np.mean(e**2))), float(np.ptp(y)))
+        lasts = np.ptp(clock[rows])
+        return _Loop(*map(float, (np.ptp(u), np.sqrt(np.mean(e**2)), np.ptp(y), lasts)))
 
     return [[told(one.rows) for one in cycles] for cycles in counted_cycles(record, counted)]
 
@@ -180,12 +187,12 @@ def judge(fit: FitResult, warnings: tuple[Note, ...] = ()) -> Verdict:
     CAUTION: an error above 5 %; a baseline that is better on the judged rows by more than the standard
     error of the difference, or by a twentieth of the squared error; more than half of the loops' width left
     in the residuals; nothing held out; held-out rows with more than twice the rms error of the training
-    rows; an error that grows by half from the first held-out cycles to the last; held-out loops of another
-    size than every trained one with more than 5 % of their own range; a tenth of the held-out rows beyond
-    the trained inputs, or beyond the trained rates or times with twice the error; a time constant that the
-    record cannot show; a warning about the data, but for an uneven clock. For constants also: parameters
-    without a standard error, a second minimum, no noise model that explains the residuals. To compensate: a
-    specimen that still changes; a compensator that was not tried.
+    rows; an error that grows by half from the first of like held-out cycles to the last; held-out loops of
+    another size than every trained one with more than 5 % of their own range; a tenth of the held-out rows
+    beyond the trained inputs, or beyond the trained rates or times with twice the error; a time constant
+    that the record cannot show; a warning about the data, but for an uneven clock. For constants also:
+    parameters without a standard error, a second minimum, no noise model that explains the residuals. To
+    compensate: a specimen that still changes; a compensator that was not tried.
 
     Rows that the fit leaves out are told, and a condition that it ignores. A zero that moves is told first
     of all. Ratios are of like with like: rms with rms in the output's unit, for holds in per cent of the

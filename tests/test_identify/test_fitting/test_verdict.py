@@ -154,6 +154,27 @@ def test_held_out_loops_of_another_size_are_told():
     assert note.values["percent"] == pytest.approx(100 * rms(error) / np.ptp(output), rel=0.05)
 
 
+@pytest.mark.parametrize(
+    ("heights", "rows", "told"),
+    [
+        ([1.0] * 4, [80] * 4, True),
+        ([0.4, 0.6, 0.8, 1.0], [80] * 4, False),
+        ([1.0] * 4, [120, 90, 60, 40], False),
+    ],
+)
+def test_an_error_grows_where_cycles_are_alike(heights: list[float], rows: list[int], told: bool):
+    """Not where they are larger, or faster: then it grows with that."""
+    cycles = [
+        h * (1 - np.abs(np.linspace(-1, 1, n, endpoint=False)))
+        for h, n in zip(heights, rows, strict=True)
+    ]
+    u = np.concatenate([np.tile(cycles[0], 4), *cycles])
+    late = np.maximum(np.arange(len(u)) - 4 * len(cycles[0]), 0) / len(u)
+    y = 2 * u + 0.3 * late * (1 + 2 * u) + np.random.default_rng(0).normal(0, 0.002, len(u))
+    found = fit(Record.from_arrays(u, y, 0.02 * np.arange(len(u))), test_cycles=4, **QUICK)
+    assert ("growth" in found.verdict.codes) == told
+
+
 def test_constants_need_standard_errors(line: FitResult):
     """A parameter without one is good to know for a prediction, and grave for a constant."""
     parameters = tuple(p._replace(stderr=None, status="at bound") for p in line.parameters)
