@@ -1,5 +1,6 @@
 """The verdict on a fit: whether it can be used for a purpose, with all reasons."""
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -8,7 +9,12 @@ from hysteresis import InputError, Note, Record
 from hysteresis._format import quantity
 from hysteresis._verdict import Level, Verdict
 from hysteresis.records._change import ALIKE, change
-from hysteresis.records._cycles import counted_cycles
+from hysteresis.records._cycles import (
+    counted_cycles,
+    default_dead_band,
+    first_of_cycles,
+    turning_points,
+)
 
 from .._levels import MUCH, PART
 from ..diagnostics._profile_likelihood import another_minimum
@@ -125,11 +131,7 @@ def _grows(fit: FitResult, each: list[list[_Loop]], found: Reasons) -> None:
 def _sizes(fit: FitResult, held: list[_Loop], found: Reasons) -> None:
     """Held-out loops of a size that no trained loop has."""
     train = fit.train
-    trained = [
-        loop.span
-        for loops in _loops_of_cycles(train, fit.used, np.zeros(len(train)))
-        for loop in loops
-    ]
+    trained = _trained(train, fit.used)
     others = [x for x in held if all(abs(x.span - span) > KIND * span for span in trained)]
     if not others or not trained:
         return
@@ -145,6 +147,20 @@ def _sizes(fit: FitResult, held: list[_Loop], found: Reasons) -> None:
     values = {"loops": len(others), "of": len(held), "rmse": error, "percent": percent}
     where = found.cautions if percent > GOOD else found.facts
     where.append(Note("other-loops", text, values))
+
+
+def _trained(record: Record, used: np.ndarray) -> list[float]:
+    """Ranges of the cycles of the used rows, and of those that hold smaller ones."""
+    found: list[float] = []
+    for _, rows in record.sequences():
+        u = record.input[rows][used[rows]]
+        band = default_dead_band(u)
+        turns = u[turning_points(u, band)]
+        while 0 < band < np.ptp(u):
+            ends = pairwise(first_of_cycles(turns, band).tolist())
+            found += [float(np.ptp(turns[max(a - 1, 0) : b])) for a, b in ends]
+            band *= 1 + KIND
+    return found
 
 
 def _loops_of_cycles(record: Record, used: np.ndarray, error: np.ndarray) -> list[list[_Loop]]:

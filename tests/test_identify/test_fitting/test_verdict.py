@@ -154,6 +154,16 @@ def test_held_out_loops_of_another_size_are_told():
     assert note.values["percent"] == pytest.approx(100 * rms(error) / np.ptp(output), rel=0.05)
 
 
+def test_a_trained_loop_may_hold_smaller_ones():
+    """Two loops with small ones on each way are trained, and one without them is judged."""
+    way = [0.0, 0.3, 0.1, 0.6, 0.4, 1.0, 0.6, 0.8, 0.3, 0.5] * 2 + [0.0, 1.0, 0.0]
+    u = np.interp(np.arange(20 * len(way) - 19), 20 * np.arange(len(way)), way)
+    y = u + 0.3 * play(u, 0.1) + np.random.default_rng(0).normal(0, 0.01, len(u))
+    found = fit(Record.from_arrays(u, y), test_tail=0.09, **QUICK)
+    assert np.ptp(found.test.input[found.test.mask]) == pytest.approx(1.0)
+    assert "other-loops" not in found.verdict.codes
+
+
 @pytest.mark.parametrize(
     ("heights", "rows", "told"),
     [
