@@ -48,6 +48,7 @@ from compensate.armor._shapes import AbstractShape
 from hysteresis import AbstractModel, InputError, PrandtlIshlinskii, read_table
 from hysteresis._quantities import conversion
 from hysteresis.records._table import Table
+from hysteresis.records._units import name_and_unit
 
 from ..intake._own_config import read_toml
 from ..intake._selection import in_unit
@@ -99,7 +100,7 @@ class Description:
         """
         shape = self.shape()
         frame: Any = 0.0
-        if self.frame_width is not None:
+        if self.frame_width:
             if not isinstance(shape, Box):
                 count = len(shape.faces().offset)
                 said = f"the frame below a mesh of {count} faces has no dents."
@@ -135,10 +136,11 @@ def read_description(file: Path) -> Description:
         return Description(**_mesh(file, "m"))
     given = dict(read_toml(file))
     box = given.pop("box", None) or {key: given.pop(key) for key in BOX if key in given}
-    if unknown := sorted(set(given) - KEYS):
+    box = box if isinstance(box, dict) else {}
+    if unknown := sorted((given.keys() - KEYS) | (box.keys() - {*BOX})):
         raise InputError(
             "unknown-key", f"{unknown[0]!r} is not known here.", place=str(file),
-            fix=f"The keys are {', '.join(sorted(KEYS))}.",
+            fix=f"The keys are {', '.join(sorted(KEYS))}; those of a box {', '.join(BOX)}.",
         )  # fmt: skip
     unit = given.pop("unit", "m")
     metres = conversion(str(unit), "m")
@@ -152,19 +154,21 @@ def read_description(file: Path) -> Description:
             found[key] = tuple(float(x) * (metres if is_length else 1.0) for x in values)
             if len(found[key]) != count:
                 raise ValueError(f"{key} is {count} numbers")
+            if key != "centre" and not min(found[key]) >= 0:
+                raise ValueError(f"{key} is not 0 or above")
             found[key] = found[key] if count > 1 else found[key][0]
-        if "mesh" in given:
-            return Description(**found, **_mesh(file.parent / str(given["mesh"]), str(unit)))
         sides = tuple(metres * float(box.get(key, 0.0 if key == "dz2" else np.nan)) for key in BOX)
     except (TypeError, ValueError, AttributeError) as error:
         raise InputError(
             "bad-config", f"A value cannot be used: {error}.", place=str(file)
         ) from error
-    if not np.isfinite(sides).all():
+    if ("mesh" in given) == np.isfinite(sides).all():
         raise InputError(
-            "bad-config", "The shape is not given.", place=str(file),
+            "bad-config", "The shape is not given, or given twice.", place=str(file),
             fix="box = {dx = 0.3, dy = 0.3, dz1 = 0.55, dz2 = 0}, or mesh = \"shell.stl\".",
         )  # fmt: skip
+    if "mesh" in given:
+        return Description(**found, **_mesh(file.parent / str(given["mesh"]), str(unit)))
     return Description(box=sides, **found)
 
 
@@ -296,9 +300,10 @@ def _column(table: Table, name: str) -> np.ndarray:
 
 
 def _named(table: Table, name: str) -> str | None:
-    """The column of this name, whatever the case, without its unit."""
-    for column in table.columns:
-        bare = column.split("(")[0].split("[")[0].strip().rstrip("_")
-        if name.lower() in (bare.lower(), bare.lower().rpartition("_")[0]):
-            return column
-    return None
+    """The column of this name, whatever the case, without its unit. Raises `given-twice`."""
+    bare = {column: name_and_unit(column)[0].strip(" _").lower() for column in table.columns}
+    named = [column for column in bare if bare[column] == name.lower()]
+    if len(named) > 1:
+        said = f"Columns {named[0]!r} and {named[1]!r} are both {name}."
+        raise InputError("given-twice", said, place=table.path, fix="rename one.")
+    return named[0] if named else None

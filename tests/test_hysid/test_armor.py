@@ -181,7 +181,16 @@ def test_what_cannot_be_used_is_answered(folder: Path):
     short = write(folder / "short.csv", ["Fx", "Fy", "Fz", "Mx", "My"], np.ones((2, 5)))
     (folder / "wrong.toml").write_text("box = {dx = 0.3}\n")
     (folder / "other.toml").write_text("lenght = 3\n")
+    (folder / "side.toml").write_text("box = {dx = 0.3, dy = 0.3, dz1 = 0.5, dz_2 = 0.1}\n")
+    (folder / "twice.toml").write_text(TOML + 'mesh = "shell.stl"\n')
+    (folder / "light.toml").write_text(TOML + "mass = -1.5\n")
+    six = ["fx (lbf)", "Fy", "Fz", "Mx", "My", "Mz"]
+    twice = write(folder / "twice.csv", ["Fx (N)", *six], np.ones((2, 7)))
     for file, fit, told, code in (
+        (bad, sponge, folder / "side.toml", "unknown-key"),
+        (bad, sponge, folder / "twice.toml", "bad-config"),
+        (bad, sponge, folder / "light.toml", "bad-config"),
+        (twice, sponge, shape, "given-twice"),
         (bad, sponge, shape, "wrong-unit"),
         (short, sponge, shape, "no-column"),
         (bad, sponge, folder / "wrong.toml", "bad-config"),
@@ -190,6 +199,31 @@ def test_what_cannot_be_used_is_answered(folder: Path):
     ):
         how = (*(["--sponge", fit] if fit else []), "--shape", told)
         refused(solved(file, folder / "none", *how)._replace(out=""), f"[{code}]")
+
+
+def test_columns_of_like_names_do_not_count(folder: Path):
+    """Contacts do not depend on a raw channel that stands before the force, or behind it."""
+    with (folder / "wrenches.csv").open() as handle:
+        header, *rows = csv.reader(handle)
+    table = np.array(rows, float)
+    more = write(
+        folder / "more.csv", ["Fx_raw (lbf)", *header], np.column_stack([9 * table[:, 1], table])
+    )
+    how = ("--sponge", fit_of("N", "mm", folder), "--shape", folder / "box.toml")
+    found = []
+    for file in (more, folder / "wrenches.csv"):
+        assert solved(file, folder / f"like-{file.stem}", *how).code == 0
+        found.append(contacts(folder / f"like-{file.stem}"))
+    assert found[0] == found[1]
+
+
+def test_the_armor_of_a_calibration_is_not_written_over(folder: Path):
+    (folder / "calibrated").mkdir()
+    (folder / "calibrated" / "armor.json").write_text("kept")
+    how = ("--sponge", fit_of("N", "mm", folder), "--shape", folder / "box.toml")
+    said = run("armor", "solve", folder / "wrenches.csv", *how, "--out", folder / "calibrated")
+    refused(said, "[would-overwrite]")
+    assert (folder / "calibrated" / "armor.json").read_text() == "kept"
 
 
 def test_a_table_as_loggers_write_it_is_read_and_replayed(folder: Path):
@@ -219,6 +253,8 @@ def test_presses_that_tell_nothing_are_refused(folder: Path, force: float, far: 
     said = run("armor", "calibrate", made, *how, "--out", folder / "none")
     refused(said, "[bad-presses]")
     assert word in said.err
+    back = write(folder / f"{word}-back.csv", [*header, "time"], np.c_[abs(rows[[0, 0]]), [2, 1]])
+    refused(run("armor", "calibrate", back, *how, "--out", folder / "none"), "time goes back")
     for k in (0, 7):  # a load, and a place, of which the first row counts
         gap = np.where((np.arange(10) == k) & (np.arange(2)[:, None] == 1), np.nan, rows)
         made = write(folder / f"{word}-gap.csv", header, gap)
