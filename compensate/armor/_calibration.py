@@ -38,8 +38,8 @@ class Presses(eqx.Module):
     - `gravity` (presses, samples, 3), m/s^2: in the shell's axes, where poses differ, for a sensor whose
       mass is known; by default down the shell's z.
 
-    Raises `InputError` where shapes do not agree, a number is not finite, or a direction is not of
-    length 1.
+    Raises `InputError` where shapes do not agree, a number is not finite, time goes back, or a direction is
+    not of length 1.
     """
 
     time: Float[Array, "*presses samples"] = eqx.field(converter=as_float)
@@ -72,6 +72,8 @@ class Presses(eqx.Module):
                 raise _fault(f"{name} has the shape {given.shape}.", f"give {(presses, *shape)}.")
             if not np.isfinite(given).all():
                 raise _fault(f"{name} is not finite everywhere.", "leave such presses out.")
+        if (np.diff(self.time) < 0).any():
+            raise _fault("time goes back within a press.", "sort the rows of each press by time.")
         if not np.allclose(np.linalg.norm(self.direction, axis=1), 1, atol=1e-6):
             raise _fault("a direction is not of length 1.", "divide it by its length.")
 
