@@ -48,7 +48,8 @@ def calibrate(asked: Calibrate) -> Done:
     Raises `InputError` for tables, shapes and fits that cannot be used, and where results are there.
     """
     out, overwrite = asked.out, asked.overwrite
-    identify.internal.check_free(out, overwrite, DOCUMENT)
+    for name in (DOCUMENT, RUNTIME):
+        identify.internal.check_free(out, overwrite, name)
     known, fit = read_description(asked.shape), identify.load(asked.sponge)
     material = fit.model
     armor = known.armor(material)
@@ -81,6 +82,8 @@ def calibrate(asked: Calibrate) -> Done:
     told: dict[str, Any] = {k: document[k] for k in ("presses", "table", "noise", "scatter")}
     told |= {"folder": str(out), "runtime": runtime, "notes": notes}
     said = f"Elsewhere the cover's depth is uncertain by {1e3 * told['scatter']:.2g} mm."
+    if made.displacement is None:
+        said = "No column displacement tells the cover's depth, so it is as uncertain as before."
     return Done(told, [*warnings(notes), told["table"], said, f"Armor: {out}"])
 
 
@@ -91,7 +94,8 @@ def solve(asked: Solve) -> Done:
     clock and for a cover that creeps without a stream, and where results are there.
     """
     out, stream = asked.out, asked.stream
-    identify.internal.check_free(out, asked.overwrite, CONTACTS)
+    for name in (CONTACTS, RUNTIME):  # the armor of a calibration is not written over either
+        identify.internal.check_free(out, asked.overwrite, name)
     if (asked.calibrated is None) == (asked.sponge is None or asked.shape is None):
         raise InputError(
             "conflicting-options", "Nothing says what the armor is, or two things do.",
