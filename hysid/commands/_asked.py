@@ -15,6 +15,8 @@ from typing import Any, ClassVar, dataclass_transform
 
 import typer
 
+from hysteresis import InputError
+
 from ..intake._options import (
     FIELDS,
     FIT_FIELDS,
@@ -83,7 +85,13 @@ class Command:
         dataclass(frozen=True, kw_only=True)(cls)
 
     def run(self) -> Done:
-        """Do it; this loads what the command needs."""
+        """Do it; this loads what the command needs. Raises `InputError` for a file read and written."""
+        given = [getattr(self, one.name) for one in fields(self)]
+        files = [one.resolve() for one in given if isinstance(one, Path) and one.is_file()]
+        for file in files:
+            if files.count(file) > 1:
+                said, fix = f"{file.name} would be read and written.", "Name another file to write."
+                raise InputError("would-overwrite", said, place=str(file.parent), fix=fix)
         module, function = (self.does or f"commands._{type(self).__name__.lower()}:run").split(":")
         return getattr(import_module(f"hysid.{module}"), function)(self)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import hysid
-from tests.test_hysid.command import COLUMNS, LINE, run, sponge, text
+from tests.test_hysid.command import COLUMNS, LINE, refused, run, sponge, text
 
 
 def test_a_file_alone_gives_the_loops_of_its_record(tmp_path):
@@ -48,6 +48,9 @@ def test_the_table_is_written_for_other_programs(tmp_path):
     rows = [*csv.DictReader(out.read_text().splitlines())]
     assert {row["cycle"] for row in rows} >= {"1"}
     assert np.isfinite(float(rows[0]["width at mid-range (mm)"]))
+    measured = file.read_bytes()
+    refused(run("loops", file, *COLUMNS, "--csv", file), f"{file.name} would be read and written")
+    assert file.read_bytes() == measured
     fault = run("loops", file, *COLUMNS, "--csv", file / "loops.csv")
     assert fault.code == 2
     assert "a file is where a folder is needed" in fault.err
