@@ -183,7 +183,7 @@ def fit_positions(
 
     **Returns:** a `PositionEstimator`.
 
-    **Raises:** `InputError` as `PositionEstimator` does.
+    **Raises:** `InputError` where all touches are at one place, and as `PositionEstimator` does.
 
     **Example:**
 
@@ -195,6 +195,9 @@ def fit_positions(
         2.5
     """
     places = np.asarray(places, float)
+    if places.size and not np.ptp(places, axis=0).any():
+        said = "All touches are at one place: there is nothing to tell apart."
+        raise InputError("no-excitation", said, fix="Touch two places or more.")
     x = np.asarray(standardised(readings)[0])
     kernel = fit_kernel(x, places - places.mean(0), seed)
     return PositionEstimator(readings, places, kernel, least=least)

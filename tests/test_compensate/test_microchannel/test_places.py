@@ -116,6 +116,8 @@ def test_faults_say_what_to_do():
     bad = readings(places, 0)
     bad[3, 2] = np.nan
     refuses("not-finite", lambda: fit_positions(bad, places), "exclude that row")
+    one = np.broadcast_to(places[:1], places.shape)
+    refuses("no-excitation", lambda: fit_positions(readings(places, 0), one), "two places or more")
     with pytest.raises(InputError, match="one place a reading"):
         type(learnt())(bad, places[:4], learnt().kernel)
 
