@@ -184,8 +184,8 @@ def spectrum(
     - `fixed`: known strengths by name: `E_inf` (0 for a liquid); in creep `E0` and `eta0` (infinite: none).
     - `dense`: whether the dense spectrum may be the model.
 
-    Raises `InputError` for times that fall or begin before the step, too few rows, lengths that differ
-    and for an unknown kind.
+    Raises `InputError` for times that fall or begin before the step, too few rows, lengths that differ, an
+    unknown kind, and time constants or bounds that are not above 0 and finite.
 
     **Example:**
 
@@ -194,6 +194,7 @@ def spectrum(
         >>> float(found.model.tau[0].round(3)), float(found.predict([1.0]).value[0].round(3))
         (1.0, 1.736)
     """
+    _check_times(terms, tau, bounds)
     kinds = {one.kind for one in responses}
     if {"creep", "relaxation"} <= kinds:
         responses = tuple(map(_relaxing, responses))
@@ -260,6 +261,19 @@ def _relaxing(response: Response) -> Response:
     weight = np.broadcast_to(np.asarray(response.weight, float), t.shape)[there]
     t = t[there] if response.input is None else np.geomspace(own.step, own.span, there.sum())
     return Response(t, np.asarray(own.model.relaxation_modulus(t)), "relaxation", weight=weight)
+
+
+def _check_times(terms: int | None, tau: Any, bounds: Any) -> None:
+    if tau is not None and not (terms is None and bounds is None):
+        said = "Give the time constants, or their number and bounds, not both."
+        raise InputError("conflicting-options", said)
+    for name, given in (("tau", tau if tau is None else np.sort(tau)), ("bounds of tau", bounds)):
+        if given is None or (np.isfinite(given).all() and (np.diff(given, prepend=0) > 0).all()):
+            continue
+        raise InputError(
+            "bad-option", f"{name} = {', '.join(f'{x:g}' for x in given)} cannot be used.",
+            fix="give times above 0, each once, the lower bound first.",
+        )  # fmt: skip
 
 
 def _known(fixed: Mapping[str, float], kind: Kind) -> tuple[tuple[int, float], ...]:

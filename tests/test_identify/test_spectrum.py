@@ -264,6 +264,14 @@ def test_known_strengths_times_and_bounds():
     for name, value in (("tau1", 1.0), ("E_inf", -1.0)):
         with pytest.raises(InputError, match=r"\[bad-option\]"):
             spectrum(y, fixed={name: value})
+    for given in ([-1.0, 30.0], [0.0, 2.0], [np.nan, 2.0], [1.0, np.inf], [2.0, 2.0]):
+        with pytest.raises(InputError, match=r"^tau = .* \[bad-option\]"):
+            spectrum(y, tau=given)
+        with pytest.raises(InputError, match=r"^bounds of tau = .* \[bad-option\]"):
+            spectrum(y, bounds=(given[0], given[1]))
+    for more in ({"terms": 2}, {"bounds": (1.0, 2.0)}):
+        with pytest.raises(InputError, match=r"\[conflicting-options\]"):
+            spectrum(y, tau=[1.0], **more)
 
 
 def test_storage_and_loss_that_contradict_each_other():
