@@ -53,7 +53,8 @@ class Change:
 
     - `parameters`: those that both fits know. `left_out`: the excluded ones, with the reason.
     - `margin`: the fraction of its value by which a parameter must change for `changed`.
-    - `chi_square`, `degrees`, `p`: Wald's test of all parameters together.
+    - `chi_square`, `degrees`, `p`: Wald's test of all parameters together, or Hotelling's, whose statistic
+      `chi_square` is then.
     """
 
     parameters: tuple[ParameterChange, ...]
@@ -67,8 +68,7 @@ class Change:
     def words(self) -> tuple[str, ...]:
         """The results in sentences."""
         verdict = "The specimen has changed" if self.p < CHANCE else "No significant change"
-        about = f"chi-square {self.chi_square:.4g} with {self.degrees} parameters"
-        said = [f"{verdict}: {about}, {chance(self.p)}."]
+        said = [f"{verdict}: {chance(self.p)} for {self.degrees} parameters together."]
         said += [_sentence(p, self.margin) for p in self.parameters]
         return (*said, *untested(self.left_out))
 

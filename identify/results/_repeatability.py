@@ -50,13 +50,14 @@ class Repeatability(NamedTuple):
 def repeatability(fit: FitResult) -> Repeatability | None:
     """How well the parameters that fit best are known, from the differences between cycles.
 
-        V = N / (n - 1)  sum over n cycles c of (s_c - s) (s_c - s)',      s_c = (J' J)^-1 J_c' r_c
+        V = n / (n - 1)  sum over n cycles c of (s_c - s) (s_c - s)',      s_c = R^-1 Q_c' r_c
 
-    with the Jacobian J and the residuals r of the rows of all N cycles that count, J_c and r_c of those of
-    cycle c. Misfit that comes again in every cycle has no part in it; the standard errors of the fit hold
-    that too. Nor has the first cycle of a sequence, where three others are left: foam softens in it, and
-    does so again when the test is repeated. Of a record of several sequences with fewer than two cycles
-    each, the sequences take the cycles' place.
+    with the Jacobian J = A R, A' A = 1, of all rows that count, Q the orthonormal matrix nearest A's rows
+    in these cycles, Q_c and the residuals r_c of the rows of cycle c. Misfit that comes again in every
+    cycle has no part in it; the standard errors of the fit hold that too. Nor has the first cycle of a
+    sequence, where three others are left: foam softens in it, and does so again when the test is repeated.
+    What the cycles tell less well than one of all cycles would has the errors of the fit. Of a record of
+    several sequences with fewer than two cycles each, the sequences take the cycles' place.
 
     **Arguments:** `fit`: of few parameters.
 
@@ -75,16 +76,26 @@ def repeatability(fit: FitResult) -> Repeatability | None:
     J = w[:, None] * np.column_stack([slope_of(fit, name)[used] for name in names])
     r = w * fit.residuals[used]
     scale = np.maximum(np.sqrt((J**2).sum(0)), np.finfo(float).tiny)
-    steps = np.zeros((count, len(names)))
-    belongs = group[used]
-    counted = belongs >= 0
-    np.add.at(steps, belongs[counted], ((J / scale) * r[:, None])[counted])
-    steps = np.linalg.lstsq((J / scale).T @ (J / scale), steps.T, rcond=None)[0].T / scale
     first = fit.train.n_cycles >= 2 * len(fit.train.labels) and fit.train.cycle == 1
     later = np.setdiff1d(np.arange(count), group[first])
     told = later if len(later) >= REPEATS else np.arange(count)
-    away = steps[told] - steps[told].mean(0)
-    return Repeatability(names, count / (len(told) - 1) * away.T @ away, len(told))
+    own = np.isin(group[used], told)
+    A, D, W = np.linalg.svd(J / scale, full_matrices=False)
+    # What only the first cycle tells does not come again, and would seem to be known exactly: two records
+    # of one solid that creeps had "changed".
+    Q, share, T = np.linalg.svd(A[own], full_matrices=False)
+    repeats = count * share**2 >= 1
+    scores = np.zeros((count, len(D)))
+    np.add.at(scores, group[used][own], Q * r[own, None])
+    away = np.where(repeats, scores[told] - scores[told].mean(0), 0.0)
+    along = T @ (D[:, None] * W)
+    listed = [p.name for p in fit.parameters if p.status in ("free", "at bound", "unidentified")]
+    at = [listed.index(name) for name in names]
+    known = fit.covariance[np.ix_(at, at)] * scale[:, None] * scale
+    found = len(told) / (len(told) - 1) * away.T @ away
+    found = np.where(repeats | repeats[:, None], found, along @ known @ along.T)
+    back = np.linalg.pinv(along) / scale[:, None]
+    return Repeatability(names, back @ found @ back.T, len(told))
 
 
 def with_repeatability(fit: FitResult) -> FitResult:
