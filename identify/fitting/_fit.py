@@ -266,7 +266,7 @@ def fit(
         }
         asked = suited
     if like:
-        asked = (mixture_of(like), *asked)
+        asked = (mixture_of(like, record, test), *asked)
     options = Options(
         initial, starts, seed, noise, parameters or {}, len(asked) == 1, say, drift == "keep",
         is_auto=model == "auto" and purpose != "constants", either_sign=purpose == "predict",

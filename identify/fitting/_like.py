@@ -9,6 +9,7 @@ J (J - 1) records are simulated once.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations, product
 
 import numpy as np
 import scipy
@@ -73,8 +74,22 @@ def _noted(trial: Trial, note: str) -> Trial:
     )
 
 
-def like(earlier: Sequence[FitResult]) -> LikeCandidate:
-    """The candidate that mixes the models of earlier fits."""
+def like(earlier: Sequence[FitResult], record: Record, test: Record | None) -> LikeCandidate:
+    """The candidate that mixes the models of earlier fits.
+
+    Raises `InputError` `given-twice` where two of the fits, or one and the new record, are of the same rows
+    of a file: a model that has seen the rows that are held out judges itself.
+    """
+    known = [(one.train,) for one in earlier]
+    new = (record,) if test is None else (record, test)
+    for some, others in combinations((*known, new), 2):
+        for one, other in product(some, others):
+            same = one.sha256 and one.sha256 == other.sha256
+            if same and np.isin(one.line[one.mask], other.line[other.mask]).any():
+                raise InputError(
+                    "given-twice", "Two of the earlier fits and the new record are of the same rows.",
+                    place=one.source, fix="leave the fit of these rows out.",
+                )  # fmt: skip
     count = len(earlier)
     name = f"mixture of {count} earlier fit{'s'[: count > 1]}"
     return LikeCandidate(name, Mixture, earlier=tuple(earlier))

@@ -101,6 +101,20 @@ def test_other_quantities_are_refused() -> None:
     assert "time is in ms" in found.skipped["mixture of 3 earlier fits"]
 
 
+def test_fits_of_the_same_rows_are_refused() -> None:
+    """Rows held out do not judge a model that has seen them, and a specimen given twice is one."""
+    new = replace(NEW, sha256="new")
+    seen, first = (
+        fit(one, "LinearSponge", **QUICK) for one in (new, replace(pressed(1.0, 1.0), sha256="one"))
+    )
+    asks: Any = {"like": [first, seen], "test_cycles": 1, **QUICK}
+    refuses("given-twice", lambda: fit(new, "LinearSponge", **asks), "of these rows")
+    other = replace(pressed(0.8, 1.6), sha256="other")
+    refuses("given-twice", lambda: fit(other, "LinearSponge", like=[first, first], **QUICK))
+    found = fit(other, "LinearSponge", like=[first, seen], **QUICK)
+    assert "mixture of 2 earlier fits" in {*found.skipped, *(c.name for c in found.candidates)}
+
+
 def test_weights_of_another_number_are_refused() -> None:
     refuses("bad-parts", lambda: Mixture([LinearSponge(1.0)], [0.5, 0.5]))
 
