@@ -333,9 +333,12 @@ def check_rows(record: AbstractRecord, n_parameters: int | None = None) -> float
     """
     rows, needed = int(record.mask.sum()), n_parameters or 2
     turns = sum(_turns(record.input[s]) for _, s in record.sequences())
-    if rows < max(8, needed + 1) or (rows < 10 * needed and turns < 1):
+    least = max(8, needed + 1)
+    if rows < least or (rows < 10 * needed and turns < 1):
         asked = f"{n_parameters} parameters, " if n_parameters else ""
-        problem = f"{rows} samples, {asked}{turns:.1f} cycle; need at least one loop."
+        wanted = f"{least}" if rows < least else f"one cycle, or {10 * needed}"
+        cycles = np.floor(100 * turns) / 100  # 0.98 is not one
+        problem = f"{rows} samples, {asked}{cycles:g} cycles; need at least {wanted} samples."
         raise InputError(
             "too-few-rows", problem, place=record.source, fix="use more rows, or fix parameters."
         )

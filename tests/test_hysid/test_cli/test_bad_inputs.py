@@ -129,7 +129,7 @@ BAD = {
         line(51, LINES[50].strip().replace(",", ";")), "ragged-line", ("line 51", "separator")
     ),
     "an open quote": Bad(cell(F, '"5'), "ragged-line", ("line 14", "open quote")),
-    "too short": Bad(text(ROWS[:9]), "too-few-rows", ("9 samples, 0.5 cycle", "at least one loop")),
+    "too short": Bad(text(ROWS[:9]), "too-few-rows", ("0.5 cycles", "at least one cycle, or 20")),
     "a held input": Bad(
         column(F, ["7"] * len(ROWS)), "constant-input", (f"{F!r}", "7 N in every row", "--input")
     ),

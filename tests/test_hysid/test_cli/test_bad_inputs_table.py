@@ -117,7 +117,7 @@ def test_the_fix_that_the_message_names_is_accepted(content, options):
 
 def test_specimens_of_one_sample_are_too_short():
     put(blocks(ROWS[:1], ROWS[:1]))
-    words = ("1 samples", "at least one loop", "[too-few-rows]\n")
+    words = ("1 samples", "at least 8 samples", "[too-few-rows]\n")
     refused(run("check", "run.csv", *COLUMNS, "--each", "block"), *words)
     answered(run("fit", "run.csv", *COLUMNS, "--each", "block", *FIT), *words)
 
