@@ -384,7 +384,7 @@ def levenberg_marquardt(
 
     def look(at: np.ndarray) -> Place | None:
         found, jacobian = setting.simulated(family, at)
-        if jacobian is None or not np.isfinite(found).all():
+        if jacobian is None or not np.isfinite(jacobian).all():
             return None
         return Place(*(setting.motion.whitened(x) / sigma for x in (y - found, jacobian)))
 
