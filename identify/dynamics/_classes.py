@@ -16,7 +16,7 @@ from hysteresis._precision import in_this_precision
 from hysteresis.dynamics._recorder import stages_of
 from hysteresis.numerics._recurrence import stops
 
-from .._levels import MUCH, NOTHING, PART, SURE
+from .._levels import MUCH, NOTHING, SURE
 from ._linear_approximation import LinearApproximation
 from ._measured_motion import MeasuredMotion
 from ._output_error import (
@@ -43,6 +43,7 @@ RANGES = np.geomspace(0.2, 0.85, 9)
 """Of the radii, as parts of the largest displacement."""
 
 FINER, PASSES, ROUNDS = 10, 10, 2
+LEAST_REACH = 0.15
 SIDE_BY_SIDE = 2
 
 
@@ -59,7 +60,7 @@ def plays_family(
     is k.
     """
     radii = reach * LARGEST * (np.arange(plays) / (plays - 1)) ** POWER
-    ends = np.maximum(reach - radii, PART * reach)
+    ends = np.maximum(reach - radii, LEAST_REACH * reach)
     counts = np.maximum(2, 2 * np.round((knots - 1) / 2 * ends / reach).astype(np.int64) + 1)
     if knots == 2:
         counts[:] = 2

@@ -27,7 +27,7 @@ from ._feedback_unknowns import (
 from ._output_error import TRIES
 from ._vector_fitting import real
 
-STRONG, PROBED = 0.5, 8
+STRONG, PROBED = 0.5, 10
 """Part by which equivalent gains may be wrong around the loop, as so many of the unknowns show: by that
 part a step of Gauss-Newton then falls short. While it is less than half, each step leaves less than half of
 the way, and the exact tangents cost more than the steps that they save."""

@@ -383,9 +383,10 @@ def levenberg_marquardt(
     root, count = family.prior_root(deviations), len(q)
 
     def look(at: np.ndarray) -> Place | None:
-        found, jacobian = setting.simulated(family, at)
-        if jacobian is None or not np.isfinite(jacobian).all():
-            return None
+        with np.errstate(over="ignore", invalid="ignore"):  # such slopes are none
+            found, jacobian = setting.simulated(family, at)
+            if jacobian is None or not np.isfinite(np.linalg.norm(jacobian)):
+                return None
         return Place(*(setting.motion.whitened(x) / sigma for x in (y - found, jacobian)))
 
     def cost_of(place: Place | None, at: np.ndarray) -> float:
