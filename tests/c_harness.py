@@ -69,7 +69,6 @@ int size(void)
 }}
 """
 
-
 LEARNING = """
 void learn(
     long n, const double *dt, const double *y, const double *known, double *u, double *lost, int *advice);

@@ -41,7 +41,6 @@ JUDGES = {
     ),
 }  # fmt: skip
 
-
 if __name__ == "__main__":
     for name, judge in JUDGES.items():
         said = (

@@ -94,19 +94,16 @@ def test_numbers_of_its_file_and_names_like_those_of_math_mean_the_same_in_c(
     np.testing.assert_allclose(found, inputs, atol=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("old", "new"),
-    [
-        ("gamma(q, u) +", "sum([gamma(q, u)]) +"), ("gamma(q, u) +", "gamma(p=q, u=u) +"),
-        ("gamma(q, u) +", "sin(u) +"), ("gamma(q, u) +", "+u +"), ("gamma(q, u) +", "u**2 +"),
-        ("gamma(q, u) +", "q.other +"), ("gamma(q, u) +", "unknown +"),
-        ("    s.u = u", "    s.u += u"), ("    s.u = u", "    p.k = u"),
-        ("    s.u = u", "    while s.u < u:\n        s.u = u"),
-        ("    s.u = u", "    for k in range(0, 9, 2):\n        s.u = u"),
-        ("    s.u = u", "    s.u = u if 0.0 < u < 1.0 else 0.0"),
-        ("    k: float", "    k: complex"), ("p: Parameters, u: float", "p, u"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("old", "new"), [
+    ("gamma(q, u) +", "sum([gamma(q, u)]) +"), ("gamma(q, u) +", "gamma(p=q, u=u) +"),
+    ("gamma(q, u) +", "sin(u) +"), ("gamma(q, u) +", "+u +"), ("gamma(q, u) +", "u**2 +"),
+    ("gamma(q, u) +", "q.other +"), ("gamma(q, u) +", "unknown +"),
+    ("    s.u = u", "    s.u += u"), ("    s.u = u", "    p.k = u"),
+    ("    s.u = u", "    while s.u < u:\n        s.u = u"),
+    ("    s.u = u", "    for k in range(0, 9, 2):\n        s.u = u"),
+    ("    s.u = u", "    s.u = u if 0.0 < u < 1.0 else 0.0"),
+    ("    k: float", "    k: complex"), ("p: Parameters, u: float", "p, u"),
+])  # fmt: skip
 def test_what_no_language_knows_is_refused_when_the_law_is_registered(made, old, new):
     text = LAW.replace(old, new, 1)
     with pytest.raises(InputError) as caught:

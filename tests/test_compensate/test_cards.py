@@ -153,16 +153,13 @@ def test_shift_factors_are_in_the_card_or_said_to_be_missing(program: str):
     assert ("17.44" in card.text) != any("shift factors" in note for note in card.notes)
 
 
-@pytest.mark.parametrize(
-    ("program", "model", "options", "code"),
-    [
-        ("nastran", MAXWELL, {}, "bad-option"),
-        ("abaqus", MAXWELL, {"poisson": 0.5}, "bad-option"),
-        ("abaqus", LinearSponge(1.0), {}, "not-exportable"),
-        ("abaqus", GeneralizedMaxwell(1.0, [0.0], [1.0]), {}, "not-exportable"),
-        ("abaqus", GeneralizedKelvinVoigt(np.inf, [1.0], [1.0]), {}, "not-exportable"),
-        ("febio", GeneralizedMaxwell(1.0, np.ones(7), np.arange(1.0, 8.0)), {}, "not-exportable"),
-    ],
-)
+@pytest.mark.parametrize(("program", "model", "options", "code"), [
+    ("nastran", MAXWELL, {}, "bad-option"),
+    ("abaqus", MAXWELL, {"poisson": 0.5}, "bad-option"),
+    ("abaqus", LinearSponge(1.0), {}, "not-exportable"),
+    ("abaqus", GeneralizedMaxwell(1.0, [0.0], [1.0]), {}, "not-exportable"),
+    ("abaqus", GeneralizedKelvinVoigt(np.inf, [1.0], [1.0]), {}, "not-exportable"),
+    ("febio", GeneralizedMaxwell(1.0, np.ones(7), np.arange(1.0, 8.0)), {}, "not-exportable"),
+])  # fmt: skip
 def test_what_has_no_card(program: str, model: Any, options: dict[str, Any], code: str):
     refuses(code, lambda: material_card(program, model, **options))

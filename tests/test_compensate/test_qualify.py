@@ -134,21 +134,17 @@ def test_what_is_worse_than_a_line_fails():
     assert qualify(invert(LinearSponge(K=1.0, b=0.0)), flat).line_rmse is None
 
 
-@pytest.mark.parametrize(
-    ("compensator", "needs", "level", "words"),
-    [
-        (Off(invert(model()), 0.4), {}, "PASS", "0.4 N rms"),
-        (Off(invert(model()), 0.4), {"max_error": 0.3}, "FAIL", "above the 0.3 N asked for"),
-        (Off(invert(model()), 0.4), {"max_error": 0.5}, "PASS", "No error is above the 0.5 N"),
-        (Off(invert(model()), 3.0), {}, "FAIL", "of the range, above 5 %"),
-        (Off(invert(model()), np.nan), {}, "FAIL", "not finite"),
-        (Off(invert(model()), 0.0, int(Status.FLAT)), {}, "CAUTION", "% FLAT"),
-        (invert(model()), {"rate": 1e9}, "FAIL", "too long for 1e+09 Hz"),
-        (invert(model()), {"rate": 0.5}, "PASS", "0.5 Hz can be kept up"),
-        (invert(model()), {"model": model(2.0)}, "CAUTION", "not the model's inverse"),
-    ],
-    ids=lambda x: str(x) if isinstance(x, (str, dict)) else "",
-)
+@pytest.mark.parametrize(("compensator", "needs", "level", "words"), [
+    (Off(invert(model()), 0.4), {}, "PASS", "0.4 N rms"),
+    (Off(invert(model()), 0.4), {"max_error": 0.3}, "FAIL", "above the 0.3 N asked for"),
+    (Off(invert(model()), 0.4), {"max_error": 0.5}, "PASS", "No error is above the 0.5 N"),
+    (Off(invert(model()), 3.0), {}, "FAIL", "of the range, above 5 %"),
+    (Off(invert(model()), np.nan), {}, "FAIL", "not finite"),
+    (Off(invert(model()), 0.0, int(Status.FLAT)), {}, "CAUTION", "% FLAT"),
+    (invert(model()), {"rate": 1e9}, "FAIL", "too long for 1e+09 Hz"),
+    (invert(model()), {"rate": 0.5}, "PASS", "0.5 Hz can be kept up"),
+    (invert(model()), {"model": model(2.0)}, "CAUTION", "not the model's inverse"),
+], ids=lambda x: str(x) if isinstance(x, (str, dict)) else "")  # fmt: skip
 def test_verdicts_and_their_reasons(compensator, needs, level, words):
     found = qualify(compensator, record(), **needs)
     assert found.level == level

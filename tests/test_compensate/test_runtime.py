@@ -277,17 +277,12 @@ def edited(**changes: Any) -> Any:
     return lambda text: json.dumps(json.loads(text) | changes)
 
 
-@pytest.mark.parametrize(
-    ("spoil", "words"),
-    [
-        (lambda text: text[: len(text) // 2], "not whole"),
-        (lambda text: "[1, 2]", "not a compensator"),
-        (edited(schema=99), "format 99"),
-        (edited(schema=True), "format True"),
-        (edited(kind=[]), "not a compensator"),
-        (edited(limits=[0.0, 0.5]), "checksum"),
-    ],
-)
+@pytest.mark.parametrize(("spoil", "words"), [
+    (lambda text: text[: len(text) // 2], "not whole"),
+    (lambda text: "[1, 2]", "not a compensator"), (edited(schema=99), "format 99"),
+    (edited(schema=True), "format True"), (edited(kind=[]), "not a compensator"),
+    (edited(limits=[0.0, 0.5]), "checksum"),
+])  # fmt: skip
 def test_files_that_cannot_be_trusted_are_refused(spoil: Any, words: str, tmp_path: Path):
     model, y = relays()
     path = tmp_path / "it.json"
@@ -299,17 +294,14 @@ def test_files_that_cannot_be_trusted_are_refused(spoil: Any, words: str, tmp_pa
         load(tmp_path / "none.json")
 
 
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        (lambda d: d.pop("limits"), "limits is missing"),
-        (lambda d: d.update(rates="no"), "rates is 'no'"),
-        (lambda d: d["reading"].update(unit=1), "reading.unit is 1"),
-        (lambda d: d["golden"].update(dt="x"), "golden.dt is 'x'"),
-        (lambda d: next(iter(_nodes(d)))["parameters"].popitem(), "is missing"),
-        (lambda d: next(iter(_nodes(d)))["state"].update(status=[]), "state.status is "),
-    ],
-)
+@pytest.mark.parametrize(("change", "words"), [
+    (lambda d: d.pop("limits"), "limits is missing"),
+    (lambda d: d.update(rates="no"), "rates is 'no'"),
+    (lambda d: d["reading"].update(unit=1), "reading.unit is 1"),
+    (lambda d: d["golden"].update(dt="x"), "golden.dt is 'x'"),
+    (lambda d: next(iter(_nodes(d)))["parameters"].popitem(), "is missing"),
+    (lambda d: next(iter(_nodes(d)))["state"].update(status=[]), "state.status is "),
+])  # fmt: skip
 def test_an_entry_of_another_type_is_named(change: Any, words: str, tmp_path: Path):
     model, y = relays()
     path = tmp_path / "it.json"

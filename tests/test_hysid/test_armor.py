@@ -359,20 +359,17 @@ def test_half_axes_hold_ninety_per_cent(kept_in):
     np.testing.assert_allclose(axes, np.diag(reach * np.array([2e-3, 1e-3, 0])), atol=1e-7)
 
 
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        (lambda d: d.update(schema=2), "schema"),
-        (lambda d: d.pop("force"), "force"),
-        (lambda d: d.update(time=[]), "rows"),
-        (lambda d: d.update(time=d["time"][::-1]), "time"),
-        (lambda d: d["status"].pop(), "status"),
-        (lambda d: d.update(triangles=[[0, 1, 99]]), "corner"),
-        (lambda d: d.update(moment=[[1, 2]] * len(d["time"])), "moment"),
-        (lambda d: d.update(surface=["<b>"] * len(d["time"])), "surface"),
-        (lambda d: d.update(extra="<script>"), "extra"),
-    ],
-)
+@pytest.mark.parametrize(("change", "words"), [
+    (lambda d: d.update(schema=2), "schema"),
+    (lambda d: d.pop("force"), "force"),
+    (lambda d: d.update(time=[]), "rows"),
+    (lambda d: d.update(time=d["time"][::-1]), "time"),
+    (lambda d: d["status"].pop(), "status"),
+    (lambda d: d.update(triangles=[[0, 1, 99]]), "corner"),
+    (lambda d: d.update(moment=[[1, 2]] * len(d["time"])), "moment"),
+    (lambda d: d.update(surface=["<b>"] * len(d["time"])), "surface"),
+    (lambda d: d.update(extra="<script>"), "extra"),
+])  # fmt: skip
 def test_damaged_records_are_refused(kept_in, change, words):
     file = kept_in / "touches.json"
     document = json.loads(file.read_text())

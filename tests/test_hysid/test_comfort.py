@@ -49,14 +49,11 @@ def test_fit_takes_arrays_frames_mappings_and_files(tmp_path: Path):
     assert again.parameters == whole.parameters
 
 
-@pytest.mark.parametrize(
-    ("call", "code"),
-    [
-        (lambda: hysid.fit(U), "bad-option"),
-        (lambda: hysid.fit(Record.from_arrays(U, Y), input="u", output="y"), "bad-option"),
-        (lambda: hysid.fit({"u": U, "y": Y}, input="v", output="y"), "no-column"),
-    ],
-)
+@pytest.mark.parametrize(("call", "code"), [
+    (lambda: hysid.fit(U), "bad-option"),
+    (lambda: hysid.fit(Record.from_arrays(U, Y), input="u", output="y"), "bad-option"),
+    (lambda: hysid.fit({"u": U, "y": Y}, input="v", output="y"), "no-column"),
+])  # fmt: skip
 def test_fit_says_how_to_call_it(call: Any, code: str):
     refuses(code, call)
 

@@ -94,7 +94,6 @@ LEAVES: list[AbstractModel] = [
     StandardLinearSolid(1.0, 2.0, 5.0),
 ]
 
-
 SHAPES = st.recursive(
     st.integers(0, len(LEAVES) - 1), lambda parts: st.lists(parts, min_size=1, max_size=3), max_leaves=6
 )  # fmt: skip

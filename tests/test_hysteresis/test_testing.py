@@ -112,18 +112,14 @@ class Delays(AbstractSum):
         return self.k * prepared.u
 
 
-@pytest.mark.parametrize(
-    ("model", "words"),
-    [
-        (NeedsTimes(), "without times"),
-        (Unknown(), r"a file gives the model back: .*register\(Unknown\)"),
-        (WrongSlope(), r"the gradient in k == finite differences fails. history \d: derivative"),
-        (NotFinite(), "not finite at sample"),
-        (Forgets(), r"a split record carries the state fails at sample \d+"),
-        (Delays(), "simulate == the scan of step fails at sample"),
-    ],
-    ids=lambda x: type(x).__name__ if isinstance(x, AbstractModel) else "",
-)
+@pytest.mark.parametrize(("model", "words"), [
+    (NeedsTimes(), "without times"),
+    (Unknown(), r"a file gives the model back: .*register\(Unknown\)"),
+    (WrongSlope(), r"the gradient in k == finite differences fails. history \d: derivative"),
+    (NotFinite(), "not finite at sample"),
+    (Forgets(), r"a split record carries the state fails at sample \d+"),
+    (Delays(), "simulate == the scan of step fails at sample"),
+], ids=lambda x: type(x).__name__ if isinstance(x, AbstractModel) else "")  # fmt: skip
 def test_a_broken_law_is_named(model: AbstractModel, words: str):
     with pytest.raises(AssertionError, match=words):
         check_model(model, -1.0, 2.0)

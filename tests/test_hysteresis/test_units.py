@@ -27,13 +27,10 @@ USUAL = [
 SENSOR = LinearSponge(0.5, 0.2, units=("kgf", "V"), trained=(0.0, 2.0))  # V behind kgf
 
 
-@pytest.mark.parametrize(
-    ("unit", "wanted", "factor"),
-    [
-        ("kgf", "N", 9.80665), ("lbf", "N", 4.4482216152605), ("inch", "m", 0.0254),
-        ("min", "s", 60.0),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("unit", "wanted", "factor"), [
+    ("kgf", "N", 9.80665), ("lbf", "N", 4.4482216152605), ("inch", "m", 0.0254),
+    ("min", "s", 60.0),
+])  # fmt: skip
 def test_conversions_are_those_of_the_standards(unit: str, wanted: str, factor: float):
     assert conversion(unit, wanted) == pytest.approx(factor, rel=1e-13)
     assert conversion(wanted, unit) == pytest.approx(1 / factor, rel=1e-13)

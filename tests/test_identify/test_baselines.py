@@ -22,16 +22,11 @@ def baselines(output: np.ndarray) -> dict[str, Any]:
     return {one.name: one for one in found.baselines}
 
 
-@pytest.mark.parametrize(
-    ("output", "exact"),
-    [
-        (2 * U - 1, "straight line"),
-        (5 - 0.3 * U, "straight line"),
-        (5 - 0.3 * U, "cubic per branch"),
-        ((U / 10) ** 3 - U, "cubic per branch"),
-        (U**2 / 10 + 2 * play(U, 2.0), "replay of the last loop"),
-    ],
-)
+@pytest.mark.parametrize(("output", "exact"), [
+    (2 * U - 1, "straight line"), (5 - 0.3 * U, "straight line"), (5 - 0.3 * U, "cubic per branch"),
+    ((U / 10) ** 3 - U, "cubic per branch"),
+    (U**2 / 10 + 2 * play(U, 2.0), "replay of the last loop"),
+])  # fmt: skip
 def test_each_is_exact_on_its_own_data(output: np.ndarray, exact: str):
     """On the rows of folds that it has not seen."""
     assert np.sqrt(baselines(output)[exact].blocks.mean()) < 1e-9

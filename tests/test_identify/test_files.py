@@ -40,19 +40,16 @@ def test_the_figure_of_candidates_has_content_after_load(both: FitResult, tmp_pa
     assert [bar.get_width() for bar in axes.patches] == [c.score for c in both.candidates]
 
 
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        (lambda d: d["verdict"].update(level="GOOD"), "verdict.level is 'GOOD'"),
-        (lambda d: d["parameters"][0].update(value="much"), "parameters.0.value is 'much'"),
-        (lambda d: d["candidates"][0]["metrics"]["train"].update(rmse=[]), "train"),
-        (lambda d: d["noise"].update(samples=10**400), "noise.samples is 1000"),
-        (lambda d: d["noise"].pop("sigma"), "sigma"),
-        (lambda d: d.pop("seconds"), "seconds is missing"),
-        (lambda d: d.update(blocks={}), "blocks"),
-        (lambda d: d["records"]["train"].update(labels="all"), "records.train.labels is 'all'"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("change", "words"), [
+    (lambda d: d["verdict"].update(level="GOOD"), "verdict.level is 'GOOD'"),
+    (lambda d: d["parameters"][0].update(value="much"), "parameters.0.value is 'much'"),
+    (lambda d: d["candidates"][0]["metrics"]["train"].update(rmse=[]), "train"),
+    (lambda d: d["noise"].update(samples=10**400), "noise.samples is 1000"),
+    (lambda d: d["noise"].pop("sigma"), "sigma"),
+    (lambda d: d.pop("seconds"), "seconds is missing"),
+    (lambda d: d.update(blocks={}), "blocks"),
+    (lambda d: d["records"]["train"].update(labels="all"), "records.train.labels is 'all'"),
+])  # fmt: skip
 def test_an_entry_of_another_type_is_named(both: FitResult, tmp_path, change, words: str) -> None:
     file = save(both, tmp_path / "fit") / "fit.json"
     document = json.loads(file.read_text())

@@ -167,20 +167,17 @@ def with_ties() -> tuple[Forc, ...]:
     return tuple([curve] * 7)
 
 
-@pytest.mark.parametrize(
-    ("code", "call"),
-    [
-        ("bad-option", lambda: forc_diagram(curves_of(0), 0)),
-        ("too-few-curves", lambda: forc_diagram(curves_of(0), 5)),
-        ("too-few-curves", lambda: everett_surface(curves_of(0)[:1])),
-        ("not-increasing", lambda: forc_diagram(with_ties(), 3)),
-        ("not-increasing", lambda: everett_surface(curves_of(0)[::-1])),
-        (
-            "too-few-rows",
-            lambda: forc_diagram(tuple(Forc(c.reversal, *np.array(c[1:])[:, :6]) for c in curves_of(0))),
-        ),
-        ("too-few-curves", lambda: forc_curves(Record.from_arrays(np.arange(5.0)[::-1], np.zeros(5)))),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("code", "call"), [
+    ("bad-option", lambda: forc_diagram(curves_of(0), 0)),
+    ("too-few-curves", lambda: forc_diagram(curves_of(0), 5)),
+    ("too-few-curves", lambda: everett_surface(curves_of(0)[:1])),
+    ("not-increasing", lambda: forc_diagram(with_ties(), 3)),
+    ("not-increasing", lambda: everett_surface(curves_of(0)[::-1])),
+    (
+        "too-few-rows",
+        lambda: forc_diagram(tuple(Forc(c.reversal, *np.array(c[1:])[:, :6]) for c in curves_of(0))),
+    ),
+    ("too-few-curves", lambda: forc_curves(Record.from_arrays(np.arange(5.0)[::-1], np.zeros(5)))),
+])  # fmt: skip
 def test_bad_input_is_answered(code: str, call):
     refuses(code, call)

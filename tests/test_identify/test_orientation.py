@@ -75,16 +75,13 @@ def test_coloured_noise_counts_for_less(phi: float) -> None:
     assert noise.effective == pytest.approx(160_000 * (1 - phi) / (1 + phi), rel=0.08)
 
 
-@pytest.mark.parametrize(
-    ("amplitudes", "groups"),
-    [
-        ([1, 1, 3, 3, 3, 1], [{0, 1, 5}, {2}, {3}, {4}]),  # the smaller ones all at once
-        ([1, 2, 3, 3], [{0}, {1}, {2}, {3}]),
-        ([3, 1], [{0}, {1}]),  # one alone shows the largest range
-        ([1.0, 1.1, 1.2, 1.3, 1.4, 1.5], [{0, 5}, {1}, {2}, {3}, {4}]),  # a continuum is dealt out
-        ([1, 2, 3, 4, 5, 5], [{0, 5}, {1}, {2}, {3}, {4}]),  # more kinds than groups
-    ],
-)
+@pytest.mark.parametrize(("amplitudes", "groups"), [
+    ([1, 1, 3, 3, 3, 1], [{0, 1, 5}, {2}, {3}, {4}]),  # the smaller ones all at once
+    ([1, 2, 3, 3], [{0}, {1}, {2}, {3}]),
+    ([3, 1], [{0}, {1}]),  # one alone shows the largest range
+    ([1.0, 1.1, 1.2, 1.3, 1.4, 1.5], [{0, 5}, {1}, {2}, {3}, {4}]),  # a continuum is dealt out
+    ([1, 2, 3, 4, 5, 5], [{0, 5}, {1}, {2}, {3}, {4}]),  # more kinds than groups
+])  # fmt: skip
 def test_an_amplitude_is_held_out_whole(amplitudes: list[float], groups: list[set[int]]) -> None:
     u = np.concatenate([a * np.sin(np.linspace(0, 6, 50)) for a in amplitudes])
     of = np.repeat(np.arange(len(amplitudes)), 50)

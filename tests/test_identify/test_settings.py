@@ -52,15 +52,12 @@ def test_no_prior(said: str) -> None:
     refuses("bad-prior", lambda: fit(record(), BURGERS, parameters={"E1": {"prior": said}}), "E1")
 
 
-@pytest.mark.parametrize(
-    "said",
-    [
-        {"K": {"prior": "log-normal(2, 1.5)"}},
-        {"K": {"bounds": [0.5, 3], "prior": "uniform(0.5, 3)"}},
-        {"K": {"prior": "half-normal(2)"}}, {"K": {"bounds": [0.5, 3]}},
-        {"b": {"prior": "normal(0.2, 0.1)"}}, {},
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize("said", [
+    {"K": {"prior": "log-normal(2, 1.5)"}},
+    {"K": {"bounds": [0.5, 3], "prior": "uniform(0.5, 3)"}},
+    {"K": {"prior": "half-normal(2)"}}, {"K": {"bounds": [0.5, 3]}},
+    {"b": {"prior": "normal(0.2, 0.1)"}}, {},
+])  # fmt: skip
 def test_a_prior_is_a_density_of_the_free_number(said: dict[str, Any]) -> None:
     """Its integral over z is 1, whichever bounds the parameter has."""
     other = "b" if "K" in said or not said else "K"
@@ -113,23 +110,20 @@ def test_a_prior_pulls_as_its_weight_says(tmp_path: Any) -> None:
     assert float(again.noise_model.sigma) == pytest.approx(pulled.noise.sigma)
 
 
-@pytest.mark.parametrize(
-    ("said", "code", "words"),
-    [
-        ({"e1": {"fixed": 1}}, "unknown-parameter", "did you mean E1?"),
-        ({"E1": {"begin": 1}}, "unknown-key", "begin"), ({"E1": {"bounds": 3}}, "bad-bounds", "3"),
-        ({"E1": {"bounds": [3, 1]}}, "bad-bounds", "[3, 1]"),
-        ({"E1": {"bounds": [2.0, 5]}}, "start-out-of-bounds", "gradient vanishes"),
-        ({"E1": {"start": -1}}, "start-out-of-bounds", "outside of"),
-        ({"E1": {"prior": "uniform(3, 4)"}}, "start-out-of-bounds", "start inside"),
-        *(
-            (said, "bad-tie", "E1") for said in (
-                {"E1": {"tied": "E9"}}, {"E1": {"tied": "E1"}}, {"E1": {"tied": "E2 + 1"}},
-                {"E1": {"tied": "E2", "start": 2}}, {"E1": {"tied": "E2"}, "E2": {"tied": "eta1"}},
-            )
-        ),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("said", "code", "words"), [
+    ({"e1": {"fixed": 1}}, "unknown-parameter", "did you mean E1?"),
+    ({"E1": {"begin": 1}}, "unknown-key", "begin"), ({"E1": {"bounds": 3}}, "bad-bounds", "3"),
+    ({"E1": {"bounds": [3, 1]}}, "bad-bounds", "[3, 1]"),
+    ({"E1": {"bounds": [2.0, 5]}}, "start-out-of-bounds", "gradient vanishes"),
+    ({"E1": {"start": -1}}, "start-out-of-bounds", "outside of"),
+    ({"E1": {"prior": "uniform(3, 4)"}}, "start-out-of-bounds", "start inside"),
+    *(
+        (said, "bad-tie", "E1") for said in (
+            {"E1": {"tied": "E9"}}, {"E1": {"tied": "E1"}}, {"E1": {"tied": "E2 + 1"}},
+            {"E1": {"tied": "E2", "start": 2}}, {"E1": {"tied": "E2"}, "E2": {"tied": "eta1"}},
+        )
+    ),
+])  # fmt: skip
 def test_what_cannot_be_meant(said: dict[str, Any], code: str, words: str) -> None:
     refuses(code, lambda: fit(record(), BURGERS, parameters=said), words)
 

@@ -280,20 +280,17 @@ def test_storage_and_loss_that_contradict_each_other():
     assert any("contradict" in note for note in found.notes)
 
 
-@pytest.mark.parametrize(
-    ("responses", "code"),
-    [
-        ((), "too-few-rows"),
-        ((Response(np.arange(2.0), np.ones(2)),), "too-few-rows"),
-        ((Response(W[:3], moduli(SOLID)[:3], "modulus"),), "too-few-rows"),
-        ((Response(np.arange(2.0), np.ones(1)),), "length-mismatch"),
-        ((Response(np.array([1.0, 0.0]), np.ones(2)),), "time-backwards"),
-        ((Response(np.array([-1.0, 0.0]), np.ones(2)),), "time-backwards"),
-        ((Response(np.arange(2.0), np.array([1.0, np.nan])),), "not-finite"),
-        ((Response(-W, moduli(SOLID), "modulus"),), "not-finite"),
-        ((Response(np.arange(2.0), np.ones(2), "flow"),), "bad-option"),
-    ],
-)
+@pytest.mark.parametrize(("responses", "code"), [
+    ((), "too-few-rows"),
+    ((Response(np.arange(2.0), np.ones(2)),), "too-few-rows"),
+    ((Response(W[:3], moduli(SOLID)[:3], "modulus"),), "too-few-rows"),
+    ((Response(np.arange(2.0), np.ones(1)),), "length-mismatch"),
+    ((Response(np.array([1.0, 0.0]), np.ones(2)),), "time-backwards"),
+    ((Response(np.array([-1.0, 0.0]), np.ones(2)),), "time-backwards"),
+    ((Response(np.arange(2.0), np.array([1.0, np.nan])),), "not-finite"),
+    ((Response(-W, moduli(SOLID), "modulus"),), "not-finite"),
+    ((Response(np.arange(2.0), np.ones(2), "flow"),), "bad-option"),
+])  # fmt: skip
 def test_what_is_refused(responses: Any, code: str):
     refuses(code, lambda: spectrum(*responses))
 

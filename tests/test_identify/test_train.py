@@ -82,22 +82,14 @@ def test_nothing_kept_begins_anew(tmp_path):
     assert found.said == ("no epochs were kept in none.npz, so the run began from the start.",)
 
 
-@pytest.mark.parametrize(
-    ("code", "changed"),
-    [
-        ("length-mismatch", {"data": (X, X[1:])}),
-        ("length-mismatch", {"data": (X[:0], X[:0])}),
-        ("not-finite", {"data": (X, np.where(X > 0.9, np.nan, X))}),
-        ("bad-option", {"batch": 0}),
-        ("bad-option", {"epochs": 0}),
-        ("bad-option", {"patience": 0}),
-        ("bad-option", {"learning_rate": 0.0}),
-        ("bad-option", {"validation": 1.0}),
-        ("wrong-shape", {"validation": {"x": X}}),
-        ("no-checkpoint", {"resume": True}),
-        ("diverged", {"data": (X, 1e200 * X)}),
-    ],
-)
+@pytest.mark.parametrize(("code", "changed"), [
+    ("length-mismatch", {"data": (X, X[1:])}), ("length-mismatch", {"data": (X[:0], X[:0])}),
+    ("not-finite", {"data": (X, np.where(X > 0.9, np.nan, X))}), ("bad-option", {"batch": 0}),
+    ("bad-option", {"epochs": 0}), ("bad-option", {"patience": 0}),
+    ("bad-option", {"learning_rate": 0.0}), ("bad-option", {"validation": 1.0}),
+    ("wrong-shape", {"validation": {"x": X}}), ("no-checkpoint", {"resume": True}),
+    ("diverged", {"data": (X, 1e200 * X)}),
+])  # fmt: skip
 def test_bad_input_is_answered(code, changed):
     given = {"data": DATA, **FAST, **changed}
     data = given.pop("data")

@@ -154,15 +154,12 @@ def test_presses_are_chosen_where_they_tell_the_most():
     assert (np.diff(choice.expected) < 0).all()
 
 
-@pytest.mark.parametrize(
-    ("name", "value", "words"),
-    [
-        ("surface", np.ones(2, int), "surface has the shape"),
-        ("touched", np.full((3, 3), np.nan), "leave such presses out"),
-        ("direction", np.tile([0, 0, -2.0], (3, 1)), "divide it by its length"),
-        ("force", np.ones(3), "give \\(presses, samples\\)"),
-    ],
-)
+@pytest.mark.parametrize(("name", "value", "words"), [
+    ("surface", np.ones(2, int), "surface has the shape"),
+    ("touched", np.full((3, 3), np.nan), "leave such presses out"),
+    ("direction", np.tile([0, 0, -2.0], (3, 1)), "divide it by its length"),
+    ("force", np.ones(3), "give \\(presses, samples\\)"),
+])  # fmt: skip
 def test_faults_say_what_to_do(name, value, words):
     given = {
         "time": np.arange(2.0), "readings": np.zeros((3, 2, 6)), "force": np.ones((3, 2)),

@@ -76,17 +76,12 @@ def test_a_mesh_in_a_stream():
     np.testing.assert_array_equal(found, solver.solve(force, moment).surface)
 
 
-@pytest.mark.parametrize(
-    ("vertices", "triangles", "code"),
-    [
-        (CUBE, SIDES[1:], "not-a-mesh"),
-        (CUBE, SIDES[:, ::-1], "not-a-mesh"),
-        (CUBE, np.vstack([SIDES[:1, ::-1], SIDES[1:]]), "not-a-mesh"),
-        (1000 * CUBE, SIDES, "wrong-unit"),
-        (CUBE, SIDES + 1, "not-a-mesh"),
-        (CUBE[:, :2], SIDES, "not-a-mesh"),
-    ],
-)
+@pytest.mark.parametrize(("vertices", "triangles", "code"), [
+    (CUBE, SIDES[1:], "not-a-mesh"), (CUBE, SIDES[:, ::-1], "not-a-mesh"),
+    (CUBE, np.vstack([SIDES[:1, ::-1], SIDES[1:]]), "not-a-mesh"),
+    (1000 * CUBE, SIDES, "wrong-unit"), (CUBE, SIDES + 1, "not-a-mesh"),
+    (CUBE[:, :2], SIDES, "not-a-mesh"),
+])  # fmt: skip
 def test_what_is_no_surface_is_refused(vertices: Any, triangles: Any, code: str):
     refuses(code, lambda: Mesh(vertices, triangles))
 

@@ -78,17 +78,14 @@ def test_the_sensors_own_hysteresis_is_undone():
     np.testing.assert_allclose(np.hstack([found.force, found.moment]), true, atol=1e-9 * 10)
 
 
-@pytest.mark.parametrize(
-    ("given_", "code"),
-    [
-        ({"rotation": 2 * np.eye(3)}, "not-a-rotation"),
-        ({"rotation": np.diag([1.0, 1, -1])}, "not-a-rotation"),
-        ({"matrix": np.ones((6, 6))}, "not-invertible"),
-        ({"offset": [0.1, 0.2]}, "wrong-shape"),
-        ({"hysteresis": [GEAR]}, "wrong-shape"),
-        ({"reports": "torque"}, "bad-option"),
-    ],
-)
+@pytest.mark.parametrize(("given_", "code"), [
+    ({"rotation": 2 * np.eye(3)}, "not-a-rotation"),
+    ({"rotation": np.diag([1.0, 1, -1])}, "not-a-rotation"),
+    ({"matrix": np.ones((6, 6))}, "not-invertible"),
+    ({"offset": [0.1, 0.2]}, "wrong-shape"),
+    ({"hysteresis": [GEAR]}, "wrong-shape"),
+    ({"reports": "torque"}, "bad-option"),
+])  # fmt: skip
 def test_a_sensor_that_cannot_be_is_refused(given_: dict[str, Any], code: str):
     refuses(code, lambda: WristSensor(**given_))
 

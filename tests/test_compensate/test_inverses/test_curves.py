@@ -73,17 +73,14 @@ def test_spline_of_any_bend_there_and_back(seed: int, bend: float, level: float)
     assert set(np.unique(found.status).tolist()) <= {Status.OK, Status.FLAT}
 
 
-@pytest.mark.parametrize(
-    ("model", "place"),
-    [
-        # x - 2 x^3 has the least slope at the ends, x^3 - x/10 in the middle.
-        (PolynomialCurve([0.0, 1.0, 0.0, -2.0], 0.0, 4.0), "at 0,"),
-        (PolynomialCurve([0.0, -0.1, 0.0, 1.0], 0.0, 4.0), "at 2,"),
-        (PolynomialCurve([3.0]), "does not rise"),
-        (MonotoneCurve([0.0, 1.0], [0.0]), "does not rise"),
-        (MonotoneSpline([0.0, 1.0], [0.0, 0.0]), "does not rise"),
-    ],
-)
+@pytest.mark.parametrize(("model", "place"), [
+    # x - 2 x^3 has the least slope at the ends, x^3 - x/10 in the middle.
+    (PolynomialCurve([0.0, 1.0, 0.0, -2.0], 0.0, 4.0), "at 0,"),
+    (PolynomialCurve([0.0, -0.1, 0.0, 1.0], 0.0, 4.0), "at 2,"),
+    (PolynomialCurve([3.0]), "does not rise"),
+    (MonotoneCurve([0.0, 1.0], [0.0]), "does not rise"),
+    (MonotoneSpline([0.0, 1.0], [0.0, 0.0]), "does not rise"),
+])  # fmt: skip
 def test_what_falls_is_refused_with_the_place(model: Any, place: str):
     refuses("not-invertible", lambda: invert(model), place)
 

@@ -126,19 +126,12 @@ def test_readings_of_nothing_and_of_no_combination():
     assert close.alternatives
 
 
-@pytest.mark.parametrize(
-    "call",
-    [
-        lambda: LogicTable([1.0, 2.0]),
-        lambda: LogicTable(np.ones((2, 11))),
-        lambda: LogicTable([[1.0, 0.0]]),
-        lambda: LogicTable([[1.0, np.nan]]),
-        lambda: LogicTable(PAPER, "AAC"),
-        lambda: LogicTable(PAPER, unit=(2.0, 1.0)),
-        lambda: LogicTable(PAPER, unit=0.0),
-        lambda: LogicTable(PAPER, common=0.0),
-        lambda: LogicTable(PAPER).decide([1.0]),
-    ],
-)
+@pytest.mark.parametrize("call", [
+    lambda: LogicTable([1.0, 2.0]), lambda: LogicTable(np.ones((2, 11))),
+    lambda: LogicTable([[1.0, 0.0]]), lambda: LogicTable([[1.0, np.nan]]),
+    lambda: LogicTable(PAPER, "AAC"), lambda: LogicTable(PAPER, unit=(2.0, 1.0)),
+    lambda: LogicTable(PAPER, unit=0.0), lambda: LogicTable(PAPER, common=0.0),
+    lambda: LogicTable(PAPER).decide([1.0]),
+])  # fmt: skip
 def test_bad_arguments_are_refused(call):
     refuses("bad-option", call)

@@ -51,17 +51,14 @@ def test_places_never_pressed_alone_are_refused():
     refuses("no-excitation", lambda: gains_in_use(read(signals(0, alone=False)), GAINS))
 
 
-@pytest.mark.parametrize(
-    ("readings", "known", "options", "code"),
-    [
-        (np.ones((300, 3)), GAINS, {}, "wrong-channels"),
-        (np.ones((300, 2)), np.ones((2, 3)), {}, "wrong-channels"),
-        (np.ones((300, 2)), -GAINS, {}, "parameter-out-of-bounds"),
-        (np.ones((300, 2)), GAINS, {"blur": 1.0}, "bad-option"),
-        (np.ones((300, 2)), GAINS, {"pressed": 0.0}, "bad-option"),
-        (np.zeros((300, 2)), GAINS, {}, "too-few-rows"),
-    ],
-)
+@pytest.mark.parametrize(("readings", "known", "options", "code"), [
+    (np.ones((300, 3)), GAINS, {}, "wrong-channels"),
+    (np.ones((300, 2)), np.ones((2, 3)), {}, "wrong-channels"),
+    (np.ones((300, 2)), -GAINS, {}, "parameter-out-of-bounds"),
+    (np.ones((300, 2)), GAINS, {"blur": 1.0}, "bad-option"),
+    (np.ones((300, 2)), GAINS, {"pressed": 0.0}, "bad-option"),
+    (np.zeros((300, 2)), GAINS, {}, "too-few-rows"),
+])  # fmt: skip
 def test_bad_arguments_are_refused(readings, known, options, code):
     refuses(code, lambda: gains_in_use(readings, known, **options))
 
@@ -222,15 +219,12 @@ def test_confusion_prints_as_table_ii():
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("code", "settings"),
-    [
-        ("too-few-presses", {"names": "ABCDEF"}), ("unknown-place", {"names": "ABCD"}),
-        ("bad-option", {"method": "forest"}), ("bad-option", {"priors": "even"}),
-        ("bad-option", {"priors": [1, 1]}), ("bad-option", {"reject": 1.5}),
-        ("bad-option", {"neighbours": 0, "method": "neighbours"}),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("code", "settings"), [
+    ("too-few-presses", {"names": "ABCDEF"}), ("unknown-place", {"names": "ABCD"}),
+    ("bad-option", {"method": "forest"}), ("bad-option", {"priors": "even"}),
+    ("bad-option", {"priors": [1, 1]}), ("bad-option", {"reject": 1.5}),
+    ("bad-option", {"neighbours": 0, "method": "neighbours"}),
+])  # fmt: skip
 def test_bad_settings_are_refused(code, settings):
     refuses(code, lambda: trained(**settings))
 

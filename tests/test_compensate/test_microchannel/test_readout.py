@@ -97,19 +97,10 @@ def test_zero_is_taken_at_rest():
     refuses("wrong-channels", lambda: readout.at_rest(np.array([[1.0, np.nan]])), "channel 2 ")
 
 
-@pytest.mark.parametrize(
-    "settings",
-    [
-        {"scale": 0.0},
-        {"zero": np.nan},
-        {"bits": 10},
-        {"low": 1.0, "high": 0.0},
-        {"stuck_after": 1},
-        {"time_constant": -1.0},
-        {"longest_gap": 0.0},
-        {"scale": np.ones(3), "zero": np.ones(2)},
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize("settings", [
+    {"scale": 0.0}, {"zero": np.nan}, {"bits": 10}, {"low": 1.0, "high": 0.0}, {"stuck_after": 1},
+    {"time_constant": -1.0}, {"longest_gap": 0.0}, {"scale": np.ones(3), "zero": np.ones(2)},
+])  # fmt: skip
 def test_settings_out_of_range_are_refused(settings):
     refuses("bad-option", lambda: Readout(**settings))
 

@@ -184,7 +184,6 @@ USAGE = [  # what typer says of a number depends on its version
     (("--decimal", ";"), "';' is not . or ,"),
 ]
 
-
 pytestmark = pytest.mark.usefixtures("empty_folder")
 
 
@@ -222,25 +221,21 @@ def test_a_file_that_may_not_be_read(monkeypatch):
     refused(run("fit", "run.csv", *COLUMNS, *FIT), "run.csv", "may not read", "[permission-denied]")
 
 
-@pytest.mark.parametrize(
-    ("content", "words"),
-    [
-        (ONE_WAY, ("Input only rises", "nothing tells hysteresis from a curve")),
-        (SWAPPED, ("Loops create energy (-", "N mm a loop", "Columns swapped", "exchange --input")),
-        (TURNED, ("Loops create energy (-", "The sign of one column is turned? If so, turn it",)),
-        (
-            CLIPPED_X,
-            ("of the output at 10 mm: clipped, lines ", "4 more runs while the input moves",
-             "--exclude-lines "),
-        ),
-        (
-            CLIPPED_F,
-            ("of the input at 15 N: clipped, lines ", "4 more runs while the output moves",
-             "measure with a wider range"),
-        ),
-    ],
-    ids=["one way", "swapped", "turned", "clipped output", "clipped input"],
-)  # fmt: skip
+@pytest.mark.parametrize(("content", "words"), [
+    (ONE_WAY, ("Input only rises", "nothing tells hysteresis from a curve")),
+    (SWAPPED, ("Loops create energy (-", "N mm a loop", "Columns swapped", "exchange --input")),
+    (TURNED, ("Loops create energy (-", "The sign of one column is turned? If so, turn it",)),
+    (
+        CLIPPED_X,
+        ("of the output at 10 mm: clipped, lines ", "4 more runs while the input moves",
+         "--exclude-lines "),
+    ),
+    (
+        CLIPPED_F,
+        ("of the input at 15 N: clipped, lines ", "4 more runs while the output moves",
+         "measure with a wider range"),
+    ),
+], ids=["one way", "swapped", "turned", "clipped output", "clipped input"])  # fmt: skip
 def test_what_may_be_meant_is_said_and_fitted(content, words):
     put(content)
     fitted = run("fit", "run.csv", *COLUMNS, *FIT, "--json")

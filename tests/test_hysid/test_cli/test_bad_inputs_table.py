@@ -75,7 +75,6 @@ TABLE = {
 }  # fmt: skip
 """By item and what is bad."""
 
-
 pytestmark = pytest.mark.usefixtures("empty_folder")
 
 
@@ -88,26 +87,23 @@ def test_a_bad_file_is_refused_by_check_and_by_fit(bad):
     assert tree(Path()) == before
 
 
-@pytest.mark.parametrize(
-    ("content", "options"),
-    [
-        (UNITS, (*BARE, "--units-row", "2")),
-        (text([["s", "N", "mm", ""], *ROWS], N), BARE),
-        (text(ROWS, (T, "force (ADC)", X, "cycle")),
-         ("--input", "force (ADC)", "--output", X, "--input-unit", "count")),
-        (text(ROWS, (T, "force (g)", X, "cycle")),
-         ("--input", "force (g)", "--output", X, "--input-unit", "gf")),
-        (cell(T, ROWS[38][0], 39), (*COLUMNS[:4], "--dt", "6")),
-        (cell(F, "-3e301"), (*COLUMNS, "--na-values", "-3e301", "--nan", "interpolate")),
-        (cell(X, "1e200"), (*COLUMNS, "--na-values", "1e200", "--nan", "omit")),
-        (cell(X, "OVLD", 3), (*COLUMNS, "--where", "cycle=2,3,4,5")),
-        (others.COMMA, (*COLUMNS, "--decimal", ",")),
-        (others.OVERLOAD, (*COLUMNS, "--na-values", "OVLD", "--nan", "interpolate")),
-        (others.NO_OUTPUT, (*COLUMNS, "--nan", "omit")),
-        (others.NO_INPUT, (*COLUMNS, "--nan", "interpolate")),
-        (others.RESET, (*COLUMNS, "--segments", "auto")),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("content", "options"), [
+    (UNITS, (*BARE, "--units-row", "2")),
+    (text([["s", "N", "mm", ""], *ROWS], N), BARE),
+    (text(ROWS, (T, "force (ADC)", X, "cycle")),
+     ("--input", "force (ADC)", "--output", X, "--input-unit", "count")),
+    (text(ROWS, (T, "force (g)", X, "cycle")),
+     ("--input", "force (g)", "--output", X, "--input-unit", "gf")),
+    (cell(T, ROWS[38][0], 39), (*COLUMNS[:4], "--dt", "6")),
+    (cell(F, "-3e301"), (*COLUMNS, "--na-values", "-3e301", "--nan", "interpolate")),
+    (cell(X, "1e200"), (*COLUMNS, "--na-values", "1e200", "--nan", "omit")),
+    (cell(X, "OVLD", 3), (*COLUMNS, "--where", "cycle=2,3,4,5")),
+    (others.COMMA, (*COLUMNS, "--decimal", ",")),
+    (others.OVERLOAD, (*COLUMNS, "--na-values", "OVLD", "--nan", "interpolate")),
+    (others.NO_OUTPUT, (*COLUMNS, "--nan", "omit")),
+    (others.NO_INPUT, (*COLUMNS, "--nan", "interpolate")),
+    (others.RESET, (*COLUMNS, "--segments", "auto")),
+])  # fmt: skip
 def test_the_fix_that_the_message_names_is_accepted(content, options):
     put(content)
     said = run("check", "run.csv", *options)
@@ -215,7 +211,6 @@ class Spoilt(NamedTuple):
 
 
 SAMPLE = ("sample", "out", "--ensembles", 2, "--resume")
-
 
 FOLDERS = {
     "32: newer": Spoilt(edited(schema=99), "newer-schema", ("out: ", "schema 99", "update hysid")),

@@ -18,7 +18,6 @@ BURGERS = ("--model", "Burgers", *LINE[2:], "--out", "out", "--json")
 NAMES = ("time", "force", "displacement", "cycle")
 PLAIN = ("--input", "force", "--output", "displacement", "--time", "time", "--units-row", 2)
 
-
 pytestmark = pytest.mark.usefixtures("empty_folder")
 
 
@@ -42,13 +41,10 @@ def creep(constant: float, seconds: int = 200) -> str:
     )
 
 
-@pytest.mark.parametrize(
-    ("constant", "words"),
-    [
-        (0.1, ("shorter than the sampling steps (1 s)", "only as a spring", "sample faster")),
-        (3000.0, ("longer than the record (199 s)", "only as a dashpot", "measure longer holds")),
-    ],
-)
+@pytest.mark.parametrize(("constant", "words"), [
+    (0.1, ("shorter than the sampling steps (1 s)", "only as a spring", "sample faster")),
+    (3000.0, ("longer than the record (199 s)", "only as a dashpot", "measure longer holds")),
+])  # fmt: skip
 def test_time_constants_that_the_record_cannot_show(constant, words):
     put(creep(constant))
     reasons = run("fit", "run.csv", *COLUMNS, *BURGERS).json()["verdict"]["reasons"]
@@ -108,14 +104,11 @@ def test_what_is_known_of_parameters_is_said_on_the_command_line():
     assert found["noise_model"]["kind"] == "Gaussian"
 
 
-@pytest.mark.parametrize(
-    ("said", "words"),
-    [
-        ("K", ("K", "is not a name with settings")),
-        ("K start=none", ("'none'", "not a number")),
-        ("K bounds=5,9", ("starts at", "outside", "start inside")),
-    ],
-)
+@pytest.mark.parametrize(("said", "words"), [
+    ("K", ("K", "is not a name with settings")),
+    ("K start=none", ("'none'", "not a number")),
+    ("K bounds=5,9", ("starts at", "outside", "start inside")),
+])  # fmt: skip
 def test_what_cannot_be_meant_of_a_parameter_is_refused(said, words):
     put(text(sponge()))
     known = ("--parameter", said, "--parameter", "b fixed=1")

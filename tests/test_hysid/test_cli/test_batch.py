@@ -133,20 +133,17 @@ def test_two_files_of_one_name():
     assert [row["name"] for row in found["fits"]] == ["a", "deep-a"]
 
 
-@pytest.mark.parametrize(
-    ("said", "words"),
-    [
-        ("output = x", ["line 1", "bad-config"]),
-        ("[selection]\nouput = 'x'", ["ouput", "Did you mean output?", "unknown-key"]),
-        ("[selection]\nmodel = 'Burgers'", ["[fit]", "unknown-key"]),
-        ("[select]\noutput = 'x'", ["[select]", "Did you mean selection?"]),
-        ("[fit]\nstarts = 'many'", ["starts = 'many'", "a whole number"]),
-        ("[fit]\nstarts = true", ["a whole number"]),
-        ("[selection]\noutput = ['x', 'y']", ["text"]),
-        ("[selection]\ninput = 'x'", ["no output"]),
-        ("[selection]\ninput = 'x'\noutput = 'y'\n[fit]\nclocks = 'no'", ["'no'", "auto or keep"]),
-    ],
-)
+@pytest.mark.parametrize(("said", "words"), [
+    ("output = x", ["line 1", "bad-config"]),
+    ("[selection]\nouput = 'x'", ["ouput", "Did you mean output?", "unknown-key"]),
+    ("[selection]\nmodel = 'Burgers'", ["[fit]", "unknown-key"]),
+    ("[select]\noutput = 'x'", ["[select]", "Did you mean selection?"]),
+    ("[fit]\nstarts = 'many'", ["starts = 'many'", "a whole number"]),
+    ("[fit]\nstarts = true", ["a whole number"]),
+    ("[selection]\noutput = ['x', 'y']", ["text"]),
+    ("[selection]\ninput = 'x'", ["no output"]),
+    ("[selection]\ninput = 'x'\noutput = 'y'\n[fit]\nclocks = 'no'", ["'no'", "auto or keep"]),
+])  # fmt: skip
 def test_a_configuration_that_is_wrong(said, words):
     put(said, "batch.toml")
     refused(batch(), *words)

@@ -165,16 +165,12 @@ def test_each_is_predicted_and_sampled_by_its_own_fit(each, folder):
     assert (folder / "each" / "thin" / "posterior.nc").is_file()
 
 
-@pytest.mark.parametrize(
-    ("options", "train", "test"),
-    [
-        (("--group", "block", "--test-where", "block=thin"), 101, 101),
-        (("--group", "block", "--test-where", "cycle%2=0"), 122, 80),
-        (("--where", "block=thin", "--test-tail", "0.2"), 80, 21),
-        (("--where", "block=soft", "--where", "cycle=1,2"), 41, 0),
-    ],
-    ids=["a group", "cycles", "a tail", "two conditions"],
-)
+@pytest.mark.parametrize(("options", "train", "test"), [
+    (("--group", "block", "--test-where", "block=thin"), 101, 101),
+    (("--group", "block", "--test-where", "cycle%2=0"), 122, 80),
+    (("--where", "block=thin", "--test-tail", "0.2"), 80, 21),
+    (("--where", "block=soft", "--where", "cycle=1,2"), 41, 0),
+], ids=["a group", "cycles", "a tail", "two conditions"])  # fmt: skip
 def test_rows_are_used_and_held_out_as_asked(folder, tmp_path, options, train, test):
     model = (*LINE, "--out", tmp_path / "out")
     data = run("fit", folder / "blocks.csv", *COLUMNS, *options, *model, "--json").json()["data"]
@@ -199,7 +195,6 @@ def test_where_there_is_no_json_people_can_read_it(folder, tmp_path):
 
 
 COMMANDS = [command.callback.__name__ for command in app.registered_commands if command.callback]
-
 
 GROUPS = [group.name for group in app.registered_groups]
 

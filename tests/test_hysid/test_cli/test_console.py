@@ -44,34 +44,28 @@ def test_an_error_of_the_data_is_an_object_with_the_fields_of_the_exception(file
     assert all(words in said for words in found.values())
 
 
-@pytest.mark.parametrize(
-    ("arguments", "where"),
-    [
-        (("fit", "run.csv", "--frobnicate"), "hysid fit"), (("fit",), "hysid fit"),
-        (("frobnicate",), "hysid"),
-        (("check", "run.csv", *COLUMNS, "--nan", "maybe"), "hysid check"),
-        (("export", "fit"), "hysid export"), (("reproduce", "nobody1900"), "hysid reproduce"),
-        (("microchannel", "train"), "hysid microchannel train"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("arguments", "where"), [
+    (("fit", "run.csv", "--frobnicate"), "hysid fit"), (("fit",), "hysid fit"),
+    (("frobnicate",), "hysid"),
+    (("check", "run.csv", *COLUMNS, "--nan", "maybe"), "hysid check"),
+    (("export", "fit"), "hysid export"), (("reproduce", "nobody1900"), "hysid reproduce"),
+    (("microchannel", "train"), "hysid microchannel train"),
+])  # fmt: skip
 def test_a_usage_error_is_an_object_too(arguments, where):
     found = error_of(*arguments)
     assert (found["code"], found["where"]) == ("usage", where)
     assert found["fix"] == f"See: {where} --help"
 
 
-@pytest.mark.parametrize(
-    ("error", "code", "status", "words"),
-    [
-        (RuntimeError("the sponge bit\nback"), "bug", 1, "This is a bug in hysid, not your doing (Runtime"),
-        (AssertionError(), "bug", 1, "This is a bug in hysid, not your doing (Assertion"),
-        (OSError(28, "No space left on device", "fit.npz"), "os-error", 2,
-         "fit.npz: No space left on device.\n"),
-        (FileExistsError(17, "File exists", "run"), "os-error", 2, "run: a file is where a folder is"),
-        (KeyboardInterrupt(), "interrupted", 130,
-         "Interrupted. What was written so far is complete.\n"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("error", "code", "status", "words"), [
+    (RuntimeError("the sponge bit\nback"), "bug", 1, "This is a bug in hysid, not your doing (Runtime"),
+    (AssertionError(), "bug", 1, "This is a bug in hysid, not your doing (Assertion"),
+    (OSError(28, "No space left on device", "fit.npz"), "os-error", 2,
+     "fit.npz: No space left on device.\n"),
+    (FileExistsError(17, "File exists", "run"), "os-error", 2, "run: a file is where a folder is"),
+    (KeyboardInterrupt(), "interrupted", 130,
+     "Interrupted. What was written so far is complete.\n"),
+])  # fmt: skip
 def test_every_other_end_is_told_in_a_line_or_an_object(
     file, monkeypatch, tmp_path, error, code, status, words
 ):
@@ -95,13 +89,10 @@ def test_the_version_is_that_of_the_distribution():
     assert said == (0, f"hysid {version('hysid')}\n", "")
 
 
-@pytest.mark.parametrize(
-    ("spent", "words"),
-    [
-        (1.0, ""), (10.0, "; about 30 s left"), (60.0, "; about 3 min left"),
-        (7200.0, "; about 6 h left"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("spent", "words"), [
+    (1.0, ""), (10.0, "; about 30 s left"), (60.0, "; about 3 min left"),
+    (7200.0, "; about 6 h left"),
+])  # fmt: skip
 def test_what_is_left_takes_as_long_as_what_was_done(spent, words):
     left = Left()
     left.begin = time.monotonic() - spent

@@ -12,7 +12,6 @@ from tests.test_hysid.command import LINE, F, T, X, put, refused, run, sponge, t
 
 ROWS = sponge()
 
-
 pytestmark = pytest.mark.usefixtures("empty_folder")
 
 
@@ -69,13 +68,10 @@ def test_what_nothing_drives_is_not_fitted():
     assert "\nhysid " not in run("init", "wrench.csv").out  # nor is a pair proposed
 
 
-@pytest.mark.parametrize(
-    "words",
-    [
-        ("fit", "nix.csv"), ("fit", "nix.csv", "--input", F, "--output", F),
-        ("check", "nix.csv"), ("init", "nix.csv"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize("words", [
+    ("fit", "nix.csv"), ("fit", "nix.csv", "--input", F, "--output", F),
+    ("check", "nix.csv"), ("init", "nix.csv"),
+])  # fmt: skip
 def test_a_file_that_is_not_there_is_said_first(words):
     put("[selection]\n", "nix.toml")
     refused(run(*words), "nix.csv: not found", "[file-not-found]")

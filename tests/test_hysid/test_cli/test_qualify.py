@@ -73,16 +73,13 @@ def test_in_the_file_of_the_fit_only_held_out_rows_count(folder):
     assert seen["loop"]["cycles"] == 1
 
 
-@pytest.mark.parametrize(
-    ("needs", "code", "level", "words"),
-    [
-        (("--max-error", 5, "--rate", 1), 0, "PASS", "No error is above the 5 N"),
-        (("--max-error", 0.001), 2, "FAIL", "above the 0.001 N asked for"),
-        (("--rate", 1000), 0, "PASS", "1000 Hz needs a processor of"),
-        (("--rate", 1e9, "--mhz", 100), 2, "FAIL", "too long for 1e+09 Hz"),
-        (("--rate", 1e9, "--target", "python"), 2, "FAIL", "too long for 1e+09 Hz"),
-    ],
-)
+@pytest.mark.parametrize(("needs", "code", "level", "words"), [
+    (("--max-error", 5, "--rate", 1), 0, "PASS", "No error is above the 5 N"),
+    (("--max-error", 0.001), 2, "FAIL", "above the 0.001 N asked for"),
+    (("--rate", 1000), 0, "PASS", "1000 Hz needs a processor of"),
+    (("--rate", 1e9, "--mhz", 100), 2, "FAIL", "too long for 1e+09 Hz"),
+    (("--rate", 1e9, "--target", "python"), 2, "FAIL", "too long for 1e+09 Hz"),
+])  # fmt: skip
 def test_needs_decide_and_say_so(folder, needs, code, level, words):
     said = run("qualify", folder / "fit", folder / "run.csv", *needs)
     assert (said.code, said.err) == (code, "")
@@ -135,17 +132,13 @@ def test_a_posterior_gives_the_worst_case(folder, monkeypatch):
 ROWS = sponge()
 
 
-@pytest.mark.parametrize(
-    ("content", "words"),
-    [
-        (text([*ROWS, *ROWS]), ("Time goes back",)),
-        (text([row[:2] for row in ROWS], (T, F)), (f"No column {X!r}",)),
-        (text([[row[0], row[2]] for row in ROWS], (T, X)), (f"No column {F!r}",)),
-        (text([*ROWS[:9], [ROWS[9][0], "OVLD", "1", "1"], *ROWS[10:]]), ("OVLD",)),
-        ("", ()),
-    ],
-    ids=["time backwards", "no output", "no input", "text", "empty"],
-)
+@pytest.mark.parametrize(("content", "words"), [
+    (text([*ROWS, *ROWS]), ("Time goes back",)),
+    (text([row[:2] for row in ROWS], (T, F)), (f"No column {X!r}",)),
+    (text([[row[0], row[2]] for row in ROWS], (T, X)), (f"No column {F!r}",)),
+    (text([*ROWS[:9], [ROWS[9][0], "OVLD", "1", "1"], *ROWS[10:]]), ("OVLD",)),
+    ("", ()),
+], ids=["time backwards", "no output", "no input", "text", "empty"])  # fmt: skip
 def test_bad_files_are_refused_in_a_line(folder, tmp_path, content, words):
     (tmp_path / "bad.csv").write_text(content)
     before = tree(folder / "fit")

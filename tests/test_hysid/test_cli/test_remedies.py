@@ -20,7 +20,6 @@ COLUMNS = ("--input", F, "--output", X)
 FAST = ("--model", "LinearSponge", "--noise", "gaussian", "--starts", 1)
 ROWS = sponge()
 
-
 pytestmark = pytest.mark.usefixtures("empty_folder")
 
 

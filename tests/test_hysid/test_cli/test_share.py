@@ -128,17 +128,14 @@ def test_a_change_is_told_parameter_by_parameter(folder):
     assert wide.json()["parameters"][0]["changed"] < 0.01
 
 
-@pytest.mark.parametrize(
-    ("names", "options", "words"),
-    [
-        (("new", "aged"), (), ("errors do not compare", "--change", "[not-comparable]")),
-        (("new", "new"), (), ("named twice",)),
-        (("new",), (), ("too-few-fits",)),
-        (("new",), ("--change",), ("between two fits; new is given", "[too-few-fits]")),
-        (("new", "aged", "both"), ("--change",), ("new, aged, both are given", "[bad-option]")),
-        (("new", "too soft"), ("--change",), ("same rows", "[given-twice]")),
-        (("new", "nowhere"), (), ("there is no fit.json", "[file-not-found]")),
-    ],
-)
+@pytest.mark.parametrize(("names", "options", "words"), [
+    (("new", "aged"), (), ("errors do not compare", "--change", "[not-comparable]")),
+    (("new", "new"), (), ("named twice",)),
+    (("new",), (), ("too-few-fits",)),
+    (("new",), ("--change",), ("between two fits; new is given", "[too-few-fits]")),
+    (("new", "aged", "both"), ("--change",), ("new, aged, both are given", "[bad-option]")),
+    (("new", "too soft"), ("--change",), ("same rows", "[given-twice]")),
+    (("new", "nowhere"), (), ("there is no fit.json", "[file-not-found]")),
+])  # fmt: skip
 def test_what_cannot_be_compared_is_said_in_a_line(folder, names, options, words):
     refused(run("compare", *(folder / name for name in names), *options), *words)

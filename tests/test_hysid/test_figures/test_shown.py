@@ -31,7 +31,6 @@ MODELS = {
     "sum of many": Sum([Burgers(E1=1.0, eta1=2.0, E2=3.0, eta2=4.0)] * 12),
 }  # fmt: skip
 
-
 NASTY = 'force <script>alert("&")</script> (N)'
 MOST = 200_000
 

@@ -75,13 +75,10 @@ def test_cycles_are_no_hold():
     refused(run("check", "run.csv", *SELECTED), "no-hold", "is not constant")
 
 
-@pytest.mark.parametrize(
-    ("options", "code"),
-    [
-        (("--step", 5, "--output", F, "--time", T, "--hold"), "no-hold"),
-        ((*SELECTED, "--step", 5), "conflicting-options"),
-        ((*SELECTED, "--input", T), "no-hold"),
-    ],
-)
+@pytest.mark.parametrize(("options", "code"), [
+    (("--step", 5, "--output", F, "--time", T, "--hold"), "no-hold"),
+    ((*SELECTED, "--step", 5), "conflicting-options"),
+    ((*SELECTED, "--input", T), "no-hold"),
+])  # fmt: skip
 def test_one_column_is_held(options: tuple[Any, ...], code: str):
     refused(run("check", put(text(relaxing(), (T, X, F))), *options), code)

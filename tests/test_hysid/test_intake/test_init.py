@@ -16,7 +16,6 @@ ROWS = sponge()
 CLEAN = text(ROWS)
 LOOP = np.concatenate([np.linspace(0, 1, 12), np.linspace(1, 0, 12)[1:]])
 
-
 pytestmark = pytest.mark.usefixtures("empty_folder")
 
 
@@ -66,17 +65,14 @@ def test_a_configuration_that_is_there_is_kept():
     assert Path("run.toml").read_text() != "mine"
 
 
-@pytest.mark.parametrize(
-    ("time", "force", "x"),
-    [
-        ("time_s", "force_N", "displacement_mm"), ("Zeit", "Kraft", "Weg"),
-        ("Prüfzeit (s)", "Standardkraft (N)", "Standardweg (mm)"),
-        ("Temps", "Charge [kN]", "Déplacement [mm]"), ("t", "F", "x (um)"),
-        ("elapsed (s)", "Load", "Extension"), ("Time (s)", "Stress (kPa)", "Strain (%)"),
-        ("time", "loadCell_N", "sensorVoltage_V"), ("clock", "field (Oe)", "moment (emu)"),
-        ("%time", "field.wrench.force.z", "field.pose.position.z"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("time", "force", "x"), [
+    ("time_s", "force_N", "displacement_mm"), ("Zeit", "Kraft", "Weg"),
+    ("Prüfzeit (s)", "Standardkraft (N)", "Standardweg (mm)"),
+    ("Temps", "Charge [kN]", "Déplacement [mm]"), ("t", "F", "x (um)"),
+    ("elapsed (s)", "Load", "Extension"), ("Time (s)", "Stress (kPa)", "Strain (%)"),
+    ("time", "loadCell_N", "sensorVoltage_V"), ("clock", "field (Oe)", "moment (emu)"),
+    ("%time", "field.wrench.force.z", "field.pose.position.z"),
+])  # fmt: skip
 def test_columns_are_known_by_their_names(time, force, x):
     assert columns(guessed(renamed(time, force, x))) == (time, force, x)
 
@@ -177,22 +173,19 @@ WAY = np.interp(np.arange(240), np.arange(0, 241, 40), [0, 5, 0, 3, 0, 4, 0])
 BENT = WAY + np.convolve(WAY, np.exp(-np.arange(20) / 6))[: len(WAY)] / 6
 
 
-@pytest.mark.parametrize(
-    ("header", "y", "pair"),
-    [
-        # An area and a temperature are no readings beside one; alone with what they follow they are.
-        ("t [s],voltage [kV],area strain [%]", BENT, ("voltage [kV]", "area strain [%]")),
-        ("t_s,T_degC,strain_pct", BENT, ("T_degC", "strain_pct")),
-        ("time (s),pH,swelling ratio", BENT, ("pH", "swelling ratio")),
-        ("t (s),T (degC),heater on", (BENT.mean() < BENT) * 1.0, ("T (degC)", "heater on")),
-        # Most of its readings lie within a hundredth of its range, and still it is not held.
-        ("t,F (N),R (kOhm)", 500 / (1 + 30 * BENT), ("F (N)", "R (kOhm)")),
-        ("drift (mm),load (kN)", BENT, ("drift (mm)", "load (kN)")),
-        ("Zeit [s],Druck [kPa],Winkel [°]", BENT, ("Druck [kPa]", "Winkel [°]")),
-        # It moves evenly, and the output would lag the other one.
-        ("ch1,ch2", WAY + np.sign(np.gradient(WAY)), ("ch1", "ch2")),
-    ],
-)
+@pytest.mark.parametrize(("header", "y", "pair"), [
+    # An area and a temperature are no readings beside one; alone with what they follow they are.
+    ("t [s],voltage [kV],area strain [%]", BENT, ("voltage [kV]", "area strain [%]")),
+    ("t_s,T_degC,strain_pct", BENT, ("T_degC", "strain_pct")),
+    ("time (s),pH,swelling ratio", BENT, ("pH", "swelling ratio")),
+    ("t (s),T (degC),heater on", (BENT.mean() < BENT) * 1.0, ("T (degC)", "heater on")),
+    # Most of its readings lie within a hundredth of its range, and still it is not held.
+    ("t,F (N),R (kOhm)", 500 / (1 + 30 * BENT), ("F (N)", "R (kOhm)")),
+    ("drift (mm),load (kN)", BENT, ("drift (mm)", "load (kN)")),
+    ("Zeit [s],Druck [kPa],Winkel [°]", BENT, ("Druck [kPa]", "Winkel [°]")),
+    # It moves evenly, and the output would lag the other one.
+    ("ch1,ch2", WAY + np.sign(np.gradient(WAY)), ("ch1", "ch2")),
+])  # fmt: skip
 def test_two_columns_that_follow_each_other_are_input_and_output(header, y, pair):
     t = [] if "load" in header or "ch1" in header else [np.arange(len(WAY)) * 0.1]
     rows = [",".join(f"{v:.6g}" for v in row) for row in zip(*t, WAY, y, strict=True)]
@@ -343,15 +336,12 @@ TORN = np.concatenate([np.linspace(0, 60, 280) ** 0.5, np.linspace(7.7, 2.0, 120
 
 
 @pytest.mark.parametrize("force_first", [True, False])
-@pytest.mark.parametrize(
-    ("x", "force"),
-    [
-        (SMOOTH, pressed(SMOOTH, noise=0.1)),  # read with less noise
-        (SINE + 0.01 * np.random.default_rng(2).normal(size=800), SOFTER),  # moves as a sine
-        (SMOOTH, DEAD),  # moves on while the force rests
-        (np.cumsum(1.5 + np.sin(np.arange(400) / 9)), TORN),  # goes one way in a test to failure
-    ],
-)
+@pytest.mark.parametrize(("x", "force"), [
+    (SMOOTH, pressed(SMOOTH, noise=0.1)),  # read with less noise
+    (SINE + 0.01 * np.random.default_rng(2).normal(size=800), SOFTER),  # moves as a sine
+    (SMOOTH, DEAD),  # moves on while the force rests
+    (np.cumsum(1.5 + np.sin(np.arange(400) / 9)), TORN),  # goes one way in a test to failure
+])  # fmt: skip
 def test_what_drives_is_weighed_where_no_rate_shows_it(x, force, force_first: bool):
     table = [force, x] if force_first else [x, force]
     names = (F, X) if force_first else (X, F)

@@ -30,18 +30,15 @@ def test_held_out_lines_are_tested_and_excluded_ones_are_not():
     assert not (train.mask & (test.mask | ((train.line >= 60) & (train.line <= 100)))).any()
 
 
-@pytest.mark.parametrize(
-    ("options", "code"),
-    [
-        ({"exclude_lines": ("9-2",)}, "bad-option"),
-        ({"exclude_lines": ("two",)}, "bad-option"),
-        ({"test_lines": ("5000-6000",)}, "no-match"),
-        ({"exclude_lines": ("2-5000",)}, "no-rows"),
-        ({"test_lines": ("2-9",), "test_cycles": 1}, "conflicting-options"),
-        ({"test_line": ("2-9",)}, "bad-option"),
-        ({"test_cycles": "1"}, "bad-option"),
-    ],
-)
+@pytest.mark.parametrize(("options", "code"), [
+    ({"exclude_lines": ("9-2",)}, "bad-option"),
+    ({"exclude_lines": ("two",)}, "bad-option"),
+    ({"test_lines": ("5000-6000",)}, "no-match"),
+    ({"exclude_lines": ("2-5000",)}, "no-rows"),
+    ({"test_lines": ("2-9",), "test_cycles": 1}, "conflicting-options"),
+    ({"test_line": ("2-9",)}, "bad-option"),
+    ({"test_cycles": "1"}, "bad-option"),
+])  # fmt: skip
 def test_lines_that_cannot_be_used(options, code):
     refuses(code, lambda: records(**options))
 

@@ -31,7 +31,6 @@ def moduli(a: float = 1.0, seed: int = 0) -> np.ndarray:
 
 pytestmark = pytest.mark.usefixtures("empty_folder")
 
-
 LOSSES = {
     "G'' (MPa)": lambda y: y.imag,
     "Loss modulus (kPa)": lambda y: 1e3 * y.imag,
@@ -124,15 +123,12 @@ def test_options_of_a_series():
         refused(run(*chosen, *words), "[bad-option]")
 
 
-@pytest.mark.parametrize(
-    ("options", "code"),
-    [
-        (("--input", "f", "--frequency", "f", "--output", "E"), "conflicting-options"),
-        (("--input", "f", "--loss", "E", "--output", "g"), "conflicting-options"),
-        (("--frequency", "f", "--output", "E", "--loss", "f"), "wrong-unit"),
-        (("--input", "f", "--output", "E", "--terms", 3), "bad-option"),
-    ],
-)
+@pytest.mark.parametrize(("options", "code"), [
+    (("--input", "f", "--frequency", "f", "--output", "E"), "conflicting-options"),
+    (("--input", "f", "--loss", "E", "--output", "g"), "conflicting-options"),
+    (("--frequency", "f", "--output", "E", "--loss", "f"), "wrong-unit"),
+    (("--input", "f", "--output", "E", "--terms", 3), "bad-option"),
+])  # fmt: skip
 def test_what_is_refused(options: tuple[Any, ...], code: str):
     write(Path("sweep.csv"), {"f": F, "E": moduli().real, "g": moduli().imag})
     refused(run("fit", "sweep.csv", *options), f"[{code}]")

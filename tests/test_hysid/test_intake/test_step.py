@@ -110,24 +110,21 @@ T = np.arange(1.0, 41.0)
 Y = 1 + np.log(T)
 
 
-@pytest.mark.parametrize(
-    ("t", "y", "options", "code"),
-    [
-        (T, Y, ("--step", 1, "--input", "y", "--time", "t"), "conflicting-options"),
-        (T, Y, ("--time", "t"), "conflicting-options"),
-        (T, Y, ("--step", 0, "--time", "t"), "not-a-step"),
-        (T, Y, ("--step", "nan", "--time", "t"), "not-a-step"),
-        (T, Y, ("--step", 1), "no-time"),
-        (T, Y, ("--step", -1, "--time", "t"), "not-a-step"),
-        (T[:7], Y[:7], ("--step", 1, "--time", "t"), "too-few-rows"),
-        (T[::-1], Y, ("--step", 1, "--time", "t"), "time-backwards"),
-        (T - 20.0, Y, ("--step", 1, "--time", "t"), "not-a-step"),
-        (T, 0 * Y + 2, ("--step", 1, "--time", "t"), "no-excitation"),
-        (T, Y, ("--step", 1, "--time", "t", "--group", "y"), "not-a-step"),
-        (T, Y, ("--step", 1, "--time", "t", "--model", "Burgers"), "bad-option"),
-        (T, Y, ("--step", 1, "--time", "t", "--test-cycles", 1), "too-few-cycles"),
-    ],
-)
+@pytest.mark.parametrize(("t", "y", "options", "code"), [
+    (T, Y, ("--step", 1, "--input", "y", "--time", "t"), "conflicting-options"),
+    (T, Y, ("--time", "t"), "conflicting-options"),
+    (T, Y, ("--step", 0, "--time", "t"), "not-a-step"),
+    (T, Y, ("--step", "nan", "--time", "t"), "not-a-step"),
+    (T, Y, ("--step", 1), "no-time"),
+    (T, Y, ("--step", -1, "--time", "t"), "not-a-step"),
+    (T[:7], Y[:7], ("--step", 1, "--time", "t"), "too-few-rows"),
+    (T[::-1], Y, ("--step", 1, "--time", "t"), "time-backwards"),
+    (T - 20.0, Y, ("--step", 1, "--time", "t"), "not-a-step"),
+    (T, 0 * Y + 2, ("--step", 1, "--time", "t"), "no-excitation"),
+    (T, Y, ("--step", 1, "--time", "t", "--group", "y"), "not-a-step"),
+    (T, Y, ("--step", 1, "--time", "t", "--model", "Burgers"), "bad-option"),
+    (T, Y, ("--step", 1, "--time", "t", "--test-cycles", 1), "too-few-cycles"),
+])  # fmt: skip
 def test_bad_steps_are_answered(tmp_path: Path, t: Any, y: Any, options: Any, code: str):
     file = write(tmp_path / "a.csv", ("t", t), ("y", y))
     said = run("fit", file, "--output", "y", *options, "--out", tmp_path / "out")

@@ -110,27 +110,24 @@ def changed(**columns: object) -> list[ForceRecord]:
 T, Y, F = RECORDS[0]
 
 
-@pytest.mark.parametrize(
-    ("code", "records", "options"),
-    [
-        ("no-rows", [], {}),
-        ("too-few-rows", [sensor(0, count=30)], {}),
-        ("too-few-presses", [sensor(0, count=200)], {}),
-        ("nan-input", changed(reading=np.where(np.arange(80) == 7, np.nan, Y)), {}),
-        ("nan-output", changed(force=np.where(np.arange(80) == 7, np.nan, F)), {}),
-        ("length-mismatch", changed(force=F[1:]), {}),
-        ("time-backwards", changed(time=T[::-1]), {}),
-        ("wrong-channels", [sensor(0, 2), *RECORDS[1:]], {}),
-        ("constant-input", [r._replace(reading=0 * r.reading + 1) for r in RECORDS], {}),
-        ("no-excitation", [r._replace(force=-r.force) for r in RECORDS], {}),
-        ("bad-option", RECORDS, {"kind": "tree"}),
-        ("bad-option", RECORDS, {"members": 1}),
-        ("bad-option", RECORDS, {"skip": 1.0}),
-        ("bad-option", RECORDS, {"nan": "skip"}),
-        ("length-mismatch", RECORDS, {"groups": ["one"] * 6}),
-        ("wrong-channels", [sensor(k, 2) for k in range(6)], {"kind": "structured"}),
-    ],
-)
+@pytest.mark.parametrize(("code", "records", "options"), [
+    ("no-rows", [], {}),
+    ("too-few-rows", [sensor(0, count=30)], {}),
+    ("too-few-presses", [sensor(0, count=200)], {}),
+    ("nan-input", changed(reading=np.where(np.arange(80) == 7, np.nan, Y)), {}),
+    ("nan-output", changed(force=np.where(np.arange(80) == 7, np.nan, F)), {}),
+    ("length-mismatch", changed(force=F[1:]), {}),
+    ("time-backwards", changed(time=T[::-1]), {}),
+    ("wrong-channels", [sensor(0, 2), *RECORDS[1:]], {}),
+    ("constant-input", [r._replace(reading=0 * r.reading + 1) for r in RECORDS], {}),
+    ("no-excitation", [r._replace(force=-r.force) for r in RECORDS], {}),
+    ("bad-option", RECORDS, {"kind": "tree"}),
+    ("bad-option", RECORDS, {"members": 1}),
+    ("bad-option", RECORDS, {"skip": 1.0}),
+    ("bad-option", RECORDS, {"nan": "skip"}),
+    ("length-mismatch", RECORDS, {"groups": ["one"] * 6}),
+    ("wrong-channels", [sensor(k, 2) for k in range(6)], {"kind": "structured"}),
+])  # fmt: skip
 def test_bad_records_are_answered(code, records, options):
     with raises(code):
         train_force(records, **(FAST | options))

@@ -51,18 +51,15 @@ def test_no_text_of_the_package_names_an_option_on_the_page():
         assert on_page(text).strip(), text
 
 
-@pytest.mark.parametrize(
-    ("text", "shown"),
-    [
-        ("Name the output (--output COL).", "Name the output (“output”)."),
-        ("Give --time COL or --dt SECONDS, not both.", "Give “time” or “Time between samples”, not both."),
-        ('Give them: hysid init FILE --input "COL" --output "COL".', "Give them: “input” and “output”."),
-        ("Name another one (--out DIR), or use --overwrite.", "Name another one."),
-        ("Fit again: hysid fit FILE.", "Fit again: “Fit”."),
-        ("--hold needs one column.", "“Creep or relaxation” needs one column."),
-        ("A well-known 5--6 case.", "A well-known 5--6 case."),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("text", "shown"), [
+    ("Name the output (--output COL).", "Name the output (“output”)."),
+    ("Give --time COL or --dt SECONDS, not both.", "Give “time” or “Time between samples”, not both."),
+    ('Give them: hysid init FILE --input "COL" --output "COL".', "Give them: “input” and “output”."),
+    ("Name another one (--out DIR), or use --overwrite.", "Name another one."),
+    ("Fit again: hysid fit FILE.", "Fit again: “Fit”."),
+    ("--hold needs one column.", "“Creep or relaxation” needs one column."),
+    ("A well-known 5--6 case.", "A well-known 5--6 case."),
+])  # fmt: skip
 def test_controls_stand_in_place_of_options(text, shown):
     assert on_page(text) == shown
 

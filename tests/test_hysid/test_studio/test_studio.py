@@ -32,14 +32,11 @@ def studio(tmp_path: Path) -> Iterator[Any]:
         yield found
 
 
-@pytest.mark.parametrize(
-    ("name", "code"),
-    [
-        *((name, "outside-folder") for name in ("../x", "/etc/passwd", "a/../../x", "", ".", ".hidden")),
-        *((name, "outside-folder") for name in ("a\0b", "link", "\ud800", "a" * 300 + ".csv")),
-        ("loop", "file-not-found"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("name", "code"), [
+    *((name, "outside-folder") for name in ("../x", "/etc/passwd", "a/../../x", "", ".", ".hidden")),
+    *((name, "outside-folder") for name in ("a\0b", "link", "\ud800", "a" * 300 + ".csv")),
+    ("loop", "file-not-found"),
+])  # fmt: skip
 def test_names_do_not_lead_out_of_the_folder(tmp_path: Path, name: str, code: str):
     inner = tmp_path / "inner"
     inner.mkdir()
@@ -194,16 +191,13 @@ def test_python_lines_make_the_records_and_the_fit_of_the_commands(studio, tmp_p
     assert moved["rms"] > same["rms"]
 
 
-@pytest.mark.parametrize(
-    "asked",
-    [
-        {"test_where": ["cycle=5"]},
-        {"test_where": ["cycle=1,2,3,4"], "group": ["cycle"]},
-        {"each": "cycle", "where": ["cycle=2,3"], "test_tail": 0.3},
-        {"test_cycles": 1, "branch": "loading", "range": [2.0, 40.0]},
-        {"test_cycles": 1, "turn": ["displacement (mm)"]},
-    ],
-)
+@pytest.mark.parametrize("asked", [
+    {"test_where": ["cycle=5"]},
+    {"test_where": ["cycle=1,2,3,4"], "group": ["cycle"]},
+    {"each": "cycle", "where": ["cycle=2,3"], "test_tail": 0.3},
+    {"test_cycles": 1, "branch": "loading", "range": [2.0, 40.0]},
+    {"test_cycles": 1, "turn": ["displacement (mm)"]},
+])  # fmt: skip
 def test_python_lines_hold_out_what_the_command_holds_out(studio, tmp_path, monkeypatch, asked):
     monkeypatch.chdir(tmp_path)
     studio.change("run.csv", {"selection": {"test_cycles": None} | asked})

@@ -62,17 +62,14 @@ def test_a_link_without_hysteresis_has_no_channel():
     assert (model.inputs, model.outputs, len(model.channels)) == (2, 2, 1)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "code"),
-    [
-        (([0.0], [1.0], [1.0]), "parameter-out-of-bounds"),
-        ((-np.eye(1), [1.0], [1.0]), "parameter-out-of-bounds"),
-        (([1.0], [0.0], [1.0]), "parameter-out-of-bounds"),
-        (([1.0], [1.0, 1.0], [1.0, 1.0]), "length-mismatch"),
-        (([1.0], [1.0], [1.0], (None,), [[1.0, 0.0]]), "length-mismatch"),
-        (([1.0] * 2, [1.0] * 2, SKEW), "parameter-out-of-bounds"),
-        (([1.0], [1.0], [1.0], (None, None)), "length-mismatch"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("arguments", "code"), [
+    (([0.0], [1.0], [1.0]), "parameter-out-of-bounds"),
+    ((-np.eye(1), [1.0], [1.0]), "parameter-out-of-bounds"),
+    (([1.0], [0.0], [1.0]), "parameter-out-of-bounds"),
+    (([1.0], [1.0, 1.0], [1.0, 1.0]), "length-mismatch"),
+    (([1.0], [1.0], [1.0], (None,), [[1.0, 0.0]]), "length-mismatch"),
+    (([1.0] * 2, [1.0] * 2, SKEW), "parameter-out-of-bounds"),
+    (([1.0], [1.0], [1.0], (None, None)), "length-mismatch"),
+])  # fmt: skip
 def test_bad_arguments_are_refused(arguments: tuple, code: str):
     refuses(code, lambda: Feedback.of_masses(*arguments))

@@ -81,21 +81,18 @@ def test_interpolation_is_exact_for_what_is_limited_in_band():
     np.testing.assert_allclose(wide, np.sin(2 * np.pi * 7 * np.arange(4 * n) / (4 * n)), atol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("make", "code"),
-    [
-        (lambda: Oscillator(0.0, 1.0, 1.0, MIXED), "parameter-out-of-bounds"),
-        (lambda: plant(BoucWenForce(alpha=4e4, n=1.5)), "bad-parts"),
-        (lambda: plant(hysteresis.BoucWen(4e4, 0.3, 3e-4)), "bad-parts"),
-        (lambda: plant(substeps=0), "bad-option"),
-        (lambda: plant().simulate(None, FORCE), "no-time"),
-        (lambda: DuhemForce([1.0, 1.0], [1.0, 1.0]), "length-mismatch"),
-        (lambda: GeneralizedPlays([0.1], [1.0], [[1.0]]), "length-mismatch"),
-        (lambda: GeneralizedPlays([-0.1], [1.0], [[1.0, 2.0]]), "parameter-out-of-bounds"),
-        (lambda: BoucWenForce(alpha=-1.0), "parameter-out-of-bounds"),
-        (lambda: hysteresis.decimated(np.zeros(8), (2,)), "too-few-rows"),
-    ],
-)
+@pytest.mark.parametrize(("make", "code"), [
+    (lambda: Oscillator(0.0, 1.0, 1.0, MIXED), "parameter-out-of-bounds"),
+    (lambda: plant(BoucWenForce(alpha=4e4, n=1.5)), "bad-parts"),
+    (lambda: plant(hysteresis.BoucWen(4e4, 0.3, 3e-4)), "bad-parts"),
+    (lambda: plant(substeps=0), "bad-option"),
+    (lambda: plant().simulate(None, FORCE), "no-time"),
+    (lambda: DuhemForce([1.0, 1.0], [1.0, 1.0]), "length-mismatch"),
+    (lambda: GeneralizedPlays([0.1], [1.0], [[1.0]]), "length-mismatch"),
+    (lambda: GeneralizedPlays([-0.1], [1.0], [[1.0, 2.0]]), "parameter-out-of-bounds"),
+    (lambda: BoucWenForce(alpha=-1.0), "parameter-out-of-bounds"),
+    (lambda: hysteresis.decimated(np.zeros(8), (2,)), "too-few-rows"),
+])  # fmt: skip
 def test_bad_arguments_are_refused(make, code: str):
     refuses(code, lambda: make())
 

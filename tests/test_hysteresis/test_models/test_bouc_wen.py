@@ -118,13 +118,10 @@ def test_gradients_stay_finite_at_saturation_and_at_rest():
         assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(gradient(point)))
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        ({"k": 0.0}, "k = 0"), ({"alpha": 1.1}, "alpha"), ({"yield_at": np.nan}, "yield_at"),
-        ({"n": 0.4}, "n = "), ({"gamma_over_beta": -1.0}, "gamma_over_beta"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("arguments", "words"), [
+    ({"k": 0.0}, "k = 0"), ({"alpha": 1.1}, "alpha"), ({"yield_at": np.nan}, "yield_at"),
+    ({"n": 0.4}, "n = "), ({"gamma_over_beta": -1.0}, "gamma_over_beta"),
+])  # fmt: skip
 def test_bad_arguments_are_refused(arguments: dict[str, float], words: str):
     good = {"k": 1.0, "alpha": 0.5, "yield_at": 1.0}
     refuses("parameter-out-of-bounds", lambda: BoucWen(**(good | arguments)), words)

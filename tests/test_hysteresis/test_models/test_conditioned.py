@@ -162,15 +162,12 @@ def test_a_map_is_the_sum_of_its_curves(seed: int):
     np.testing.assert_allclose(map(x), slowly(map, x), rtol=0, atol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("changes", "code"),
-    [
-        ({"values": np.zeros((3, 4))}, "length-mismatch"),
-        ({"names": ("a", "b")}, "length-mismatch"),
-        ({"nodes": np.zeros((3, 1)), "values": np.zeros((3, 1))}, "length-mismatch"),
-        ({"nodes": np.zeros((3, 5))}, "parameter-out-of-bounds"),
-    ],
-)
+@pytest.mark.parametrize(("changes", "code"), [
+    ({"values": np.zeros((3, 4))}, "length-mismatch"),
+    ({"names": ("a", "b")}, "length-mismatch"),
+    ({"nodes": np.zeros((3, 1)), "values": np.zeros((3, 1))}, "length-mismatch"),
+    ({"nodes": np.zeros((3, 5))}, "parameter-out-of-bounds"),
+])  # fmt: skip
 def test_bad_arguments_are_refused(changes: dict[str, Any], code: str):
     good = made(0)
     arguments = {k: getattr(good, k) for k in ("nodes", "values", "offset", "names", "units")}

@@ -84,13 +84,10 @@ def test_polynomial_is_numpys_inside_and_tangent_beyond():
     assert float(model.simulate(None, [7.5])[0]) == pytest.approx(beyond, rel=1e-14)
 
 
-@pytest.mark.parametrize(
-    "model",
-    [
-        PolynomialCurve([0.1, 1.0, 0.2], 0.0, 3.0), Clip(0.5, 2.0),
-        MonotoneSpline([0.0, 1.0, 1.5, 3.0], [0.5, 0.0, 2.0, 1.0], 0.2),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize("model", [
+    PolynomialCurve([0.1, 1.0, 0.2], 0.0, 3.0), Clip(0.5, 2.0),
+    MonotoneSpline([0.0, 1.0, 1.5, 3.0], [0.5, 0.0, 2.0, 1.0], 0.2),
+])  # fmt: skip
 def test_curves_keep_the_contract(model: Any):
     """The laws of all models, on the ones that the table of problems does not hold."""
     u = np.random.default_rng(0).uniform(-1, 4, 30)
@@ -103,23 +100,20 @@ def test_curves_keep_the_contract(model: Any):
     np.testing.assert_allclose(gradient, difference, atol=1e-8)
 
 
-@pytest.mark.parametrize(
-    ("make", "code", "words"),
-    [
-        (lambda: MonotoneCurve([0.0, 1.0], [1.0, 2.0]), "length-mismatch", "(2,) and (2,)"),
-        (lambda: MonotoneCurve([0.0], []), "length-mismatch", "(1,) and (0,)"),
-        (lambda: MonotoneCurve([0.0, np.inf], [1.0]), "parameter-out-of-bounds", "finite"),
-        (lambda: MonotoneCurve([0.0, 2.0, 1.0], [1.0, 1.0]), "parameter-out-of-bounds", "nodes"),
-        (lambda: MonotoneCurve([0.0, 1.0], [-1.0]), "parameter-out-of-bounds", "increments"),
-        (lambda: MonotoneSpline([0.0, 1.0], [1.0]), "length-mismatch", "as many nodes"),
-        (lambda: MonotoneSpline([0.0, 1.0], [1.0, -1.0]), "parameter-out-of-bounds", "slopes"),
-        (lambda: PolynomialCurve([1.0], 2.0, 2.0), "parameter-out-of-bounds", "below high"),
-        (lambda: PolynomialCurve([]), "parameter-out-of-bounds", "coefficients"),
-        (lambda: Clip(1.0, 0.0), "parameter-out-of-bounds", "below high"),
-        (lambda: FoamCurve(1, 1.0, 1, 1, 1, 1, 1, 1), "parameter-out-of-bounds", "toe"),
-        (lambda: FoamCurve(1, 0.5, 1, 1, 0.0, 1, 1, 1), "parameter-out-of-bounds", "linear_length"),
-    ],
-)
+@pytest.mark.parametrize(("make", "code", "words"), [
+    (lambda: MonotoneCurve([0.0, 1.0], [1.0, 2.0]), "length-mismatch", "(2,) and (2,)"),
+    (lambda: MonotoneCurve([0.0], []), "length-mismatch", "(1,) and (0,)"),
+    (lambda: MonotoneCurve([0.0, np.inf], [1.0]), "parameter-out-of-bounds", "finite"),
+    (lambda: MonotoneCurve([0.0, 2.0, 1.0], [1.0, 1.0]), "parameter-out-of-bounds", "nodes"),
+    (lambda: MonotoneCurve([0.0, 1.0], [-1.0]), "parameter-out-of-bounds", "increments"),
+    (lambda: MonotoneSpline([0.0, 1.0], [1.0]), "length-mismatch", "as many nodes"),
+    (lambda: MonotoneSpline([0.0, 1.0], [1.0, -1.0]), "parameter-out-of-bounds", "slopes"),
+    (lambda: PolynomialCurve([1.0], 2.0, 2.0), "parameter-out-of-bounds", "below high"),
+    (lambda: PolynomialCurve([]), "parameter-out-of-bounds", "coefficients"),
+    (lambda: Clip(1.0, 0.0), "parameter-out-of-bounds", "below high"),
+    (lambda: FoamCurve(1, 1.0, 1, 1, 1, 1, 1, 1), "parameter-out-of-bounds", "toe"),
+    (lambda: FoamCurve(1, 0.5, 1, 1, 0.0, 1, 1, 1), "parameter-out-of-bounds", "linear_length"),
+])  # fmt: skip
 def test_bad_arguments_are_refused(make, code: str, words: str):
     refuses(code, lambda: make(), words)
 

@@ -75,22 +75,19 @@ def test_equal_to_a_loop_over_plays(seed, u, leading, bent, rates):
     np.testing.assert_allclose(output(model, u, t), play_loop(model, t, u), rtol=0, atol=tolerance)
 
 
-@pytest.mark.parametrize(
-    ("code", "words", "change"),
-    [
-        ("parameter-out-of-bounds", "thresholds finite and increasing", {"thresholds": [1.0, 1.0]}),
-        ("parameter-out-of-bounds", "thresholds above 0", {"thresholds": [0.0, 1.0]}),
-        ("parameter-out-of-bounds", "weights at least 0", {"weights": [1.0, -0.1]}),
-        ("parameter-out-of-bounds", "weights finite", {"weights": [1.0, np.nan]}),
-        ("parameter-out-of-bounds", "slope above 0", {"slope": 0.0}),
-        ("parameter-out-of-bounds", "rates at least 0", {"rates": [0.0, -1.0]}),
-        ("length-mismatch", "thresholds and weights", {"weights": [1.0]}),
-        ("length-mismatch", "thresholds and rates", {"rates": 1.0}),
-        ("length-mismatch", "bends and bend_slopes", {"bends": [1.0]}),
-        ("output-falls", "rise", {"bends": [0.0, 1.0], "bend_slopes": [-0.5, -0.5]}),
-        ("output-falls", "rise", {"bends": [-1.0, -0.5], "bend_slopes": [-0.5, -0.6]}),
-    ],
-)
+@pytest.mark.parametrize(("code", "words", "change"), [
+    ("parameter-out-of-bounds", "thresholds finite and increasing", {"thresholds": [1.0, 1.0]}),
+    ("parameter-out-of-bounds", "thresholds above 0", {"thresholds": [0.0, 1.0]}),
+    ("parameter-out-of-bounds", "weights at least 0", {"weights": [1.0, -0.1]}),
+    ("parameter-out-of-bounds", "weights finite", {"weights": [1.0, np.nan]}),
+    ("parameter-out-of-bounds", "slope above 0", {"slope": 0.0}),
+    ("parameter-out-of-bounds", "rates at least 0", {"rates": [0.0, -1.0]}),
+    ("length-mismatch", "thresholds and weights", {"weights": [1.0]}),
+    ("length-mismatch", "thresholds and rates", {"rates": 1.0}),
+    ("length-mismatch", "bends and bend_slopes", {"bends": [1.0]}),
+    ("output-falls", "rise", {"bends": [0.0, 1.0], "bend_slopes": [-0.5, -0.5]}),
+    ("output-falls", "rise", {"bends": [-1.0, -0.5], "bend_slopes": [-0.5, -0.6]}),
+])  # fmt: skip
 def test_what_is_refused(code: str, words: str, change: dict[str, Any]):
     good = {"thresholds": [0.5, 1.0], "weights": [1.0, 2.0], "slope": 1.0}
     PrandtlIshlinskii(**good)

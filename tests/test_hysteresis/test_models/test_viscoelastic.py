@@ -192,20 +192,17 @@ def test_largest_stable_step(seed: int):
         assert max(spectral_radius(model, dt) for dt in (1e-3, 0.1, 10.0, 1e3)) <= 1 + 1e-11
 
 
-@pytest.mark.parametrize(
-    ("make", "code"),
-    [
-        (lambda: StandardLinearSolid(1.0, 0.0, 1.0), "parameter-out-of-bounds"),
-        (lambda: GeneralizedKelvinVoigt(1.0, [1.0, -1.0], [1.0, 1.0]), "parameter-out-of-bounds"),
-        (lambda: GeneralizedKelvinVoigt(1.0, [1.0], [1.0], 0.0), "parameter-out-of-bounds"),
-        (lambda: GeneralizedKelvinVoigt(np.inf, [1.0], [1.0], leading=True), "not-invertible"),
-        (lambda: GeneralizedMaxwell(-1.0, [1.0], [1.0]), "parameter-out-of-bounds"),
-        (lambda: GeneralizedMaxwell(1.0, [1.0], [np.nan]), "parameter-out-of-bounds"),
-        (lambda: GeneralizedMaxwell(1.0, [1.0], [1.0]).simulate(None, [1.0]), "no-time"),
-        (lambda: StandardLinearSolid(1, 1, 1).simulate([0], [1, 2]), "length-mismatch"),
-        (lambda: invert(StandardLinearSolid(1, 1, 1)).simulate([0], [1, 2]), "length-mismatch"),
-    ],
-)
+@pytest.mark.parametrize(("make", "code"), [
+    (lambda: StandardLinearSolid(1.0, 0.0, 1.0), "parameter-out-of-bounds"),
+    (lambda: GeneralizedKelvinVoigt(1.0, [1.0, -1.0], [1.0, 1.0]), "parameter-out-of-bounds"),
+    (lambda: GeneralizedKelvinVoigt(1.0, [1.0], [1.0], 0.0), "parameter-out-of-bounds"),
+    (lambda: GeneralizedKelvinVoigt(np.inf, [1.0], [1.0], leading=True), "not-invertible"),
+    (lambda: GeneralizedMaxwell(-1.0, [1.0], [1.0]), "parameter-out-of-bounds"),
+    (lambda: GeneralizedMaxwell(1.0, [1.0], [np.nan]), "parameter-out-of-bounds"),
+    (lambda: GeneralizedMaxwell(1.0, [1.0], [1.0]).simulate(None, [1.0]), "no-time"),
+    (lambda: StandardLinearSolid(1, 1, 1).simulate([0], [1, 2]), "length-mismatch"),
+    (lambda: invert(StandardLinearSolid(1, 1, 1)).simulate([0], [1, 2]), "length-mismatch"),
+])  # fmt: skip
 def test_what_is_refused(make: Any, code: str):
     refuses(code, lambda: make())
 

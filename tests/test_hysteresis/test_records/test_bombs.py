@@ -38,21 +38,18 @@ def refused(file: Path, code: str, *words: str) -> None:
 NAMES = ",".join(f"c{k}" for k in range(10_001))
 
 
-@pytest.mark.parametrize(
-    ("content", "code", "words"),
-    [
-        # With an open quotation mark, the rest of the file is one cell.
-        *(
-            (f"a,b\n{ROWS}1,{quote}{'1' * 200_000}\n{ROWS}", "long-cell",
-             ("line 32", "131,072 characters"))
-            for quote in ('"', "")
-        ),
-        # An array of text gives each of 30,000 cells the room of the longest one.
-        ("a,b\n" + "1,2\n" * 30_000 + f"1,{'x' * 3000}\n", "long-cell",
-         ("line 30002", "'b'", "characters")),
-        (f"{NAMES}\n{','.join('1' * 10_001)}\n", "too-many-columns", ("10,001", "10,000")),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("content", "code", "words"), [
+    # With an open quotation mark, the rest of the file is one cell.
+    *(
+        (f"a,b\n{ROWS}1,{quote}{'1' * 200_000}\n{ROWS}", "long-cell",
+         ("line 32", "131,072 characters"))
+        for quote in ('"', "")
+    ),
+    # An array of text gives each of 30,000 cells the room of the longest one.
+    ("a,b\n" + "1,2\n" * 30_000 + f"1,{'x' * 3000}\n", "long-cell",
+     ("line 30002", "'b'", "characters")),
+    (f"{NAMES}\n{','.join('1' * 10_001)}\n", "too-many-columns", ("10,001", "10,000")),
+])  # fmt: skip
 def test_cells_and_columns_have_an_end(
     tmp_path: Path, content: str, code: str, words: tuple[str, ...]
 ):
@@ -60,14 +57,11 @@ def test_cells_and_columns_have_an_end(
     refused(tmp_path / "run.csv", code, *words)
 
 
-@pytest.mark.parametrize(
-    ("needs", "name", "make", "code", "words"),
-    [
-        ("python_calamine", "run.xlsx", lambda: bombs.xlsx_words(3), "damaged-file",
-         "more than 256,000,000 characters"),
-        ("pyarrow", "run.parquet", bombs.parquet_words, "long-cell", "'w'"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("needs", "name", "make", "code", "words"), [
+    ("python_calamine", "run.xlsx", lambda: bombs.xlsx_words(3), "damaged-file",
+     "more than 256,000,000 characters"),
+    ("pyarrow", "run.parquet", bombs.parquet_words, "long-cell", "'w'"),
+])  # fmt: skip
 def test_words_have_an_end(tmp_path: Path, needs: str, name: str, make: Any, code: str, words: str):
     pytest.importorskip(needs)
     (tmp_path / name).write_bytes(make())
@@ -108,22 +102,18 @@ CELLS = [
     *((k, c, float(k + c)) for k in range(1, 21) for c in (0, 1)),
 ]
 
-
 FAR = """
 <row r="1000000000"><c r="A1000000000"><v>1</v></c></row>
 """
 
 
-@pytest.mark.parametrize(
-    ("content", "ending"),
-    [
-        (bombs.xlsx(FAR), "xlsx"),
-        (bombs.ods_words(), "ods"),
-        (old_workbook([*CELLS, (65_535, 16_383, 1.0)]), "xls"),
-        (old_workbook(CELLS, (2**31, 2)), "xls"),
-        (binary_workbook([*CELLS, (65_535, 16_383, 1.0)]), "xlsb"),
-    ],
-)
+@pytest.mark.parametrize(("content", "ending"), [
+    (bombs.xlsx(FAR), "xlsx"),
+    (bombs.ods_words(), "ods"),
+    (old_workbook([*CELLS, (65_535, 16_383, 1.0)]), "xls"),
+    (old_workbook(CELLS, (2**31, 2)), "xls"),
+    (binary_workbook([*CELLS, (65_535, 16_383, 1.0)]), "xlsb"),
+])  # fmt: skip
 @pytest.mark.skipif(sys.platform == "win32", reason="memory has no end there")
 def test_a_workbook_that_asks_for_gigabytes(content: bytes, ending: str, tmp_path: Path):
     """It spans a thousand million cells, or says a long text again and again: 9 kB, read as 100 GB."""
@@ -296,14 +286,11 @@ def test_what_json_does_not_have_is_refused(number: str):
         parse_json(f'{{"a": [{number}]}}')
 
 
-@pytest.mark.parametrize(
-    "bomb",
-    [
-        "a = " + "[" * 1000 + "]" * 1000, "a." * 20_000 + "b = 1", "[" + "a." * 20_000 + "b]\n",
-        "x = {" + "a." * 20_000 + "b = 1}", '"a".' * 20_000 + "b = 1", "#" * (LARGEST_TOML + 1),
-        "a = " + "{b = " * 1000,
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize("bomb", [
+    "a = " + "[" * 1000 + "]" * 1000, "a." * 20_000 + "b = 1", "[" + "a." * 20_000 + "b]\n",
+    "x = {" + "a." * 20_000 + "b = 1}", '"a".' * 20_000 + "b = 1", "#" * (LARGEST_TOML + 1),
+    "a = " + "{b = " * 1000,
+])  # fmt: skip
 def test_keys_and_tables_have_an_end(bomb: str):
     tracemalloc.start()
     with pytest.raises(ValueError, match=r"more than 64|the limit is 1,000,000"):
@@ -343,20 +330,17 @@ def header(shape: str, kind: str = "<f8") -> bytes:
     return b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text
 
 
-@pytest.mark.parametrize(
-    ("content", "said"),
-    [
-        (header("(100000000000,)") + b"12345678", "declares 800,000,000,000 bytes"),
-        (header("(3000000000, 3000000000, 3000000000)"), "declares"),
-        (header("(-1,)"), "declares"),
-        (header("(1,)", "|O") + b"12345678", "objects"),
-        (header("(" * 900 + "1" + ",)" * 900), ""),
-        (header("10**10**10"), ""),
-        (header("(1,"), "cannot be read"),  # NumPy's reader of Python 2's headers raises TokenError
-        (b"", ""),
-        (b"\x93NUMPY\x09\x00aaaa", "version"),
-    ],
-)
+@pytest.mark.parametrize(("content", "said"), [
+    (header("(100000000000,)") + b"12345678", "declares 800,000,000,000 bytes"),
+    (header("(3000000000, 3000000000, 3000000000)"), "declares"),
+    (header("(-1,)"), "declares"),
+    (header("(1,)", "|O") + b"12345678", "objects"),
+    (header("(" * 900 + "1" + ",)" * 900), ""),
+    (header("10**10**10"), ""),
+    (header("(1,"), "cannot be read"),  # NumPy's reader of Python 2's headers raises TokenError
+    (b"", ""),
+    (b"\x93NUMPY\x09\x00aaaa", "version"),
+])  # fmt: skip
 def test_a_header_that_promises_more_is_refused(content: bytes, said: str):
     tracemalloc.start()
     with pytest.raises(DAMAGE, match=said or None):

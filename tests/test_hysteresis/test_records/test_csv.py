@@ -78,19 +78,16 @@ def test_a_cell_of_text(read):
     refuses("text-cell", lambda: read(endless), "line 9", f"'{F}'", "'999")
 
 
-@pytest.mark.parametrize(
-    "change",
-    [
-        lambda s: s.replace("\n", "\r").encode(),
-        lambda s: s.replace("\n", ",\n").encode(),
-        lambda s: (s.split("\n", 1)[0] + "\n" + s.split("\n", 1)[1].replace("\n", ",\n")).encode(),
-        lambda s: s.replace(",", " , ").encode(),
-        lambda s: s.replace(f"{T},{X}", f'"{T}","{X}"').encode(),
-        lambda s: ("# rig 3, 20 °C\n\n" + s + "# end\n\n").encode(),
-        lambda s: ("# 20 °C\n" + s).encode("latin-1"),
-        lambda s: s.rstrip("\n").encode(),
-    ],
-)
+@pytest.mark.parametrize("change", [
+    lambda s: s.replace("\n", "\r").encode(),
+    lambda s: s.replace("\n", ",\n").encode(),
+    lambda s: (s.split("\n", 1)[0] + "\n" + s.split("\n", 1)[1].replace("\n", ",\n")).encode(),
+    lambda s: s.replace(",", " , ").encode(),
+    lambda s: s.replace(f"{T},{X}", f'"{T}","{X}"').encode(),
+    lambda s: ("# rig 3, 20 °C\n\n" + s + "# end\n\n").encode(),
+    lambda s: ("# 20 °C\n" + s).encode("latin-1"),
+    lambda s: s.rstrip("\n").encode(),
+])  # fmt: skip
 def test_dialects_read_alike(read, change):
     record = read(change(table()), time=T)
     assert record.digest() == read(table(), time=T).digest()

@@ -38,15 +38,12 @@ def test_lists_in_an_object_are_columns(table):
     np.testing.assert_allclose(found.number("force_N"), F)
 
 
-@pytest.mark.parametrize(
-    ("text", "code"),
-    [
-        ('{"a": 1}\n{"a": 2, b}\n{"a": 3}\n', "damaged-file"),
-        ('{"settings": {"rate": 100}}', "no-rows"),
-        ('{"a": ' + 4000 * "[", "damaged-file"),
-        ("\n".join(f'{{"k{k}": 1}}' for k in range(3000)), "too-many-columns"),
-    ],
-)
+@pytest.mark.parametrize(("text", "code"), [
+    ('{"a": 1}\n{"a": 2, b}\n{"a": 3}\n', "damaged-file"),
+    ('{"settings": {"rate": 100}}', "no-rows"),
+    ('{"a": ' + 4000 * "[", "damaged-file"),
+    ("\n".join(f'{{"k{k}": 1}}' for k in range(3000)), "too-many-columns"),
+])  # fmt: skip
 def test_json_that_holds_no_table_is_refused_by_name(text, code, table):
     with pytest.raises(InputError, match=r"JSON|objects") as caught:
         table(text)
@@ -213,27 +210,24 @@ def clock_of(cells: list[str], tmp_path, header: str = "when") -> np.ndarray:
     return read_table(tmp_path / "run.csv").columns[header.strip('"')]
 
 
-@pytest.mark.parametrize(
-    "cells",
-    [
-        ["2020-11-05T23:59:59", "2020-11-05T23:59:59.500", "2020-11-06T00:00:00", "2020-11-06T00:00:00.5"],
-        ["2020-11-05 10:00:00", "2020-11-05 10:00:00,5", "2020-11-05 10:00:01", "2020-11-05 10:00:01,5"],
-        ["05.11.2020 23:59:59", "05.11.2020 23:59:59,5", "06.11.2020 00:00:00", "06.11.2020 00:00:00,5"],
-        ["11/30/2020 23:59:59", "11/30/2020 23:59:59.5", "12/1/2020 00:00:00", "12/1/2020 00:00:00.5"],
-        ["2020/11/5 23:59:59", "2020/11/5 23:59:59.5", "2020/11/6 0:00:00", "2020/11/6 0:00:00.5"],
-        ["11:59:59 AM", "11:59:59.5 AM", "12:00:00 PM", "12:00:00.5 PM"],
-        ["23:59:59.0", "23:59:59.5", "00:00:00.0", "00:00:00.5"],
-        ["00:00:01:000", "00:00:01:500", "00:00:02:000", "00:00:02:500"],
-        ["0:00.0", "0:00.5", "0:01", "0:01.5"],
-        ["59:59,0", "59:59,5", "00:00,0", "00:00,5"],
-        ["2020/11/5 23:58", "2020/11/5 23:59", "2020/11/6 0:00"],
-        ["05.11.2020 23:58", "05.11.2020 23:59", "06.11.2020 00:00"],
-        ["11/30/2020 11:58 PM", "11/30/2020 11:59 PM", "12/1/2020 12:00 AM"],
-        ["2020-11-30T23:58:00", "2020-11-30T23:59:00", "2020-12-01"],
-        ["30-Nov-2020 23:58:00", "30-NOV-2020 23:59:00", "01-Dec-2020 00:00:00"],
-        ["2020-11-30 23:58:00 UTC", "2020-12-01 01:59:00+0200", "2020-11-30 19:00:00 -05:00"],
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize("cells", [
+    ["2020-11-05T23:59:59", "2020-11-05T23:59:59.500", "2020-11-06T00:00:00", "2020-11-06T00:00:00.5"],
+    ["2020-11-05 10:00:00", "2020-11-05 10:00:00,5", "2020-11-05 10:00:01", "2020-11-05 10:00:01,5"],
+    ["05.11.2020 23:59:59", "05.11.2020 23:59:59,5", "06.11.2020 00:00:00", "06.11.2020 00:00:00,5"],
+    ["11/30/2020 23:59:59", "11/30/2020 23:59:59.5", "12/1/2020 00:00:00", "12/1/2020 00:00:00.5"],
+    ["2020/11/5 23:59:59", "2020/11/5 23:59:59.5", "2020/11/6 0:00:00", "2020/11/6 0:00:00.5"],
+    ["11:59:59 AM", "11:59:59.5 AM", "12:00:00 PM", "12:00:00.5 PM"],
+    ["23:59:59.0", "23:59:59.5", "00:00:00.0", "00:00:00.5"],
+    ["00:00:01:000", "00:00:01:500", "00:00:02:000", "00:00:02:500"],
+    ["0:00.0", "0:00.5", "0:01", "0:01.5"],
+    ["59:59,0", "59:59,5", "00:00,0", "00:00,5"],
+    ["2020/11/5 23:58", "2020/11/5 23:59", "2020/11/6 0:00"],
+    ["05.11.2020 23:58", "05.11.2020 23:59", "06.11.2020 00:00"],
+    ["11/30/2020 11:58 PM", "11/30/2020 11:59 PM", "12/1/2020 12:00 AM"],
+    ["2020-11-30T23:58:00", "2020-11-30T23:59:00", "2020-12-01"],
+    ["30-Nov-2020 23:58:00", "30-NOV-2020 23:59:00", "01-Dec-2020 00:00:00"],
+    ["2020-11-30 23:58:00 UTC", "2020-12-01 01:59:00+0200", "2020-11-30 19:00:00 -05:00"],
+])  # fmt: skip
 def test_dates_and_times_of_day_are_seconds(cells, tmp_path):
     per = 1 if len(cells) == 4 else 120  # behind a date, hours and minutes are enough
     np.testing.assert_allclose(
@@ -294,23 +288,20 @@ def test_a_counter_that_turns_over_goes_on(bits, header, tmp_path):
     np.testing.assert_array_equal(again, [0, 500, 1000, 0, 500])
 
 
-@pytest.mark.parametrize(
-    ("header", "unit"),
-    [
-        ("Kraft / N", "N"), ("Kraft in kN", "kN"), ("Load, N", "N"), ("F/N", "N"), ("dL/µm", "µm"),
-        ("dL/\u03bcm", "\u03bcm"), ("Load<N>", "N"), ("Time{s}", "s"), ("GP in 1/s", "1/s"),
-        ("Stress, N/mm2", "N/mm^2"), ("mV/V", None), ("velocity mm/s", None), ("Change in length", None),
-        ("Torque_Nm", "N*m"), ("R_kOhm", "kohm"), ("HV_kV", "kV"), ("G1 (µε)", "um/m"), ("n_cycles", None),
-        ("force_pos", None), ("荷重（N）", "N"), ("温度(℃)", "degC"), ("ひずみ［％］", "percent"),
-        ("変位（㎜）", "mm"), ("トルク(N・m)", "N*m"),
-        ("Fx/Fz", None), ("No, 5", None), ("Channel A", None), ("Stress (step)", None), ("a / b", None),
-        ("Force [kN]", "kN"), ("force_N", "N"), ("x_location", None), ("Stiffness (N/mm)", "N/mm"),
-        ("Angle (°)", "deg"), ("Load (%)", "percent"), ("Signal [-]", "1"), ("Moment_emu", "emu"),
-        ("P1 uC_per_cm2", "uC/cm^2"), ("P_uC_per_cm2", "uC/cm^2"), ("P_uC/cm2", "uC/cm^2"),
-        ("P, µC/cm²", "µC/cm²"), ("y (Pas)", "Pa*s"), ("y (N-m)", "N*m"), ("y (cm2)", "cm^2"),
-        ("y (in.)", "in"), ("y (sec.)", "s"), ("y (кН)", "kN"), ("y (s-1)", "1/s"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("header", "unit"), [
+    ("Kraft / N", "N"), ("Kraft in kN", "kN"), ("Load, N", "N"), ("F/N", "N"), ("dL/µm", "µm"),
+    ("dL/\u03bcm", "\u03bcm"), ("Load<N>", "N"), ("Time{s}", "s"), ("GP in 1/s", "1/s"),
+    ("Stress, N/mm2", "N/mm^2"), ("mV/V", None), ("velocity mm/s", None), ("Change in length", None),
+    ("Torque_Nm", "N*m"), ("R_kOhm", "kohm"), ("HV_kV", "kV"), ("G1 (µε)", "um/m"), ("n_cycles", None),
+    ("force_pos", None), ("荷重（N）", "N"), ("温度(℃)", "degC"), ("ひずみ［％］", "percent"),
+    ("変位（㎜）", "mm"), ("トルク(N・m)", "N*m"),
+    ("Fx/Fz", None), ("No, 5", None), ("Channel A", None), ("Stress (step)", None), ("a / b", None),
+    ("Force [kN]", "kN"), ("force_N", "N"), ("x_location", None), ("Stiffness (N/mm)", "N/mm"),
+    ("Angle (°)", "deg"), ("Load (%)", "percent"), ("Signal [-]", "1"), ("Moment_emu", "emu"),
+    ("P1 uC_per_cm2", "uC/cm^2"), ("P_uC_per_cm2", "uC/cm^2"), ("P_uC/cm2", "uC/cm^2"),
+    ("P, µC/cm²", "µC/cm²"), ("y (Pas)", "Pa*s"), ("y (N-m)", "N*m"), ("y (cm2)", "cm^2"),
+    ("y (in.)", "in"), ("y (sec.)", "s"), ("y (кН)", "kN"), ("y (s-1)", "1/s"),
+])  # fmt: skip
 def test_units_behind_names(header, unit, tmp_path):
     clock_of(["1", "2"], tmp_path, f'"{header}"')
     record = read_csv(tmp_path / "run.csv", "force (N)", header)

@@ -73,17 +73,13 @@ def lvm(kind: str, body: str, decimal: str = ".", multi: str = "No") -> str:
     return LVM.format(d=decimal, m=multi, x=kind) + body
 
 
-@pytest.mark.parametrize(
-    ("content", "time", "x", "force"),
-    [
-        (BLUEHILL, "Time", "Extension", "Load"),
-        (MTS, "Running Time", "Axial Displacement", "Axial Load"),
-        (TESTWORKS, "Time", "Crosshead", "Load"),
-        (TRIOS, "Step time", "Gap", "Axial force"),
-        (FIXED, "Time", "Axial Displacement", "Axial Force"),
-    ],
-    ids=["Bluehill", "MTS", "TestWorks", "TRIOS", "fixed columns"],
-)
+@pytest.mark.parametrize(("content", "time", "x", "force"), [
+    (BLUEHILL, "Time", "Extension", "Load"),
+    (MTS, "Running Time", "Axial Displacement", "Axial Load"),
+    (TESTWORKS, "Time", "Crosshead", "Load"),
+    (TRIOS, "Step time", "Gap", "Axial force"),
+    (FIXED, "Time", "Axial Displacement", "Axial Force"),
+], ids=["Bluehill", "MTS", "TestWorks", "TRIOS", "fixed columns"])  # fmt: skip
 def test_the_table_of_a_machine_is_found(table, content, time, x, force):
     found = table(content)
     for name, values, unit in ((time, T, "s"), (x, X, "mm"), (force, F, "N")):
@@ -175,29 +171,23 @@ def test_labview_segments_are_told_apart(table):
     assert len(table(lvm("One", bare), "run.lvm").line) == 12
 
 
-@pytest.mark.parametrize(
-    ("content", "code"),
-    [
-        ("LabVIEW Measurement\t\nSeparator\tTab\n", "damaged-file"),
-        (lvm("One", SEGMENT), "no-rows"),
-        (b"PK\x03\x04workbook", "binary-file"),
-        (b"\xd0\xcf\x11\xe0" + bytes(64), "binary-file"),
-        (b"\x89PNG\r\n\x1a\n" + bytes(64), "binary-file"),
-    ],
-)
+@pytest.mark.parametrize(("content", "code"), [
+    ("LabVIEW Measurement\t\nSeparator\tTab\n", "damaged-file"),
+    (lvm("One", SEGMENT), "no-rows"),
+    (b"PK\x03\x04workbook", "binary-file"),
+    (b"\xd0\xcf\x11\xe0" + bytes(64), "binary-file"),
+    (b"\x89PNG\r\n\x1a\n" + bytes(64), "binary-file"),
+])  # fmt: skip
 def test_what_cannot_be_read_is_said(table, content, code):
     refuses(code, lambda: table(content, "run.lvm"), "run.lvm")
 
 
-@pytest.mark.parametrize(
-    ("module", "extra", "head"),
-    [
-        ("nptdms", "rigs", b"TDSm"),
-        ("python_calamine", "rigs", None),
-        ("pyarrow", "parquet", b"PAR1PAR1"),
-        ("rosbags", "ros", b"#ROSBAG V2.0\n"),
-    ],
-)
+@pytest.mark.parametrize(("module", "extra", "head"), [
+    ("nptdms", "rigs", b"TDSm"),
+    ("python_calamine", "rigs", None),
+    ("pyarrow", "parquet", b"PAR1PAR1"),
+    ("rosbags", "ros", b"#ROSBAG V2.0\n"),
+])  # fmt: skip
 def test_a_reader_that_is_not_installed_is_named(table, monkeypatch, module, extra, head):
     content = head or _empty_workbook()
     monkeypatch.setitem(sys.modules, module, None)

@@ -274,18 +274,10 @@ def test_a_note_is_its_sentence_and_keeps_its_code():
 ROW = np.arange(6.0)
 
 
-@pytest.mark.parametrize(
-    "values",
-    [
-        ROW + 0j,
-        ROW.astype("datetime64[s]"),
-        ROW.astype("timedelta64[s]"),
-        ROW.astype(str),
-        ROW.astype(bytes),
-        [[1.0], [2.0, 3.0]],
-        ["1", "OVLD"],
-    ],
-)
+@pytest.mark.parametrize("values", [
+    ROW + 0j, ROW.astype("datetime64[s]"), ROW.astype("timedelta64[s]"), ROW.astype(str),
+    ROW.astype(bytes), [[1.0], [2.0, 3.0]], ["1", "OVLD"],
+])  # fmt: skip
 def test_what_is_no_row_of_real_numbers(values):
     refuses("not-numbers", lambda: Record.from_arrays(ROW, values))
 

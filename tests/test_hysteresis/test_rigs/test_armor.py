@@ -96,32 +96,18 @@ RIG = ArmorRig()
 TOP = RIG.points_of_surface_1()._replace(points=np.array([[0.0, 0.0, 0.55]]), surface=np.array([1]))
 
 
-@pytest.mark.parametrize(
-    "bad",
-    [
-        lambda: ArmorRig(seed=-1),
-        lambda: ArmorRig(sheet=0.0),
-        lambda: ArmorRig(scatter_mm=float("nan")),
-        lambda: ForceSensor(crosstalk=-0.1),
-        lambda: ForceSensor(full_scale_n=0.0),
-        lambda: ForceSensor(hysteresis=0.1, travel=0.05),
-        lambda: RIG.press([[0.0, 0.0, 550.0]], [1]),
-        lambda: RIG.press([[0.4, 0.0, 0.55]], [1]),
-        lambda: RIG.press([[0.0, 0.0, 0.55]], [2]),
-        lambda: RIG.press([[0.0, 0.0, 0.55]], [6]),
-        lambda: RIG.press([[0.0, 0.0, float("nan")]], [1]),
-        lambda: RIG.press([0.0, 0.0, 0.55], [1]),
-        lambda: RIG.press(*TOP, [41.0]),
-        lambda: RIG.press(*TOP, [-1.0]),
-        lambda: RIG.press(*TOP, []),
-        lambda: RIG.press(*TOP, [[1.0], [2.0]]),
-        lambda: RIG.press(*TOP, dt=0.0),
-        lambda: RIG.press(*TOP, direction=[[0.0, 0.0, 1.0]]),
-        lambda: RIG.random_points(0),
-        lambda: RIG.random_points(5, margin=0.3),
-        lambda: force_path(()),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize("bad", [
+    lambda: ArmorRig(seed=-1), lambda: ArmorRig(sheet=0.0),
+    lambda: ArmorRig(scatter_mm=float("nan")), lambda: ForceSensor(crosstalk=-0.1),
+    lambda: ForceSensor(full_scale_n=0.0), lambda: ForceSensor(hysteresis=0.1, travel=0.05),
+    lambda: RIG.press([[0.0, 0.0, 550.0]], [1]), lambda: RIG.press([[0.4, 0.0, 0.55]], [1]),
+    lambda: RIG.press([[0.0, 0.0, 0.55]], [2]), lambda: RIG.press([[0.0, 0.0, 0.55]], [6]),
+    lambda: RIG.press([[0.0, 0.0, float("nan")]], [1]), lambda: RIG.press([0.0, 0.0, 0.55], [1]),
+    lambda: RIG.press(*TOP, [41.0]), lambda: RIG.press(*TOP, [-1.0]), lambda: RIG.press(*TOP, []),
+    lambda: RIG.press(*TOP, [[1.0], [2.0]]), lambda: RIG.press(*TOP, dt=0.0),
+    lambda: RIG.press(*TOP, direction=[[0.0, 0.0, 1.0]]), lambda: RIG.random_points(0),
+    lambda: RIG.random_points(5, margin=0.3), lambda: force_path(()),
+])  # fmt: skip
 def test_bad_arguments_are_refused_with_a_remedy(bad):
     refuses("bad-option", bad, "Fix: ")
 

@@ -95,21 +95,13 @@ def test_several_are_pressed_at_once():
     assert (record.reading - RIG.follow(record.force, 0.05)).std() > 0.05
 
 
-@pytest.mark.parametrize(
-    "call",
-    [
-        lambda: RIG.follow(np.ones((4, 3))),
-        lambda: RIG.follow(-np.ones((4, 5))),
-        lambda: RIG.follow(np.full((4, 5), 41.8)),
-        lambda: RIG.follow(np.ones((4, 5)), dt=0.0),
-        lambda: RIG.finger_presses([1, 2]),
-        lambda: RIG.finger_presses(0),
-        lambda: RIG.cnc_loops(10, location=5),
-        lambda: RIG.simultaneous(100),
-        lambda: RIG.press_together(np.ones(5)),
-        lambda: ResistiveReadout(noise=-1.0),
-        lambda: ResistiveReadout(low=1.0, high=0.0),
-    ],
-)
+@pytest.mark.parametrize("call", [
+    lambda: RIG.follow(np.ones((4, 3))), lambda: RIG.follow(-np.ones((4, 5))),
+    lambda: RIG.follow(np.full((4, 5), 41.8)), lambda: RIG.follow(np.ones((4, 5)), dt=0.0),
+    lambda: RIG.finger_presses([1, 2]), lambda: RIG.finger_presses(0),
+    lambda: RIG.cnc_loops(10, location=5), lambda: RIG.simultaneous(100),
+    lambda: RIG.press_together(np.ones(5)), lambda: ResistiveReadout(noise=-1.0),
+    lambda: ResistiveReadout(low=1.0, high=0.0),
+])  # fmt: skip
 def test_bad_arguments_are_refused(call):
     refuses("bad-option", call)

@@ -49,27 +49,17 @@ def test_refining_the_substeps_converges_at_second_order():
     assert all(coarse > 3 * fine for coarse, fine in pairwise(error))
 
 
-@pytest.mark.parametrize(
-    "bad",
-    [
-        lambda: SpongeRig(thickness_mm=-50.0),
-        lambda: SpongeRig(thickness_mm=float("nan")),
-        lambda: SpongeRig(friction_gain=1.5),
-        lambda: SpongeRig(strut_share=(0.5, 0.5)),
-        lambda: SpongeRig(strut_share=(0.5, 0.5, 0.5)),
-        lambda: SpongeRig(relaxation_s=(4.0, -40.0)),
-        lambda: RIG.follow([1.0, -1.0]),
-        lambda: RIG.follow([1.0, 41.0]),
-        lambda: RIG.follow([1.0, float("nan")]),
-        lambda: RIG.follow([[1.0]]),
-        lambda: RIG.follow([1.0], dt=0.0),
-        lambda: RIG.follow([1.0], substeps=0),
-        lambda: SpongeRig(densification_mm=60.0).follow([40.0]),
-        lambda: RIG.five_cycles(peak=20.0, step=3.0),
-        lambda: RIG.five_cycles(step=-2.0),
-        lambda: RIG.five_cycles(noise=-0.1),
-    ],
-)
+@pytest.mark.parametrize("bad", [
+    lambda: SpongeRig(thickness_mm=-50.0), lambda: SpongeRig(thickness_mm=float("nan")),
+    lambda: SpongeRig(friction_gain=1.5), lambda: SpongeRig(strut_share=(0.5, 0.5)),
+    lambda: SpongeRig(strut_share=(0.5, 0.5, 0.5)), lambda: SpongeRig(relaxation_s=(4.0, -40.0)),
+    lambda: RIG.follow([1.0, -1.0]), lambda: RIG.follow([1.0, 41.0]),
+    lambda: RIG.follow([1.0, float("nan")]), lambda: RIG.follow([[1.0]]),
+    lambda: RIG.follow([1.0], dt=0.0), lambda: RIG.follow([1.0], substeps=0),
+    lambda: SpongeRig(densification_mm=60.0).follow([40.0]),
+    lambda: RIG.five_cycles(peak=20.0, step=3.0), lambda: RIG.five_cycles(step=-2.0),
+    lambda: RIG.five_cycles(noise=-0.1),
+])  # fmt: skip
 def test_bad_arguments_are_refused_with_a_remedy(bad):
     refuses("bad-option", bad, "Fix: ")
 

@@ -71,15 +71,10 @@ def test_a_mode_with_a_stop_is_a_mass_with_plays():
     assert np.abs(found - y).max() < 5e-4 * y.std()
 
 
-@pytest.mark.parametrize(
-    "law",
-    [
-        StopsAndPowers([0.3], [1.5], [0.1, 0.0, 0.2]),
-        PrandtlIshlinskii([0.3], [1.0], 0.2),
-        GeneralizedMaxwell(0.5, [1.0], [3.0]),
-        BoucWen(1.0, 0.5, 0.4),
-    ],
-)
+@pytest.mark.parametrize("law", [
+    StopsAndPowers([0.3], [1.5], [0.1, 0.0, 0.2]), PrandtlIshlinskii([0.3], [1.0], 0.2),
+    GeneralizedMaxwell(0.5, [1.0], [3.0]), BoucWen(1.0, 0.5, 0.4),
+])  # fmt: skip
 def test_a_steady_state_is_where_the_motion_ends(law):
     """With memory of reversals and of time."""
     model = replace(mass_and_stop(0.3, 1.5), channels=(law,))

@@ -239,15 +239,12 @@ def test_coarse_records_are_warned_of():
     assert codes(linear._replace(stiffness=16 * linear.stiffness)) == {"coarse-sampling"}
 
 
-@pytest.mark.parametrize(
-    ("model", "options", "code"),
-    [
-        ("Oscillator(Maxwell)", {}, "unknown-model"),
-        ("Oscillator,Burgers", {}, "bad-option"),
-        ("Burgers", {"period": 100}, "bad-option"),
-        ("Oscillator", {"oversampling": 0}, "bad-option"),
-        ("Oscillator", {"period": 5}, "bad-option"),
-    ],
-)
+@pytest.mark.parametrize(("model", "options", "code"), [
+    ("Oscillator(Maxwell)", {}, "unknown-model"),
+    ("Oscillator,Burgers", {}, "bad-option"),
+    ("Burgers", {"period": 100}, "bad-option"),
+    ("Oscillator", {"oversampling": 0}, "bad-option"),
+    ("Oscillator", {"period": 5}, "bad-option"),
+])  # fmt: skip
 def test_options_that_do_not_fit_are_refused(model: str, options: dict[str, int], code: str):
     refuses(code, lambda: identify.fit(record(), model, **options))

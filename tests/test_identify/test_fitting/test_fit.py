@@ -115,17 +115,14 @@ def test_an_unidentified_parameter_has_no_error_bar() -> None:
     assert any("eta1" in reason for reason in result.verdict.reasons)
 
 
-@pytest.mark.parametrize(
-    ("model", "options", "code"),
-    [
-        ("Presiach", {}, "unknown-model"),
-        ("Burgers", {}, "no-time"),
-        ("auto", {"test_cycles": 1, "test_tail": 0.1}, "conflicting-options"),
-        ("Preisach", {"initial": "demagnetized"}, "bad-option"),
-        ("Preisach", {"conditioning": "drop"}, "bad-option"),
-        ("LinearSponge", {"starts": 0}, "bad-option"),
-    ],
-)
+@pytest.mark.parametrize(("model", "options", "code"), [
+    ("Presiach", {}, "unknown-model"),
+    ("Burgers", {}, "no-time"),
+    ("auto", {"test_cycles": 1, "test_tail": 0.1}, "conflicting-options"),
+    ("Preisach", {"initial": "demagnetized"}, "bad-option"),
+    ("Preisach", {"conditioning": "drop"}, "bad-option"),
+    ("LinearSponge", {"starts": 0}, "bad-option"),
+])  # fmt: skip
 def test_faults_are_named(model: str, options: dict, code: str) -> None:
     u = np.abs((np.arange(200) / 25 + 1) % 2 - 1)
     refuses(code, lambda: fit(Record.from_arrays(u, u), model, **options))

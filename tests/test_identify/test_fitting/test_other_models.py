@@ -52,19 +52,16 @@ def test_names_and_models_are_ranked_together():
     assert type(fit(record(), Line, **QUICK).model) is Line
 
 
-@pytest.mark.parametrize(
-    ("model", "code", "words"),
-    [
-        ("Presiach", "unknown-model", "did you mean Preisach?"),
-        ("burgrs", "unknown-model", "did you mean Burgers?"),
-        ([Line(1.0), 3], "not-a-model", "3 is not a model"),
-        (int, "not-a-model", "is not a model"),
-        ([], "unknown-model", "no model is named"),
-        ("Weighted", "no-start-values", "nothing says where a fit of Weighted starts"),
-        (Weighted, "no-start-values", "guess"),
-        (Unregistered, "no-start-values", "guess"),
-    ],
-)
+@pytest.mark.parametrize(("model", "code", "words"), [
+    ("Presiach", "unknown-model", "did you mean Preisach?"),
+    ("burgrs", "unknown-model", "did you mean Burgers?"),
+    ([Line(1.0), 3], "not-a-model", "3 is not a model"),
+    (int, "not-a-model", "is not a model"),
+    ([], "unknown-model", "no model is named"),
+    ("Weighted", "no-start-values", "nothing says where a fit of Weighted starts"),
+    (Weighted, "no-start-values", "guess"),
+    (Unregistered, "no-start-values", "guess"),
+])  # fmt: skip
 def test_what_cannot_be_fitted_is_refused(model: Any, code: str, words: str):
     found = fault(model)
     assert found.code == code

@@ -66,16 +66,13 @@ def records_of(change: str) -> list[Record]:
     return [one, other]
 
 
-@pytest.mark.parametrize(
-    ("change", "model", "share", "known"),
-    [
-        ("alone", "Burgers", ["E1"], {}), ("units", "Burgers", ["E1"], {}),
-        ("sigma", "Burgers", ["E1"], {}), ("", "Preisach", ["E1"], {}),
-        ("", "Burgers,LinearSponge", ["E1"], {}), ("", "Burgers", ["stiffness"], {}),
-        ("", "Burgers", [], {}),
-        ("", "Burgers", ["E1"], {"E1": {"prior": "log-normal(2, 1.5)"}}),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("change", "model", "share", "known"), [
+    ("alone", "Burgers", ["E1"], {}), ("units", "Burgers", ["E1"], {}),
+    ("sigma", "Burgers", ["E1"], {}), ("", "Preisach", ["E1"], {}),
+    ("", "Burgers,LinearSponge", ["E1"], {}), ("", "Burgers", ["stiffness"], {}),
+    ("", "Burgers", [], {}),
+    ("", "Burgers", ["E1"], {"E1": {"prior": "log-normal(2, 1.5)"}}),
+])  # fmt: skip
 def test_what_cannot_be_shared_is_refused(change, model, share, known):
     how = {"share": share, "starts": 1, "parameters": known}
     refuses("bad-option", lambda: identify.fit_shared(records_of(change), model, **how), "Fix: ")

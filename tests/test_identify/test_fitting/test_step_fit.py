@@ -19,7 +19,6 @@ T = np.geomspace(0.02, 200.0, 240)
 FORCE = -3.0
 """A press, as many rigs sign it."""
 
-
 PRESSED = {"input_name": "force", "output_name": "x", "input_unit": "N", "output_unit": "mm"}
 STRETCHED = {"input_name": "x", "output_name": "force", "input_unit": "mm", "output_unit": "N"}
 
@@ -109,20 +108,16 @@ def test_a_folder_keeps_it(tmp_path: Path):
 GOOD = creeping()
 
 
-@pytest.mark.parametrize(
-    ("given", "code"),
-    [
-        (record(T, GOOD, 0.0), "not-a-step"),
-        (Record.from_arrays(T, GOOD, T), "not-a-step"),
-        (Record.from_arrays(np.ones(len(T)), GOOD), "no-time"),
-        (Record.from_arrays(np.ones(len(T)), -GOOD, T, T > 1), "not-a-step"),
-        (record(T - 1.0, GOOD), "not-a-step"),
-        (record(T, -GOOD), "not-a-step"),
-        (record(T[:7], GOOD[:7]), "too-few-rows"),
-        (record(T, np.full(len(T), FORCE)), "no-excitation"),
-    ],
-    ids=lambda x: x if isinstance(x, str) else "",
-)
+@pytest.mark.parametrize(("given", "code"), [
+    (record(T, GOOD, 0.0), "not-a-step"),
+    (Record.from_arrays(T, GOOD, T), "not-a-step"),
+    (Record.from_arrays(np.ones(len(T)), GOOD), "no-time"),
+    (Record.from_arrays(np.ones(len(T)), -GOOD, T, T > 1), "not-a-step"),
+    (record(T - 1.0, GOOD), "not-a-step"),
+    (record(T, -GOOD), "not-a-step"),
+    (record(T[:7], GOOD[:7]), "too-few-rows"),
+    (record(T, np.full(len(T), FORCE)), "no-excitation"),
+], ids=lambda x: x if isinstance(x, str) else "")  # fmt: skip
 def test_what_is_no_step(given: Record, code: str):
     refuses(code, lambda: fit_step(given))
 

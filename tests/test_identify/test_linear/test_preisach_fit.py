@@ -153,14 +153,11 @@ def test_a_first_state_is_fitted() -> None:
     assert error["fit"] < 1e-3 * np.ptp(y)  # below the noise
 
 
-@pytest.mark.parametrize(
-    ("code", "keywords"),
-    [
-        ("out-of-range", {"low": 0.2}), ("out-of-range", {"high": 0.9}),
-        ("bad-option", {"cells": 0}), ("bad-option", {"cells": 100, "leading": True}),
-        ("bad-option", {"cells": 100, "initial": "fit"}),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("code", "keywords"), [
+    ("out-of-range", {"low": 0.2}), ("out-of-range", {"high": 0.9}),
+    ("bad-option", {"cells": 0}), ("bad-option", {"cells": 100, "leading": True}),
+    ("bad-option", {"cells": 100, "initial": "fit"}),
+])  # fmt: skip
 def test_what_cannot_be_fitted_is_said(code: str, keywords: dict) -> None:
     refuses(code, lambda: fit_density(record_of(TRUTH, walk(0)), **keywords))
 

@@ -73,41 +73,34 @@ def kept(line_fit, tmp_path_factory) -> Path:
     return file
 
 
-@pytest.mark.parametrize(
-    ("what", "changed", "options"),
-    [
-        (
-            "data",
-            lambda fit: replace(fit, train=replace(fit.train, output=fit.train.output + 1e-9)),
-            {},
-        ),
-        ("model", lambda fit: replace(fit, model=replace(fit.model, K=fit.model.K + 1e-9)), {}),
-        (
-            "noise",
-            lambda fit: replace(fit, noise_model=replace(fit.noise_model, tail=jnp.asarray(0.1))),
-            {},
-        ),
-        ("priors", lambda fit: replace(fit, settings=asked_of(K={"prior": "normal(2, 1)"})), {}),
-        ("seed", lambda fit: fit, {"seed": 1}),
-        ("ensembles", lambda fit: fit, {"ensembles": 3}),
-        ("walkers", lambda fit: fit, {"walkers": 18}),
-    ],
-    ids=lambda value: value if isinstance(value, str) else "",
-)
+@pytest.mark.parametrize(("what", "changed", "options"), [
+    (
+        "data",
+        lambda fit: replace(fit, train=replace(fit.train, output=fit.train.output + 1e-9)),
+        {},
+    ),
+    ("model", lambda fit: replace(fit, model=replace(fit.model, K=fit.model.K + 1e-9)), {}),
+    (
+        "noise",
+        lambda fit: replace(fit, noise_model=replace(fit.noise_model, tail=jnp.asarray(0.1))),
+        {},
+    ),
+    ("priors", lambda fit: replace(fit, settings=asked_of(K={"prior": "normal(2, 1)"})), {}),
+    ("seed", lambda fit: fit, {"seed": 1}),
+    ("ensembles", lambda fit: fit, {"ensembles": 3}),
+    ("walkers", lambda fit: fit, {"walkers": 18}),
+], ids=lambda value: value if isinstance(value, str) else "")  # fmt: skip
 def test_chains_are_only_gone_on_from_where_all_is_the_same(line_fit, kept, what, changed, options):
     with pytest.raises(InputError, match=f"another {what}") as error:
         sample(changed(line_fit), steps=30, checkpoint=kept, resume=True, **options)
     assert error.value.code == "other-checkpoint"
 
 
-@pytest.mark.parametrize(
-    ("options", "code"),
-    [
-        ({"steps": 3}, "bad-option"), ({"most": 10}, "bad-option"),
-        ({"ensembles": 1}, "bad-option"), ({"walkers": 4}, "bad-option"),
-        ({"walkers": 17}, "bad-option"), ({"seed": -1}, "bad-option"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("options", "code"), [
+    ({"steps": 3}, "bad-option"), ({"most": 10}, "bad-option"),
+    ({"ensembles": 1}, "bad-option"), ({"walkers": 4}, "bad-option"),
+    ({"walkers": 17}, "bad-option"), ({"seed": -1}, "bad-option"),
+])  # fmt: skip
 def test_bad_settings_are_refused(line_fit, options, code) -> None:
     refuses(code, lambda: sample(line_fit, **options))
 
