@@ -221,9 +221,8 @@ def on_cortex_m4(
     ]
     command += ["-nostartfiles", "-T", str(layout), "-o", str(program), "-lm"]
     subprocess.run(command, check=True)
-    sized = subprocess.run(
-        ["arm-none-eabi-size", str(program)], check=True, capture_output=True, text=True
-    )
+    sizes = ["arm-none-eabi-size", str(program)]
+    sized = subprocess.run(sizes, check=True, capture_output=True, text=True)
     text, data, bss = (int(x) for x in sized.stdout.splitlines()[1].split()[:3])
     done = subprocess.run(
         ["qemu-system-arm", "-M", "mps2-an386", "-nographic", "-semihosting", "-kernel", str(program),
@@ -238,12 +237,10 @@ def on_cortex_m4(
 
 def _instructions(program: Path, log: Path) -> np.ndarray:
     """Instructions of each call of `stepped`: from its first to that after its return, in the caller."""
-    named = subprocess.run(
-        ["arm-none-eabi-nm", "-S", str(program)], check=True, capture_output=True, text=True
-    ).stdout
-    where = {
-        line.split()[-1]: line.split() for line in named.splitlines() if len(line.split()) == 4
-    }
+    names = ["arm-none-eabi-nm", "-S", str(program)]
+    named = subprocess.run(names, check=True, capture_output=True, text=True).stdout
+    rows = [line.split() for line in named.splitlines()]
+    where = {row[-1]: row for row in rows if len(row) == 4}
     first = int(where["stepped"][0], 16) & ~1
     main, size = int(where["main"][0], 16) & ~1, int(where["main"][1], 16)
     trace = [int(x, 16) & ~1 for x in re.findall(r"/([0-9a-f]{8})/", log.read_text())]

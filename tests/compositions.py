@@ -39,9 +39,8 @@ def nonlinear_maxwell(rng: np.random.Generator, leading: bool = True) -> Nonline
     springs = rng.uniform(0.1, 1.0, (3, CELLS))
     if not leading:
         strengths = 0.01 * np.stack([strengths, rng.uniform(0.9, 1.1) * strengths])
-    return NonlinearMaxwell(
-        LOW, HIGH, TIMES, springs, strengths, leading=leading, rest=0.3 * LOW + 0.7 * HIGH
-    )
+    rest = 0.3 * LOW + 0.7 * HIGH
+    return NonlinearMaxwell(LOW, HIGH, TIMES, springs, strengths, leading=leading, rest=rest)
 
 
 def softening(rng: np.random.Generator, leading: bool = True) -> Softening:
@@ -82,9 +81,8 @@ def friction(rng: np.random.Generator) -> Sum:
     """Beside a line and a warming zero: of friction alone the input is known but for a constant."""
     speeds, levels = np.array([0.1, 1.0]), np.array([LOW, 0.3, HIGH])
     weights = rng.uniform(0.1, 0.2, (2, 3))
-    slider = VelocityFriction(
-        LOW, HIGH, speeds, levels, weights, rng.uniform(0.1, 0.2, 3), smoothing=0.5
-    )
+    rest = rng.uniform(0.1, 0.2, 3)
+    slider = VelocityFriction(LOW, HIGH, speeds, levels, weights, rest, smoothing=0.5)
     warming = TimeDrift(np.array([0.5, 20.0]), rng.normal(size=2))
     return Sum([LinearSponge(rng.uniform(0.5, 2)), slider, warming])
 

@@ -146,9 +146,8 @@ def _burgers(leading: bool, hold: Literal["linear", "constant"]):
 
 def _kelvin_voigt(rng: np.random.Generator) -> GeneralizedKelvinVoigt:
     E, eta = rng.uniform(1, 4, 3), np.array([0.1, 1.0, 10.0]) * rng.uniform(1, 4, 3)
-    return GeneralizedKelvinVoigt(
-        rng.uniform(1, 4), E, eta, rng.uniform(20, 80), rng.normal(), leading=True
-    )
+    E0, eta0, offset = rng.uniform(1, 4), rng.uniform(20, 80), rng.normal()
+    return GeneralizedKelvinVoigt(E0, E, eta, eta0, offset, leading=True)
 
 
 def _maxwell(rng: np.random.Generator) -> GeneralizedMaxwell:

@@ -126,6 +126,5 @@ def case(name: str) -> Case:
 def with_gaps(y: np.ndarray) -> np.ndarray:
     """Readings of which a tenth are NaN or infinite."""
     random = np.random.default_rng(5)
-    return np.where(
-        random.random(len(y)) < 0.1, random.choice([np.nan, np.inf, -np.inf], len(y)), y
-    )
+    holes = random.random(len(y)) < 0.1
+    return np.where(holes, random.choice([np.nan, np.inf, -np.inf], len(y)), y)

@@ -138,9 +138,8 @@ def test_laws_import_math_alone():
 def test_imports_run_in_no_circle():
     """Imports inside functions count: they would only hide the circle."""
     graph = grimp.build_graph(*PACKAGES, exclude_type_checking_imports=True, cache_dir=None)
-    TopologicalSorter(
-        {m: graph.find_modules_directly_imported_by(m) for m in graph.modules}
-    ).prepare()
+    imports = {m: graph.find_modules_directly_imported_by(m) for m in graph.modules}
+    TopologicalSorter(imports).prepare()
 
 
 def test_no_path_of_a_machine_is_tracked():

@@ -76,17 +76,15 @@ def prepared(make: Callable[[], Any]) -> Callable[[], Any]:
 @prepared
 def record() -> hysteresis.Record:
     """The shipped sponge of 50 mm: five cycles of force (N) and displacement (mm), 101 rows."""
-    return hysteresis.read_csv(
-        DATASETS / "sponge-50mm-cycles.csv", "force (N)", "displacement (mm)", "time (s)"
-    )
+    columns = ("force (N)", "displacement (mm)", "time (s)")
+    return hysteresis.read_csv(DATASETS / "sponge-50mm-cycles.csv", *columns)
 
 
 @prepared
 def loops() -> hysteresis.Record:
     """The same sponge's nested loops: first-order reversal curves are among them."""
-    return hysteresis.read_csv(
-        DATASETS / "sponge-50mm-minor-loops.csv", "force (N)", "displacement (mm)", "time (s)"
-    )
+    columns = ("force (N)", "displacement (mm)", "time (s)")
+    return hysteresis.read_csv(DATASETS / "sponge-50mm-minor-loops.csv", *columns)
 
 
 @prepared
@@ -174,9 +172,8 @@ def box() -> compensate.armor.Box:
 @prepared
 def solver() -> compensate.armor.ContactSolver:
     """Contacts on `box` under the paper's sponge."""
-    return compensate.armor.ContactSolver(
-        box(), compensator=hysteresis.LinearSponge(K=1.298, b=6.186, threshold=1.5)
-    )
+    sponge = hysteresis.LinearSponge(K=1.298, b=6.186, threshold=1.5)
+    return compensate.armor.ContactSolver(box(), compensator=sponge)
 
 
 @prepared

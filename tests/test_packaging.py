@@ -112,9 +112,8 @@ def test_a_start_is_light():
     )
     code += "import hysid.commands._demo, hysid.commands._microchannel\n"
     code += "print([m for m in sys.modules if m.startswith('hysid.reproduction')])"
-    done = subprocess.run(
-        [sys.executable, "-c", code], env=ENVIRONMENT, capture_output=True, text=True
-    )
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, env=ENVIRONMENT, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     *light, last, papers = done.stdout.splitlines()
     assert light == ["[]"] * 3
@@ -130,9 +129,8 @@ def completed(words: str) -> list[str]:
         "COMP_WORDS": words,
         "COMP_CWORD": str(len(words.split(" ")) - 1),
     }
-    done = subprocess.run(
-        [sys.executable, "-m", "hysid"], env=environment, capture_output=True, text=True
-    )
+    command = [sys.executable, "-m", "hysid"]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     return done.stdout.split()
 

@@ -22,9 +22,8 @@ def test_every_exported_model_is_in_the_table():
         if inspect.isclass(cls) and issubclass(cls, AbstractModel) and not inspect.isabstract(cls)
     }
     tabled = {type(p.model()) for p in PROBLEMS}
-    tabled |= {
-        type(part) for p in PROBLEMS if isinstance(whole := p.model(), Sum) for part in whole.parts
-    }
+    sums = [whole for p in PROBLEMS if isinstance(whole := p.model(), Sum)]
+    tabled |= {type(part) for whole in sums for part in whole.parts}
     # Its input is (u, c): tests/test_hysteresis/test_models/test_conditioned.py holds its laws.
     assert exported - tabled == {hysteresis.Conditioned}
 

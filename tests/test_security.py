@@ -31,9 +31,8 @@ def executes(tree: ast.AST) -> Iterator[str]:
         elif isinstance(node, ast.Attribute):
             yield from RUNS & {node.attr} - {"compile", "eval", "exec"}  # re.compile
             if isinstance(node.value, ast.Name) and node.value.id == "os":
-                yield from re.findall(
-                    "^(?:system|popen|exec|fork|spawn|posix_spawn|startfile).*", node.attr
-                )
+                kinds = "^(?:system|popen|exec|fork|spawn|posix_spawn|startfile).*"
+                yield from re.findall(kinds, node.attr)
         elif isinstance(node, ast.Call):
             words = {k.arg: getattr(k.value, "value", True) for k in node.keywords}
             if getattr(node.func, "attr", getattr(node.func, "id", "")) == "njit":
@@ -47,9 +46,8 @@ def test_places_that_execute_are_listed():
     assert not {"shell", "allow_pickle"} & set().union(*found.values())
     section = (ROOT / "SECURITY.md").read_text("utf-8").partition("## Every place that executes")[2]
     table = section.partition("## Every place that writes")[0]
-    listed = re.findall(
-        r"`([^`]+\.py)`", "\n".join(row.split("|")[0] for row in table.split("\n|")[1:])
-    )
+    rows = [row.split("|")[0] for row in table.split("\n|")[1:]]
+    listed = re.findall(r"`([^`]+\.py)`", "\n".join(rows))
     # JAX reads its programs by a setting, which is no call.
     assert set(listed) == {*found, "hysid/_compile_cache.py"}, found
 

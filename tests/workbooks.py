@@ -49,9 +49,8 @@ def _compound(stream: bytes) -> bytes:
         for name, kind, child, first, size in entries
     )
     head = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(16)
-    head += struct.pack(
-        "<HHHHH6xIIIIIIIII", 0x3E, 3, 0xFFFE, 9, 6, 0, tables, tables, 0, 4096, end, 0, end, 0
-    )
+    numbers = (0x3E, 3, 0xFFFE, 9, 6, 0, tables, tables, 0, 4096, end, 0, end, 0)
+    head += struct.pack("<HHHHH6xIIIIIIIII", *numbers)
     head += struct.pack("<109I", *range(tables), *[free] * (109 - tables))
     return head + table + directory.ljust(512, b"\0") + stream.ljust(512 * sectors, b"\0")
 

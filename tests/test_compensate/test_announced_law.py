@@ -133,9 +133,8 @@ def test_a_package_for_sklearn_brings_its_law(duhem: Any, inputs: np.ndarray, tm
         f"assert np.abs(found[:, 0] - {inputs[:9].tolist()}).max() < 1e-9\n"
         "assert 'hysteresis' not in sys.modules\n"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, env={}
-    )
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, env={})
     assert done.returncode == 0, done.stderr
 
 

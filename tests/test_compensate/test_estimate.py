@@ -121,9 +121,8 @@ def test_a_record_with_known_rows_is_estimated_from_them():
     y = np.asarray(model.simulate(t, u))
     own = slice(FIRST, ROWS)
     record = Record.from_arrays(u[own], y[own], t[own])
-    record = replace(
-        record, columns=record.columns | {"known_rows": np.arange(ROWS - FIRST) < LAST - FIRST}
-    )
+    known = np.arange(ROWS - FIRST) < LAST - FIRST
+    record = replace(record, columns=record.columns | {"known_rows": known})
     found = estimate(invert(model), record)
     assert np.allclose(found.value[LAST - FIRST :], u[LAST:], atol=1e-6)
 

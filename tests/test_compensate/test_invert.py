@@ -266,9 +266,8 @@ def test_steps_too_long_for_a_held_input_are_refused():
 @pytest.mark.parametrize(("strength", "falls"), [(3.0, True), (0.2, False)])
 def test_a_model_that_falls_in_a_state_of_its_past_has_no_inverse(strength: float, falls: bool):
     """After a jump from 0 to u the output is u - strength u^2: on [0, 1] it falls from 1 / 2 on."""
-    creep = NonlinearMaxwell(
-        0.0, 1.0, np.ones(1), strengths=np.array([[0.0, strength]]), leading=False
-    )
+    strengths = np.array([[0.0, strength]])
+    creep = NonlinearMaxwell(0.0, 1.0, np.ones(1), strengths=strengths, leading=False)
     model = Sum((LinearSponge(K=1.0, b=0.0), creep))
     past = (np.arange(9.0), np.tile([0.0, 1.0, 0.0], 3))
     invert(model, trained=(0.0, 1.0))  # nothing is known of its states
@@ -284,8 +283,7 @@ def curve(*increments: float) -> MonotoneCurve:
 
 @pytest.mark.parametrize("factor", [-1.5, -4.0])
 def test_a_sum_that_falls_somewhere_has_none(factor: float):
-    model = Sum(
-        [curve(1.0, 1.0, 1.0), Series([curve(0.0, 1.0, 0.0), Scaled(LinearSponge(1.0), factor)])]
-    )
+    falling = Series([curve(0.0, 1.0, 0.0), Scaled(LinearSponge(1.0), factor)])
+    model = Sum([curve(1.0, 1.0, 1.0), falling])
     with pytest.raises(InputError, match=r"the output of Sum falls .* \[not-invertible\]"):
         invert(model)

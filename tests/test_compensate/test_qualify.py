@@ -193,9 +193,8 @@ def test_every_figure_of_a_verdict_comes_from_the_arrays():
     assert found.loop.ratio == pytest.approx(2 / 3, abs=0.05)
     again = np.asarray(lost.simulate(whole.time, value))
     fine = np.asarray(status) == Status.OK
-    assert numbers(found, "round-trip")[0] == pytest.approx(
-        np.abs(again - whole.output)[fine].max(), rel=0.006
-    )
+    most = np.abs(again - whole.output)[fine].max()
+    assert numbers(found, "round-trip")[0] == pytest.approx(most, rel=0.006)
     seconds = qualify(off, record(time_unit="s"))
     assert all(name.endswith(" N / s") for name in seconds.by_rate)
     far = qualify(Off(invert(model()), 3.0), whole, max_error=5.0, rate=0.5)

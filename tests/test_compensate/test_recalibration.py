@@ -197,9 +197,8 @@ def test_bounded_is_the_constrained_minimum(seed: int):
     free = np.setdiff1d(np.arange(5), held)
     gradient = np.linalg.solve(covariance, found - theta)
     # Only where clipping at the end was not needed is it the minimum over the free ones.
-    moved = theta + covariance[:, held] @ np.linalg.solve(
-        covariance[np.ix_(held, held)], found[held] - theta[held]
-    )
+    held_up = np.linalg.solve(covariance[np.ix_(held, held)], found[held] - theta[held])
+    moved = theta + covariance[:, held] @ held_up
     np.testing.assert_allclose(found[free], moved[free], atol=1e-8)
     np.testing.assert_allclose(gradient[free], 0.0, atol=1e-8)
 
@@ -257,9 +256,8 @@ def test_python_and_c_are_the_same(name: str, tmp_path: Path):
 
 
 def test_a_state_of_another_file_is_refused(tmp_path: Path):
-    files = [
-        export_runtime(relays(), tmp_path / f"{k}.json", run(relays()).y + k).path for k in (0, 1)
-    ]
+    y, model = run(relays()).y, relays()
+    files = [export_runtime(model, tmp_path / f"{k}.json", y + k).path for k in (0, 1)]
     first, second = map(loaded, files)
     with pytest.raises(FileError):
         second.restore(first.state())

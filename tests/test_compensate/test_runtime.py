@@ -187,9 +187,8 @@ def test_the_deviation_is_the_calibrated_one(tmp_path: Path):
     model, random = LinearSponge(2.0, 1.0), np.random.default_rng(0)
     u = 10 + 8 * np.sin(np.linspace(0, 30, 300))
     rising = np.gradient(u) > 0
-    y = np.asarray(model.simulate(None, u)) + np.where(rising, 0.2, 0.8) * u / 10 * random.normal(
-        size=300
-    )
+    noise = np.where(rising, 0.2, 0.8) * u / 10 * random.normal(size=300)
+    y = np.asarray(model.simulate(None, u)) + noise
     error = calibrated(invert(model), Record.from_arrays(u, y))
     wanted = np.asarray(error.simulate(None, y).deviation)
     assert np.ptp(wanted) > 0.2 * wanted.mean()
@@ -225,9 +224,8 @@ def test_sanitizers_find_nothing(tmp_path: Path):
     (tmp_path / "fuzz.c").write_text(FUZZ, "utf-8")
     flags = ("-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
     program = str(tmp_path / "fuzz")
-    subprocess.run(
-        ["gcc", *STRICT, *flags, str(tmp_path / "fuzz.c"), "-o", program, "-lm"], check=True
-    )
+    command = ["gcc", *STRICT, *flags, str(tmp_path / "fuzz.c"), "-o", program, "-lm"]
+    subprocess.run(command, check=True)
     done = subprocess.run([program], capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (0, "")
 

@@ -248,9 +248,8 @@ def test_an_atmega328_takes_3000_cycles_for_a_step_in_fixed_point(tmp_path: Path
     model = grid(20)
     u = random_histories(np.random.default_rng(3), 0.0, 1.0, (1, 240))[0]
     readings = np.asarray(model.simulate(None, u))
-    out = export_to(
-        "arduino", model, tmp_path / "sensor", readings, trained=(0.0, 1.0), real="fixed"
-    )
+    options = {"trained": (0.0, 1.0), "real": "fixed"}
+    out = export_to("arduino", model, tmp_path / "sensor", readings, **options)
     given, number = integers(out.path / "src" / "sensor.h", readings)
     board = on_avr(out.path / "src" / "sensor.h", given)
     found, status = run_fixed(out.path / "src" / "sensor.h", given)
@@ -337,9 +336,8 @@ def test_an_fmu_is_its_sources_and_runs_in_fmpy(tmp_path: Path):
     file = fmu("creep", "fmu", tmp_path)
     with zipfile.ZipFile(file) as archive:
         binary = [i for i in archive.infolist() if i.filename.startswith("binaries/")]
-        rest = sum(i.compress_size for i in archive.infolist()) - sum(
-            i.compress_size for i in binary
-        )
+        sizes = [sum(i.compress_size for i in them) for them in (archive.infolist(), binary)]
+        rest = sizes[0] - sizes[1]
         assert "resources/hysid-export.json" in archive.namelist()
     assert len(binary) == 1
     assert rest < 100_000
@@ -347,9 +345,8 @@ def test_an_fmu_is_its_sources_and_runs_in_fmpy(tmp_path: Path):
     assert fmu("creep", "fmu", tmp_path).read_bytes() == whole
     one = case("creep")
     times = 0.02 * np.arange(50)
-    table = np.array(
-        list(zip(times, one.y[:50], strict=True)), dtype=[("time", float), ("reading", float)]
-    )
+    kinds = [("time", float), ("reading", float)]
+    table = np.array(list(zip(times, one.y[:50], strict=True)), dtype=kinds)
     found = fmpy.simulate_fmu(str(file), input=table, stop_time=0.98, output_interval=0.02)
     assert found.dtype.names == ("time", "estimate", "deviation", "status")
     assert np.isfinite(found["estimate"][1:]).all()

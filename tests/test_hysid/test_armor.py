@@ -133,9 +133,8 @@ def test_the_weight_of_the_shell_is_taken_off_where_it_moves(folder: Path):
 @pytest.mark.thorough
 def test_a_calibration_is_kept_and_used(folder: Path, monkeypatch: pytest.MonkeyPatch):
     random = np.random.default_rng(5)
-    matrix = np.eye(6) + 0.02 * random.normal(size=(6, 6)) * np.kron(
-        [[1, 4], [0.25, 1]], np.ones((3, 3))
-    )
+    crosstalk = random.normal(size=(6, 6)) * np.kron([[1, 4], [0.25, 1]], np.ones((3, 3)))
+    matrix = np.eye(6) + 0.02 * crosstalk
     true = Armor(WristSensor(matrix=matrix), ContactSolver(BOX, Cover(SPONGE, factor=0.95)))
     surface = np.tile(np.arange(1, 6), 3)
     inward = np.asarray(BOX.faces().normal)[surface - 1]

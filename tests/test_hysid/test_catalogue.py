@@ -122,9 +122,8 @@ def test_configurations_are_what_fit_takes(dataset, tmp_path: Path):
     refused(run("fit", file, "--config", config), "[no-rows]")
     said = [found[key] for key in ("input", "output", "time", "each") if key in found]
     said += found["group"].split(",") if "group" in found else []
-    said += [
-        w.split("=")[0].split("%")[0] for k in ("where", "test_where") for w in found.get(k, ())
-    ]
+    chosen = [w for k in ("where", "test_where") for w in found.get(k, ())]
+    said += [w.split("=")[0].split("%")[0] for w in chosen]
     assert {*said} <= there
 
 
@@ -222,9 +221,8 @@ def test_other_layouts_than_listed_are_refused(address: str, text: str, words: s
 def test_what_is_no_catalogue_is_said(tmp_path: Path, text: str):
     file = tmp_path / "own.toml"
     file.write_text(text)
-    refused(
-        run("datasets", "list", "--catalogue", file), "damaged-file", "no catalogue", "own.toml"
-    )
+    listed = run("datasets", "list", "--catalogue", file)
+    refused(listed, "damaged-file", "no catalogue", "own.toml")
     refused(run("datasets", "list", "--catalogue", tmp_path / "no.toml"), "unreadable-file")
 
 

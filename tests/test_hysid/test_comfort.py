@@ -123,9 +123,8 @@ def _used(folder: Path, name: str) -> dict[str, Any]:
     made = hysid.invert(hysid.load(saved))
     with ThreadPoolExecutor(2) as threads:
         many = hysid.fit_many({"one": record}, name, clocks="auto", executor=threads)
-    compensate.export_runtime(
-        fit.model, saved / "it.json", Y, trained=fit.trained, times=record.time
-    )
+    known = {"trained": fit.trained, "times": record.time}
+    compensate.export_runtime(fit.model, saved / "it.json", Y, **known)
     assert fit.plot().axes
     return {
         "parameters": [p.value for p in fit.parameters], "covariance": fit.covariance,

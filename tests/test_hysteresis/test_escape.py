@@ -85,9 +85,8 @@ def test_a_compiler_reads_them_back(compiler: str, tmp_path: Path):
         compiler, *language, "-Wall", "-Wextra", "-Wcomment", "-Wtrigraphs", "-Werror",
         "-shared",
     ]  # fmt: skip
-    done = subprocess.run(
-        [*command, "-fPIC", str(source), "-o", str(library)], capture_output=True, text=True
-    )
+    command += ["-fPIC", str(source), "-o", str(library)]
+    done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     function = ctypes.CDLL(str(library)).name
     function.restype = ctypes.c_char_p

@@ -17,9 +17,9 @@ def pressed(K: float, b: float, seed: int, noise: float = 0.3) -> tuple[Record, 
     F = np.abs((np.arange(240) / 20 + 1) % 2 - 1) * 20
     d = np.where(F >= THRESHOLD, K * F + b, 0.0)
     d = d + np.random.default_rng(seed).normal(0, noise, len(F))
-    record = Record.from_arrays(
-        F, d, input_unit="N", output_unit="mm", input_name="force", output_name="displacement"
-    )
+    named = {"input_unit": "N", "output_unit": "mm"}
+    named |= {"input_name": "force", "output_name": "displacement"}
+    record = Record.from_arrays(F, d, **named)
     return record.split_cycles(1)
 
 

@@ -44,9 +44,8 @@ def test_a_power_law_of_time_is_found(exponent: float):
 def test_rows_are_those_of_the_fit():
     output = 2 * U + np.random.default_rng(0).normal(0, 0.1, ROWS)
     train, test = Record.from_arrays(U, output, TIME).split_cycles(1)
-    found = fit(
-        train, LinearSponge(1.0), test=test, noise="gaussian", starts=1, conditioning="keep"
-    )
+    options = {"noise": "gaussian", "starts": 1, "conditioning": "keep"}
+    found = fit(train, LinearSponge(1.0), test=test, **options)
     (line,) = (one for one in found.baselines if one.name == "straight line")
     slope, level = np.polyfit(U[train.mask], output[train.mask], 1)
     error = (slope * U + level - output)[test.mask]

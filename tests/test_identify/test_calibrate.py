@@ -92,9 +92,8 @@ def test_what_the_data_do_not_tell_keeps_its_prior_and_what_is_fixed_its_value()
 def test_recovery_of_a_bent_system_with_true_deviations():
     z = []
     for seed in range(12):
-        found = calibrate(
-            START, readings(Readings, seed), {"matrix": 1.0, "offset": 1.0, "gain": 0.5}
-        )
+        doubts = {"matrix": 1.0, "offset": 1.0, "gain": 0.5}
+        found = calibrate(START, readings(Readings, seed), doubts)
         true = [1.1, -0.2, 0.1, 0.8, 0.3, 0.7]
         z.append([(p.value - x) / p.deviation for p, x in zip(found.parameters, true, strict=True)])
         assert found.rms == pytest.approx(1.0, abs=0.35)  # of 60 residuals: deviation 0.09

@@ -96,9 +96,8 @@ def test_only_training_rows_are_seen(runs: int):
     held = record.cycle == CYCLES
     train = record.split_rows(held)[0]
     changed = {k: np.where(held, -7 * x, x) for k, x in record.columns.items()}
-    other = replace(
-        train, output=np.where(held, 99.0, train.output), columns=changed, input=train.input
-    )
+    output = np.where(held, 99.0, train.output)
+    other = replace(train, output=output, columns=changed, input=train.input)
     map, same = line(train).channels, line(other).channels
     np.testing.assert_array_equal(same.values, map.values)
     np.testing.assert_array_equal(same.nodes, map.nodes)

@@ -35,9 +35,8 @@ def rig(hold: float = 0.0, softer: float = 0.0, drift: float = 0.0) -> tuple[np.
 
 def told(record: Record, error: np.ndarray | float = 0.0) -> dict[str, Any]:
     residuals = np.zeros(len(record)) + error
-    found = replace(
-        line(*pressed(1.0, 0.0, 0)), train=record, residuals=residuals, used=record.mask
-    )
+    plain = line(*pressed(1.0, 0.0, 0))
+    found = replace(plain, train=record, residuals=residuals, used=record.mask)
     return {one.name: one for one in found.characteristics}
 
 

@@ -85,13 +85,11 @@ def test_drift_and_coefficients_come_from_the_loops():
     assert zero.value == pytest.approx(100 * 0.05 / 40 / middle, rel=0.02)
     assert slope.value == pytest.approx(100 * 1e-3 / middle, rel=0.05)
     assert zero.unit == "percent / degC"
-    assert sheet["reproducibility"].value == pytest.approx(
-        100 * (1.0 + 0.02 * 40 * 0.95) / 40 / middle, rel=0.1
-    )
+    wanted = 100 * (1.0 + 0.02 * 40 * 0.95) / 40 / middle
+    assert sheet["reproducibility"].value == pytest.approx(wanted, rel=0.1)
     assert sheet["repeatability"].value < 0.2
-    still = data_sheet(
-        record_of(*runs, columns={"temperature": 0 * warmth}, conditions={"temperature": "degC"})
-    )
+    more["columns"] = {"temperature": 0 * warmth}
+    still = data_sheet(record_of(*runs, **more))
     assert still["zero over temperature"].reason == "it does not change"
 
 

@@ -107,9 +107,8 @@ def test_two_writers_take_turns(tmp_path: Path):
     pytest.importorskip("fcntl")
     seen: list[bool] = []
     check = lambda: seen.append((tmp_path / "first").exists())  # noqa: E731
-    second = threading.Thread(
-        target=write_set, args=(tmp_path, "fit.json", {}, {}), kwargs={"check": check}
-    )
+    more = {"args": (tmp_path, "fit.json", {}, {}), "kwargs": {"check": check}}
+    second = threading.Thread(target=write_set, **more)
     with _file_set._alone(tmp_path):
         second.start()
         second.join(0.2)

@@ -34,9 +34,8 @@ def both() -> FitResult:
 
 def test_the_figure_of_candidates_has_content_after_load(both: FitResult, tmp_path) -> None:
     axes = plots.candidates(load(save(both, tmp_path / "fit"))).axes[0]
-    assert [label.get_text() for label in axes.get_yticklabels()] == [
-        candidate.name for candidate in both.candidates
-    ]
+    names = [label.get_text() for label in axes.get_yticklabels()]
+    assert names == [candidate.name for candidate in both.candidates]
     assert [bar.get_width() for bar in axes.patches] == [c.score for c in both.candidates]
 
 

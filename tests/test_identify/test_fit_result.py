@@ -46,9 +46,8 @@ def test_a_composition_that_relaxes_needs_the_times_too():
 def test_a_condition_goes_with_the_inputs():
     heat = np.repeat([10.0, 20.0, 30.0], 120)
     runs = np.repeat([0, 1, 2], 120)
-    record = Record.from_arrays(
-        U, Y * (1 + heat / 100), groups=runs, columns={"T": heat}, conditions={"T": "K"}
-    )
+    more = {"groups": runs, "columns": {"T": heat}, "conditions": {"T": "K"}}
+    record = Record.from_arrays(U, Y * (1 + heat / 100), **more)
     fit = hysid.fit(record, "Composition")
     assert fit.condition is not None
     measured = fit.predict(record)[120:240]

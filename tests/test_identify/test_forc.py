@@ -62,9 +62,8 @@ def test_every_curve_found_is_one(history: np.ndarray):
     y = np.array([uniform_output(u[: k + 1]) for k in range(len(u))])
     record = Record.from_arrays(u, y)
     last = u[np.flatnonzero(u == HIGH)[-1] :]
-    turned = (
-        u[: -len(last)] if last[-1] == last.min() else u
-    )  # where it ends at its lowest, it does not turn
+    # Where it ends at its lowest, it does not turn.
+    turned = u[: -len(last)] if last[-1] == last.min() else u
     if turned.min(initial=HIGH) == HIGH:
         refuses("too-few-curves", lambda: forc_curves(record))
         return

@@ -34,9 +34,8 @@ def cut_from_one_history(seed: int = 0) -> Record:
 @pytest.fixture(scope="module")
 def fit() -> identify.FitResult:
     train, test = cut_from_one_history().split_groups(["4"])
-    return identify.fit(
-        train, "StandardLinearSolid", test=test, known=KNOWN, starts=4, noise="gaussian"
-    )
+    how = {"known": KNOWN, "starts": 4, "noise": "gaussian"}
+    return identify.fit(train, "StandardLinearSolid", test=test, **how)
 
 
 def test_a_fit_behind_the_pasts_finds_the_model(fit: identify.FitResult):
@@ -58,9 +57,8 @@ def cut_from_loops(seed: int = 0, sequences: int = 20) -> Record:
     """Friction with eddies, whose sequences begin in the middle of a history that nobody has seen."""
     random = np.random.default_rng(seed)
     rows = sequences * LENGTH
-    u = np.interp(
-        np.arange(rows) / 8, np.arange(rows // 8 + 2), random.uniform(0, 3, rows // 8 + 2)
-    )
+    turns = random.uniform(0, 3, rows // 8 + 2)
+    u = np.interp(np.arange(rows) / 8, np.arange(len(turns)), turns)
     law = PrandtlIshlinskii([0.2, 0.5, 1.2], [1.0, 1.0, 1.0], 0.5)
     y = np.asarray(law.simulate(None, u)) + 2 * np.gradient(u)
     return Record.from_arrays(

@@ -31,9 +31,8 @@ def sponge(seed: int, rows: int = 120) -> Record:
 
 def near(value: Any, off: float) -> Any:
     """A cell of a table, as good as equal where it is a number."""
-    return (
-        pytest.approx(value, rel=off, abs=off, nan_ok=True) if isinstance(value, float) else value
-    )
+    close = {"rel": off, "abs": off, "nan_ok": True}
+    return pytest.approx(value, **close) if isinstance(value, float) else value
 
 
 def creeping(seed: int) -> Record:
@@ -151,9 +150,8 @@ def one_fit(tmp_path_factory) -> Path:
 def spread(executor, folder: Path, marker: str) -> identify.FitResult:
     """Six records, one of which kills the process that fits it."""
     records = {f"run {k}": sponge(k) for k in range(6)}
-    return identify.fit_many(
-        records, executor=executor, function=saved, folder=str(folder), marker=marker
-    )
+    how = {"function": saved, "folder": str(folder), "marker": marker}
+    return identify.fit_many(records, executor=executor, **how)
 
 
 def processes(count: int = 2) -> ProcessPoolExecutor:

@@ -70,9 +70,8 @@ def test_whitening_is_linear_and_whitens() -> None:
     noise = NoiseModel(0.8, phi=0.7, theta=-0.3)
     counted = stretch >= 0
     W = np.asarray(jax.vmap(lambda e: noise.whitened(e, rows))(jnp.eye(ROWS))).T
-    covariance = (
-        W[np.ix_(counted, counted)] @ dense(noise, rows, stretch) @ W[np.ix_(counted, counted)].T
-    )
+    W = W[np.ix_(counted, counted)]
+    covariance = W @ dense(noise, rows, stretch) @ W.T
     np.testing.assert_allclose(covariance, np.eye(counted.sum()), atol=1e-10)
 
 
@@ -92,9 +91,8 @@ def test_evidence_finds_the_kind_of_noise(kind: str) -> None:
         e = e * np.hypot(0.3, 5 * u)
     record = Record.from_arrays(u, 10 * u + e)
     found = fit(record, LinearSponge(1.0, 0.0, -np.inf), noise="auto").noise_model
-    known = {
-        name for name in ("phi", "theta", "tail", "growth") if getattr(found, name) is not None
-    }
+    names = ("phi", "theta", "tail", "growth")
+    known = {name for name in names if getattr(found, name) is not None}
     wanted = {
         "arma11": {"phi", "theta"}, "student-t": {"tail"}, "ar1": {"phi"},
         "growing": {"growth"},

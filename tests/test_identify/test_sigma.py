@@ -61,9 +61,8 @@ def test_rows_of_a_huge_sigma_have_no_influence(rows, wrong):
     spoilt = Record.from_arrays(U, y, record.time, sigma=sigma)
     without = Record.from_arrays(U, record.output, record.time, sigma=record.sigma, mask=mask)
     one, other = cubic(spoilt), cubic(without)
-    assert [p.value for p in one.parameters] == pytest.approx(
-        [p.value for p in other.parameters], rel=1e-9
-    )
+    values = [[p.value for p in found.parameters] for found in (one, other)]
+    assert values[0] == pytest.approx(values[1], rel=1e-9)
     assert one.metrics["train"] == pytest.approx(other.metrics["train"], nan_ok=True)
 
 
@@ -149,9 +148,8 @@ def test_moduli_are_weighted_by_their_sigma(tmp_path: Path):
     )  # fmt: skip
     off = {}
     for name in ("", "s"):
-        read = hysid.records(
-            path, frequency="f (Hz)", output="G1 (Pa)", loss="G2 (Pa)", sigma=name or None
-        )
+        columns = {"frequency": "f (Hz)", "output": "G1 (Pa)", "loss": "G2 (Pa)"}
+        read = hysid.records(path, **columns, sigma=name or None)
         found = identify.fit_step(read[""][0], terms=1)
         off[name] = abs(found["tau1"].value - 1)
     assert off["s"] < 0.01 * off[""]

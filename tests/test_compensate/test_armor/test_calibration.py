@@ -105,9 +105,8 @@ def test_the_armor_is_found_away_from_the_truth():
     assert found.scatter == pytest.approx(SCATTER, rel=0.6)  # of twenty presses
     true = found.calibration.prior._values(truth())
     flat = np.concatenate([np.ravel(x) for x in true])
-    z = [
-        (p.value - x) / p.deviation for p, x in zip(found.calibration.parameters, flat, strict=True)
-    ]
+    pairs = zip(found.calibration.parameters, flat, strict=True)
+    z = [(p.value - x) / p.deviation for p, x in pairs]
     # 51 z: their mean square is 1 to 0.2, and some more for what is not normal.
     assert 0.4 < np.mean(np.square(z)) < 2.0
 

@@ -57,9 +57,8 @@ def test_the_search_overlooks_nothing(seed: int):
     faces: Any = jax.tree.map(np.asarray, HEAD.faces())
     foot = np.cross(force, moment) / (force**2).sum(1, keepdims=True)
     along = force @ faces.normal.T
-    point = (
-        foot[:, None] - ((faces.offset + foot @ faces.normal.T) / along)[..., None] * force[:, None]
-    )
+    off = (faces.offset + foot @ faces.normal.T) / along
+    point = foot[:, None] - off[..., None] * force[:, None]
     outside = (np.einsum("kei,nki->nke", faces.edge, point) - faces.limit).max(axis=2)
     for n, row in enumerate(near):
         assert set(np.flatnonzero(outside[n] < 0)) <= set(row) - {-1}
@@ -70,9 +69,8 @@ def test_a_mesh_in_a_stream():
     moment = np.cross(point, force)
     solver = ContactSolver(ARM)
     stream = ContactStream(solver)
-    found = [
-        stream.step(0.1 * n, *now).surface for n, now in enumerate(zip(force, moment, strict=True))
-    ]
+    pushed = enumerate(zip(force, moment, strict=True))
+    found = [stream.step(0.1 * n, *now).surface for n, now in pushed]
     np.testing.assert_array_equal(found, solver.solve(force, moment).surface)
 
 

@@ -45,9 +45,8 @@ def test_slip_is_found_where_no_axis_has_a_play_of_its_own(rig, armor, presses):
 
     known = np.asarray(presses.readings).reshape(-1, 6)
     true = presses.force[..., None] * presses.direction[:, None]
-    touched = (
-        presses.touched[:, None] + presses.displacement[..., None] * presses.direction[:, None]
-    )
+    depth = presses.displacement[..., None] * presses.direction[:, None]
+    touched = presses.touched[:, None] + depth
     load = np.concatenate([true, np.cross(touched, true)], axis=-1).reshape(-1, 6)
     matrix = np.linalg.lstsq(known, load, rcond=None)[0].T
     assert left(found.sensor) < 0.8 * left(WristSensor(matrix))
@@ -56,9 +55,8 @@ def test_slip_is_found_where_no_axis_has_a_play_of_its_own(rig, armor, presses):
 def test_what_cannot_be(armor: Armor, presses: Presses, tmp_path):
     refuses("wrong-shape", lambda: Slip(np.full(3, 50.0)), "full_scale")
     plays = [LinearSponge(K=1.0, b=0.0, threshold=0.0)] * 6
-    played = eqx.tree_at(
-        lambda a: a.sensor, armor, WristSensor(hysteresis=plays), is_leaf=lambda x: x is None
-    )
+    sensor = WristSensor(hysteresis=plays)
+    played = eqx.tree_at(lambda a: a.sensor, armor, sensor, is_leaf=lambda x: x is None)
     with pytest.raises(InputError, match="play"):
         with_slip(played, presses, FULL)
     found = with_slip(armor, presses, FULL)

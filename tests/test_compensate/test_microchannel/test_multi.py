@@ -64,9 +64,8 @@ def test_the_forces_are_found():
     """One reading alone leaves 0.02/0.4 = 0.05 N, the two contacts apart; what moves steadily is known
     better, and better still three readings later."""
     now = np.concatenate([np.asarray(f.value) - F for f, F in zip(estimates(), TRUTH, strict=True)])
-    late = np.concatenate(
-        [np.asarray(f.late)[3:] - F[:-3] for f, F in zip(estimates(), TRUTH, strict=True)]
-    )
+    pairs = zip(estimates(), TRUTH, strict=True)
+    late = np.concatenate([np.asarray(f.late)[3:] - F[:-3] for f, F in pairs])
     assert np.sqrt(np.mean(now**2)) < 0.05
     assert np.sqrt(np.mean(late**2)) < 0.8 * np.sqrt(np.mean(now**2))
 
@@ -126,13 +125,11 @@ def test_without_jax_it_is_the_same_where_readings_surprise(tmp_path: Path):
         )
         for k, column in enumerate(z.T)
     ]  # fmt: skip
-    estimator = MultiContactEstimator(
-        ChannelSensor(networks, GAINS), [0.05, 0.05], MotionFilter(8.0)
-    )
+    sensor = ChannelSensor(networks, GAINS)
+    estimator = MultiContactEstimator(sensor, [0.05, 0.05], MotionFilter(8.0))
     channels, contacts = ([Quantity(n, unit) for n in "ab"] for unit in ("V", "N"))
-    file = export_contacts(
-        estimator, tmp_path / "it.json", z, t, channels=channels, contacts=contacts
-    )
+    names = {"channels": channels, "contacts": contacts}
+    file = export_contacts(estimator, tmp_path / "it.json", z, t, **names)
     runtime, wanted = load(file), estimator.simulate(t, z)
     found = [runtime.step(*now) for now in zip(np.diff(t, prepend=t[0]), z.tolist(), strict=True)]
     status = [one.status for one in found]

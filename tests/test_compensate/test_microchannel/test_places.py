@@ -179,13 +179,11 @@ def test_probabilities_are_the_frequencies():
 def test_what_was_never_seen_is_rejected():
     """Ratios of no place, forces of no press, nothing at all, nothing sound; the rest goes on."""
     press = np.array([2.0, 2.0])
-    presses = np.array(
-        [[4.0, 0.4], [0.3, 4.0], 20 * press, [0.05, -0.03], [np.nan, 1], [1, np.inf], press]
-    )
+    odd = [[4.0, 0.4], [0.3, 4.0], 20 * press, [0.05, -0.03], [np.nan, 1], [1, np.inf]]
+    presses = np.array([*odd, press])
     found = GAUSSIAN.locate(presses)
-    np.testing.assert_array_equal(
-        found.status, [UNKNOWN, UNKNOWN, BEYOND, NO_PRESS, INVALID, INVALID, OK]
-    )
+    wanted = [UNKNOWN, UNKNOWN, BEYOND, NO_PRESS, INVALID, INVALID, OK]
+    np.testing.assert_array_equal(found.status, wanted)
     np.testing.assert_array_equal(found.place, [-1, -1, 2, -1, -1, -1, 2])
     np.testing.assert_array_equal(found.probability[3:6], 0)
     np.testing.assert_allclose(found.probability[[0, 1, 2, 6]].sum(axis=1), 1, rtol=1e-12)

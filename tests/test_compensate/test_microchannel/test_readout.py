@@ -83,9 +83,8 @@ def test_nothing_that_is_not_finite_poisons_the_state(volts):
 
 def test_time_that_runs_backwards_or_is_missing():
     readout = Readout(1, scale=1.0, time_constant=1.0)
-    found = readout.simulate(
-        np.array([0.0, 1.0, 0.5, np.nan]), np.array([[1.0], [1.0], [3.0], [9.0]])
-    )
+    t = np.array([0.0, 1.0, 0.5, np.nan])
+    found = readout.simulate(t, np.array([[1.0], [1.0], [3.0], [9.0]]))
     np.testing.assert_array_equal(found.status[:, 0], [OK, OK, GAP, MISSING])
     np.testing.assert_array_equal(found.value[2:, 0], [3.0, 3.0])
 

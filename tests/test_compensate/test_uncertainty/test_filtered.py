@@ -22,9 +22,8 @@ GRID = Preisach(
     0.3,
 )
 BURGERS = Burgers(2.0, 40.0, 1.0, 5.0, 0.1)
-both = pytest.mark.parametrize(
-    "model", rest_thorough([GRID, BURGERS], 1), ids=["preisach", "burgers"]
-)
+models = rest_thorough([GRID, BURGERS], 1)
+both = pytest.mark.parametrize("model", models, ids=["preisach", "burgers"])
 
 
 def walk(step: float, samples: int, seed: int) -> np.ndarray:

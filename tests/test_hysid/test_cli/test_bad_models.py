@@ -36,9 +36,8 @@ def creep(constant: float, seconds: int = 200) -> str:
     force = 5 + 4 * np.interp(t % 50, [0, 20, 30, 50], [-1, 1, 1, -1])
     x = np.array(Burgers(2.0, 400.0, 1.0, constant).simulate(t, force))
     x += np.random.default_rng(0).normal(0, 1e-4 * np.ptp(x), len(x))
-    return text(
-        [[f"{a:g}", f"{b:.6g}", f"{c:.9g}", "1"] for a, b, c in zip(t, force, x, strict=True)]
-    )
+    rows = zip(t, force, x, strict=True)
+    return text([[f"{a:g}", f"{b:.6g}", f"{c:.9g}", "1"] for a, b, c in rows])
 
 
 @pytest.mark.parametrize(("constant", "words"), [

@@ -81,9 +81,8 @@ def test_every_file_is_fitted_and_the_bad_one_named():
         p["value"] for p in json.loads(Path("out/a/fit.json").read_text("utf-8"))["parameters"]
     ]
     # The command line has the last word.
-    more = run(
-        "fit", "data/a.csv", "--config", "batch.toml", "--out", "more", "--json", "--seed", 7
-    )
+    options = ("--config", "batch.toml", "--out", "more", "--json", "--seed", 7)
+    more = run("fit", "data/a.csv", *options)
     assert more.json()["seed"] == 7
 
     # Mended, the bad one alone is left to do.

@@ -108,9 +108,8 @@ LIST = [sys.executable, "-m", "hysid", "datasets", "list"]
 def test_a_reader_that_is_gone(tmp_path: Path):
     """`hysid ... | head`: nothing is said, and the exit status is that of a closed pipe."""
     out, into = os.pipe()
-    process = subprocess.Popen(
-        LIST, env=ENVIRONMENT, stdout=into, stderr=subprocess.PIPE, text=True
-    )
+    piped = {"stdout": into, "stderr": subprocess.PIPE, "text": True}
+    process = subprocess.Popen(LIST, env=ENVIRONMENT, **piped)
     os.close(into)
     os.close(out)
     _, said = process.communicate(timeout=60)

@@ -60,9 +60,8 @@ def test_options_that_are_given_are_not_doubted():
 def test_what_nothing_drives_is_not_fitted():
     rows = "".join(f"{3 * k % 7},{3 * k % 11},{5 * k % 13}\n" for k in range(40))
     put(f"Fx,Fy,Fz\n{rows}", "wrench.csv")
-    refused(
-        run("fit", "wrench.csv"), "none drives another", "hysid init wrench.csv", "[cannot-decide]"
-    )
+    words = ("hysid init wrench.csv", "[cannot-decide]")
+    refused(run("fit", "wrench.csv"), "none drives another", *words)
     refused(run("check", "wrench.csv"), "hysid init wrench.csv", "[cannot-decide]")
     assert [file.name for file in Path().iterdir()] == ["wrench.csv"]
     assert "\nhysid " not in run("init", "wrench.csv").out  # nor is a pair proposed
@@ -127,9 +126,8 @@ def test_a_configuration_from_elsewhere_says_nothing_of_its_file():
 def test_hysid_alone_says_how_to_begin():
     page = run().out
     assert page == run("--help").out
-    begin = [
-        line[4:].split("   ")[0].split() for line in page.splitlines() if line[:10] == "    hysid "
-    ]
+    lines = [line[4:] for line in page.splitlines() if line[:10] == "    hysid "]
+    begin = [line.split("   ")[0].split() for line in lines]
     assert [words[:2] for words in begin] == [
         ["hysid", "fit"], ["hysid", "report"], ["hysid", "export"]
     ]  # fmt: skip

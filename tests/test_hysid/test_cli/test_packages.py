@@ -37,9 +37,8 @@ def test_a_file_in_the_current_folder(name: str, kind: str, tmp_path: Path):
     assert told["error"]["code"] == "foreign-package"
     done = python(tmp_path, "-c", "import hysid")
     assert done.returncode == 1
-    assert done.stderr.splitlines()[-1].startswith(
-        f"ImportError: hysid needs its own package {name!r}"
-    )
+    words = f"ImportError: hysid needs its own package {name!r}"
+    assert done.stderr.splitlines()[-1].startswith(words)
 
 
 def test_the_command_does_not_look_into_the_current_folder(tmp_path: Path):

@@ -156,9 +156,8 @@ def test_a_command_that_lacks_the_option_names_the_one_that_has_it():
 
 def printed(lines: str) -> list[list[str]]:
     """The commands that stand on lines of their own."""
-    return [
-        shlex.split(line)[1:] for line in map(str.strip, lines.split("\n")) if line[:6] == "hysid "
-    ]
+    own = [line for line in map(str.strip, lines.split("\n")) if line[:6] == "hysid "]
+    return [shlex.split(line)[1:] for line in own]
 
 
 def test_what_init_prints_runs():
@@ -184,9 +183,8 @@ def test_what_a_report_prints_runs(cycles, held):
     assert run("fit", "a b.csv", *COLUMNS, "--time", T, *held, *FAST, "--out", "it's").code == 0
     assert run("report", "it's").code == 0
     page = Path("it's/report.html").read_text("utf-8")
-    code = [
-        html.unescape(re.sub(r"<[^>]*>", "", c)) for c in re.findall(r"<code>(.*?)</code>", page)
-    ]
+    code = re.findall(r"<code>(.*?)</code>", page)
+    code = [html.unescape(re.sub(r"<[^>]*>", "", c)) for c in code]
     found = [shlex.split(line)[1:] for line in code if line.startswith("hysid ")]
     assert found
     for words in found:

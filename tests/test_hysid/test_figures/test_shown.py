@@ -95,9 +95,8 @@ def test_compensators_print_their_numbers(name: str):
 def test_a_record_prints():
     text = short(str(replace(record(), history=(Note("remark", "Done."),) * 60)))
     assert "force (N)" in text
-    assert (
-        repr(record()) == f"<Record of {len(record())} rows, 1 sequences: 'force (N)' -> 'x (mm)'>"
-    )
+    words = f"{len(record())} rows, 1 sequences: 'force (N)' -> 'x (mm)'"
+    assert repr(record()) == f"<Record of {words}>"
 
 
 def test_a_fit_prints():

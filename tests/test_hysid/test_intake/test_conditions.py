@@ -93,9 +93,8 @@ def test_a_condition_between_trained_ones_is_predicted(fitted, found):
     assert fitted["metrics"]["test"]["nrmse_percent"] < 1.5
     without = [one for one in found.candidates if "temperature" not in one.name]
     assert min(one.score for one in without) > 3 * found.score
-    assert any(
-        said.startswith("'temperature (K)' is constant") for said in fitted["data"]["history"]
-    )
+    words = "'temperature (K)' is constant"
+    assert any(said.startswith(words) for said in fitted["data"]["history"])
 
 
 def test_a_new_file_of_one_condition_is_predicted_and_run_backwards(folder, fitted):
@@ -157,9 +156,8 @@ def test_both_inputs_of_one_run_are_told_apart_by_the_fit(found):
     columns = rig((300.0,))
     as_channels = record_of(columns, input=[U, C], condition=())
     assert as_channels.channels
-    np.testing.assert_array_equal(
-        found.predict(as_channels), found.predict(record_of(columns, group=None))
-    )
+    alone = found.predict(record_of(columns, group=None))
+    np.testing.assert_array_equal(found.predict(as_channels), alone)
 
 
 @pytest.mark.thorough

@@ -238,9 +238,8 @@ def test_what_a_rig_held_in_each_run_is_a_condition(name, values):
 def test_several_columns_that_change_are_named_where_none_is_an_input():
     rows = [f"{k},{np.sin(k):.4f},{np.cos(k):.4f}" for k in range(60)]
     said = run("init", put("\n".join(["time (s),force (N),humidity (%)", *rows])))
-    refused(
-        said, "nothing says which column drives it", "'humidity (%)'", "--input COL --output COL"
-    )
+    fix = "--input COL --output COL"
+    refused(said, "nothing says which column drives it", "'humidity (%)'", fix)
 
 
 def test_a_modulus_over_time_answers_a_unit_step_and_is_no_pair_with_its_error():
@@ -258,9 +257,8 @@ def test_creep_has_a_step():
     assert found["selection"] | {"time": "t (s)", "output": "strain"} == found["selection"]
     assert (found["selection"]["step"], found["selection"]["input_unit"]) == (10.0, "Pa")
     assert usable(found)
-    loaded = guessed(
-        text([["0", "0", "0"], *rows], ("t (s)", "strain", "stress (Pa)")), "--overwrite"
-    )
+    rested = text([["0", "0", "0"], *rows], ("t (s)", "strain", "stress (Pa)"))
+    loaded = guessed(rested, "--overwrite")
     assert (columns(loaded), loaded["selection"]["hold"]) == (
         ("t (s)", "stress (Pa)", "strain"),
         True,

@@ -92,9 +92,8 @@ def test_relaxation_at_several_temperatures_in_any_order(way: int):
     assert run("init", "runs.csv", "--json").json()["selection"] == {
         "time": "t (s)", "output": "E_relax (MPa)", "step": 1.0, "condition": ["T (degC)"]
     }  # fmt: skip
-    fit = run(
-        "fit", "runs.csv", "--config", "runs.toml", "--terms", 2, "--out", "out", "--json"
-    ).json()
+    options = ("--config", "runs.toml", "--terms", 2, "--out", "out", "--json")
+    fit = run("fit", "runs.csv", *options).json()
     np.testing.assert_allclose(fit["spectrum"]["shifts"]["log_a"], [1.0, 0.0], atol=0.01)
     assert "superposition" in [reason["code"] for reason in fit["verdict"]["reasons"]]
     assert way < 0 or run("report", "out").code == 0
@@ -142,9 +141,8 @@ def test_a_force_over_a_displacement_has_no_card():
     card = ("export", "out", "--to", "abaqus", "card.inp")
     refused(run(*card), "[wrong-unit]")
     x = np.sin(np.arange(60) / 3)
-    write(
-        Path("line.csv"), {"x (mm)": x, "F (N)": 3 * x + 0.01 * np.cos(7 * t)[np.arange(60) % 40]}
-    )
+    force = 3 * x + 0.01 * np.cos(7 * t)[np.arange(60) % 40]
+    write(Path("line.csv"), {"x (mm)": x, "F (N)": force})
     chosen = ("--input", "x (mm)", "--output", "F (N)", "--model", "LinearSponge")
     assert run("fit", "line.csv", *chosen, "--out", "out", "--overwrite").code == 0
     refused(run(*card), "The stiffness is in N / mm,", "[wrong-unit]")

@@ -39,9 +39,8 @@ def fitted(input: str, output: str) -> identify.FitResult:
 def test_names_are_text_on_every_page(tmp_path: Path):
     """A report has the kinds of tags that it has of innocent names, and so has a notebook's page."""
     pages = []
-    for k, (a, b) in enumerate(
-        [("force (N)", "x (mm)"), ("".join(HOSTILE), "".join(HOSTILE[::-1]))]
-    ):
+    names = [("force (N)", "x (mm)"), ("".join(HOSTILE), "".join(HOSTILE[::-1]))]
+    for k, (a, b) in enumerate(names):
         fit = fitted(a, b)
         page = hysid.report(fit, tmp_path / f"{k}.html").read_bytes().decode("utf-8")
         pages.append([Tags(page), Tags(fit._repr_html_()), Tags(fit.train._repr_html_())])

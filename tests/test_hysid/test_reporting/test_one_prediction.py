@@ -67,9 +67,8 @@ def test_figures_of_a_fit_are_of_its_prediction(fit: FitResult, document: dict[s
         found = document["metrics"][part]
         assert found["rmse"] == pytest.approx(np.sqrt(np.mean(error**2)), rel=1e-9)
         assert found["max_abs"] == pytest.approx(np.abs(error).max(), rel=1e-9)
-        assert found["nrmse_percent"] == pytest.approx(
-            100 * found["rmse"] / np.ptp(record.output[rows]), rel=1e-9
-        )
+        percent = 100 * found["rmse"] / np.ptp(record.output[rows])
+        assert found["nrmse_percent"] == pytest.approx(percent, rel=1e-9)
     residuals = (fit.predict(fit.train) - fit.train.output)[fit.used]
     assert residuals == pytest.approx(fit.residuals[fit.used], abs=1e-12)
 

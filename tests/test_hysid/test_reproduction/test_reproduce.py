@@ -65,9 +65,8 @@ def test_results_are_not_written_over(tmp_path):
     out.mkdir()
     (out / "reproduction.json").write_text("{}")
     before = tree(out)
-    refused(
-        run("reproduce", "tsuji2014", "--out", out, "--rigs", 2), "[would-overwrite]", "--overwrite"
-    )
+    again = run("reproduce", "tsuji2014", "--out", out, "--rigs", 2)
+    refused(again, "[would-overwrite]", "--overwrite")
     assert tree(out) == before
     (tmp_path / "file").write_text("")
     refused(run("reproduce", "tsuji2014", "--out", tmp_path / "file", "--rigs", 2), "is a file")
@@ -88,9 +87,8 @@ def test_a_worse_rig_does_not_pass_more_easily():
     assert not row(9.4, [9.9, 10.1], at_most=True)["within"]
     # Clopper and Pearson: (alpha/2)^(1/n) for n of n, and of 18 of 20 as published tables have it.
     assert row(20.0, [17.0], repeats=20)["tolerance"] == pytest.approx([20 * 0.025**0.05, 20])
-    assert row(18.0, [14.0], repeats=20)["tolerance"] == pytest.approx(
-        [20 * 0.6830, 20 * 0.9877], abs=2e-3
-    )
+    of_18 = row(18.0, [14.0], repeats=20)["tolerance"]
+    assert of_18 == pytest.approx([20 * 0.6830, 20 * 0.9877], abs=2e-3)
     low, high = row(93.0, [90.0], repeats=100, percent=True)["tolerance"]
     assert (low, high) == pytest.approx((86.11, 97.14), abs=0.01)
 
@@ -111,9 +109,8 @@ def test_linear_range_ends_where_a_kink_is():
     force = np.tile([*np.arange(0.0, 41, 2), *np.arange(38.0, -1, -2)], 3)
     side = np.repeat([-1.0, 0.0, 1.0], len(force) // 3)  # of three cycles, 0.5 mm apart
     line = force + 0.5 * side
-    straight = type(SpongeRig().five_cycles())(
-        6.0 * np.arange(len(force)), force, line, np.ones(len(force), int)
-    )
+    made, cycle = type(SpongeRig().five_cycles()), np.ones(len(force), int)
+    straight = made(6.0 * np.arange(len(force)), force, line, cycle)
     assert linear_range(straight) == 40
     bent = straight._replace(displacement=np.minimum(force, 30.0) + 0.5 * side)
     assert 30 < linear_range(bent) < 31

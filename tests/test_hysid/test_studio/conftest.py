@@ -11,9 +11,8 @@ import pytest
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Any]:
     playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
-    chromium = (
-        os.environ.get("CHROMIUM") or shutil.which("chromium") or shutil.which("chromium-browser")
-    )
+    known = map(shutil.which, ("chromium", "chromium-browser"))
+    chromium = os.environ.get("CHROMIUM") or next(filter(None, known), None)
     if chromium is None:
         pytest.skip("there is no chromium; install it, or name it in CHROMIUM")
     with playwright.sync_playwright() as started:

@@ -149,9 +149,8 @@ def _request(made: random.Random, host: str, secret: str) -> tuple[bytes, bool]:
                 key: value if isinstance(value, str) else json.dumps(value)
                 for key, value in asked.items()
             }
-            query = "&".join(
-                f"{key}={quote(w[:9000], errors='replace')}" for key, w in words.items()
-            )
+            pairs = [f"{key}={quote(w[:9000], errors='replace')}" for key, w in words.items()]
+            query = "&".join(pairs)
             method, path = ("POST" if name == "upload" else "GET"), f"{path}?{query}"
         else:
             body = json.dumps(asked).encode()
@@ -169,9 +168,8 @@ def _request(made: random.Random, host: str, secret: str) -> tuple[bytes, bool]:
         lines.append(f"Host: {host}")
     if made.random() < 0.97:
         lines.append(f"Content-Length: {len(body)}")
-    head = f"{method} {path} HTTP/1.1\r\n" + "".join(
-        f"{line}\r\n" for line in [*lines, "Connection: close"]
-    )
+    lines.append("Connection: close")
+    head = f"{method} {path} HTTP/1.1\r\n" + "".join(f"{line}\r\n" for line in lines)
     said = "".join(lines).lower()
     whole = "transfer-encoding" not in said and said.count("content-length") < 2
     return head.encode("latin-1", "replace") + b"\r\n" + body, whole

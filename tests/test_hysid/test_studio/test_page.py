@@ -158,9 +158,8 @@ def test_a_report_is_alive_where_scripts_run_and_a_picture_elsewhere(browser, tm
             assert not page.locator(".live img").first.is_visible()
             x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
             page.mouse.move(x, y)
-            assert re.fullmatch(
-                r".+: -?[\d.e-]+, -?[\d.e-]+", page.locator(".tip").first.inner_text()
-            )
+            tip = page.locator(".tip").first.inner_text()
+            assert re.fullmatch(r".+: -?[\d.e-]+, -?[\d.e-]+", tip)
             wide = page.evaluate(SPANS)
             page.mouse.down()
             page.mouse.move(x + box["width"] / 4, y + box["height"] / 4)
@@ -194,9 +193,8 @@ def test_a_hostile_file_is_shown_as_text(browser, tmp_path):
     with serving([tmp_path]) as ready:
         page = opened(browser, ready.address, faults)
         page.get_by_role("button", name="<svg onload").click()
-        page.get_by_role("cell", name=evil).or_(
-            page.get_by_role("rowheader", name=evil)
-        ).first.wait_for()
+        cells = [page.get_by_role(role, name=evil) for role in ("cell", "rowheader")]
+        cells[0].or_(cells[1]).first.wait_for()
         page.locator(".plot .u-over").first.wait_for()
         assert page.evaluate("window.hacked") is None
         assert page.locator("main img").count() == 0

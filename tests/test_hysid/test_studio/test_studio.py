@@ -94,9 +94,8 @@ def test_a_configuration_is_the_one_of_init_and_changes_leave_the_rest_alone(stu
     assert config.read_text() == other.read_text()
     assert look["selection"]["input"] == "force (N)"
     config.write_text(config.read_text() + "# mine\n[parameters]\nE1 = {start = 2.0}\n")
-    studio.change(
-        "run.csv", {"selection": {"test_cycles": 2, "time": None}, "fit": {"purpose": "constants"}}
-    )
+    changes = {"selection": {"test_cycles": 2, "time": None}, "fit": {"purpose": "constants"}}
+    studio.change("run.csv", changes)
     text = config.read_text()
     assert "# mine" in text
     assert "E1 = {start = 2.0}" in text
@@ -113,9 +112,8 @@ def test_a_broken_configuration_is_told_and_kept(studio, tmp_path):
     (tmp_path / "run.toml").write_text("[selection\n")
     assert studio.look("run.csv")["fault"]["code"] == "bad-config"
     assert (tmp_path / "run.toml").read_text() == "[selection\n"
-    (tmp_path / "run.toml").write_text(
-        '[selection]\ninput = "nope"\noutput = "displacement (mm)"\n'
-    )
+    columns = 'input = "nope"\noutput = "displacement (mm)"\n'
+    (tmp_path / "run.toml").write_text(f"[selection]\n{columns}")
     assert studio.look("run.csv")["columns"]
     assert studio.measurement("run.csv").judged()["fault"]["code"] == "no-column"
     columns = 'input = "force (N)"\noutput = "displacement (mm)"'
@@ -128,9 +126,8 @@ def test_brushing_writes_lines_that_the_command_line_reads(studio, tmp_path):
     one = studio.measurement("run.csv")
     one.configured()
     studio.change("run.csv", {"selection": one.brush("exclude", 60.0, 120.0, None)})
-    studio.change(
-        "run.csv", {"selection": one.brush("hold-out", 400.0, None, [5.0, 30.0, -1.0, 99.0])}
-    )
+    held_out = one.brush("hold-out", 400.0, None, [5.0, 30.0, -1.0, 99.0])
+    studio.change("run.csv", {"selection": held_out})
     selection = tomllib.loads(one.config.read_text("utf-8"))["selection"]
     ((train, test),) = hysid.records(one.file, **selection).values()
     t, u = train.time, train.input
@@ -184,9 +181,8 @@ def test_python_lines_make_the_records_and_the_fit_of_the_commands(studio, tmp_p
     for drawn, one in zip(curves["baselines"], loaded.baselines, strict=True):
         assert drawn["rms"] == pytest.approx(one.metrics["train"].rmse, rel=1e-4)
     slopes = {one["name"]: one["value"] for one in curves["sliders"]}
-    same, moved = (
-        studio.fits.redrawn(tmp_path / "run", {"K": k * slopes["K"]}, {}) for k in (1.0, 1.5)
-    )
+    steeper = [{"K": k * slopes["K"]} for k in (1.0, 1.5)]
+    same, moved = (studio.fits.redrawn(tmp_path / "run", change, {}) for change in steeper)
     assert same["rms"] == pytest.approx(curves["records"][-1]["rms"])
     assert moved["rms"] > same["rms"]
 

@@ -49,9 +49,8 @@ def with_shape(n: float, ratio: float) -> BoucWen:
 def test_against_a_stiff_solver(n: float, ratio: float):
     """The equation as it stands in the literature, along a path with minor loops."""
     k, alpha, beta, offset = 2.0, 0.2, 1.7, 0.1
-    model = BoucWen.of_coefficients(
-        k=k, alpha=alpha, beta=beta, gamma=ratio * beta, n=n, A=1.3, offset=offset
-    )
+    shape = {"alpha": alpha, "beta": beta, "gamma": ratio * beta, "n": n, "A": 1.3}
+    model = BoucWen.of_coefficients(k=k, offset=offset, **shape)
     turns = np.array([0.0, 2.0, -1.5, 0.4, -0.6, 1.0, 0.9])
     z, u, wanted = 0.0, [], []
     for start, end in pairwise(turns):
@@ -61,9 +60,8 @@ def test_against_a_stiff_solver(n: float, ratio: float):
             return 1.3 - beta * sign * abs(z) ** (n - 1) * z - ratio * beta * abs(z) ** n
 
         x = np.linspace(start, end, 12)
-        solved = solve_ivp(
-            slope, (start, end), [z], "Radau", x, rtol=1e-11, atol=1e-12, max_step=0.05
-        )
+        strict = {"rtol": 1e-11, "atol": 1e-12, "max_step": 0.05}
+        solved = solve_ivp(slope, (start, end), [z], "Radau", x, **strict)
         z = solved.y[0, -1]
         u.append(x)
         wanted.append(offset + alpha * k * x + (1 - alpha) * k * solved.y[0])
@@ -157,20 +155,17 @@ def drawn_worn(seed: int, loss: float = 1.0) -> DegradingBoucWen:
     """Losing strength at most at `loss` times the speed at which the output could fall."""
     rng = np.random.default_rng(seed)
     alpha, n = rng.random(), rng.uniform(0.5, 3)
-    inner = BoucWen(
-        rng.uniform(0.5, 5), alpha, rng.uniform(0.1, 2), n, rng.uniform(-0.5, 1), rng.normal()
-    )
+    k, Z = rng.uniform(0.5, 5), rng.uniform(0.1, 2)
+    inner = BoucWen(k, alpha, Z, n, rng.uniform(-0.5, 1), rng.normal())
     slip = Pinching(rng.uniform(0, 0.95), 10.0 ** rng.uniform(-2, 1), *rng.uniform(0.1, 0.9, 3))
-    return DegradingBoucWen(
-        inner, loss * rng.uniform(0, min(n * alpha / (1 - alpha), 0.5)), rng.uniform(0, 0.5), slip
-    )
+    strength = loss * rng.uniform(0, min(n * alpha / (1 - alpha), 0.5))
+    return DegradingBoucWen(inner, strength, rng.uniform(0, 0.5), slip)
 
 
 def path(turns: tuple[float, ...], longest: float) -> np.ndarray:
     """Straight from turn to turn, in steps of at most `longest`."""
-    ways = [
-        np.linspace(a, b, 1 + int(np.ceil(abs(b - a) / longest)))[1:] for a, b in pairwise(turns)
-    ]
+    ends = [(a, b, 1 + int(np.ceil(abs(b - a) / longest))) for a, b in pairwise(turns)]
+    ways = [np.linspace(*each)[1:] for each in ends]
     return np.concatenate([[turns[0]], *ways])
 
 
@@ -181,9 +176,8 @@ def path(turns: tuple[float, ...], longest: float) -> np.ndarray:
 def test_wear_against_a_stiff_solver(n: float, ratio: float, slip: Pinching | None):
     """The equations as they stand in the literature, in z and its own energy."""
     Z, k, alpha, strength, stiffness = 0.7, 2.0, 0.1, 0.08, 0.1
-    model = DegradingBoucWen(
-        BoucWen(k, alpha, Z, n, ratio, 0.1), strength * Z**2, stiffness * Z**2, slip
-    )
+    inner = BoucWen(k, alpha, Z, n, ratio, 0.1)
+    model = DegradingBoucWen(inner, strength * Z**2, stiffness * Z**2, slip)
     beta = Z**-n / (1 + ratio)
     gamma = ratio * beta
 

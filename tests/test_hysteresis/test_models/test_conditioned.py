@@ -78,9 +78,8 @@ def test_at_a_knot_it_is_the_model_of_the_knot_and_beyond_them_the_nearest(axis:
 def test_between_two_knots_it_is_straight_on_its_axis(axis: str, c: float, share: float):
     model = three(axis)
     low, high = (model.simulate(None, walk(at)) for at in (2.0, 5.0))
-    np.testing.assert_allclose(
-        model.simulate(None, walk(c)), (1 - share) * low + share * high, atol=1e-13
-    )
+    between = (1 - share) * low + share * high
+    np.testing.assert_allclose(model.simulate(None, walk(c)), between, atol=1e-13)
 
 
 @pytest.mark.parametrize(
@@ -91,21 +90,18 @@ def test_widened_it_goes_on_straight_beyond_its_knots(axis: str, c: float, step:
     model = three(axis)
     wide = extended(model, -2.0, 3.0, (0.0, c))
     near, last = (model.simulate(None, walk(at)) for at in (2.0, 5.0))
-    np.testing.assert_allclose(
-        wide.simulate(None, walk(c)), last + step * (last - near), atol=1e-12
-    )
+    beyond = last + step * (last - near)
+    np.testing.assert_allclose(wide.simulate(None, walk(c)), beyond, atol=1e-12)
     inside = walk(np.linspace(1.0, 5.0, 60))
-    np.testing.assert_allclose(
-        wide.simulate(None, inside), model.simulate(None, inside), atol=1e-12
-    )
+    wanted = model.simulate(None, inside)
+    np.testing.assert_allclose(wide.simulate(None, inside), wanted, atol=1e-12)
 
 
 def test_a_stage_behind_it_and_wider_relays_keep_its_outputs():
     model, rows = three(), walk(np.linspace(0.0, 6.0, 60))
     y = model.simulate(None, rows)
-    np.testing.assert_allclose(
-        extended(model, -2.0, 3.0).simulate(None, rows), y, atol=1e-12 * float(jnp.abs(y).max())
-    )
+    wide, tolerance = extended(model, -2.0, 3.0), 1e-12 * float(jnp.abs(y).max())
+    np.testing.assert_allclose(wide.simulate(None, rows), y, atol=tolerance)
     clipped = Series(model, Clip(low=0.0))
     np.testing.assert_array_equal(clipped.simulate(None, rows), np.maximum(y, 0.0))
     assert clipped.parts[0].condition == "temperature"

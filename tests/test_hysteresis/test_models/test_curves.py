@@ -61,17 +61,15 @@ def test_spline_is_the_integral_of_a_polygon(seed: int):
     u = np.concatenate([rng.uniform(nodes[0], nodes[-1], 20), nodes])
     # Sums of a few numbers of the output's size.
     np.testing.assert_allclose(model.simulate(None, u), 0.7 + whole(u), rtol=0, atol=1e-14 * 10)
-    np.testing.assert_allclose(
-        slope(model, jnp.asarray(u)), np.interp(u, nodes, slopes), atol=1e-13
-    )
+    steep = np.interp(u, nodes, slopes)
+    np.testing.assert_allclose(slope(model, jnp.asarray(u)), steep, atol=1e-13)
     ends = np.array([nodes[0] - 2.0, nodes[-1] + 3.0])
     wanted = [0.7 - 2 * slopes[0], 0.7 + whole(nodes[-1]) + 3 * slopes[-1]]
     np.testing.assert_allclose(model.simulate(None, ends), wanted, rtol=0, atol=1e-13)
     # Linear in slopes and offset.
     twice = MonotoneSpline(nodes, 2 * slopes, 1.4)
-    np.testing.assert_allclose(
-        twice.simulate(None, u), 2 * np.asarray(model.simulate(None, u)), rtol=1e-14
-    )
+    once = np.asarray(model.simulate(None, u))
+    np.testing.assert_allclose(twice.simulate(None, u), 2 * once, rtol=1e-14)
 
 
 def test_polynomial_is_numpys_inside_and_tangent_beyond():
@@ -178,7 +176,6 @@ def test_other_models_are_given_back():
     assert extended(line, -9.0, 9.0) is line
     within = model()
     assert extended(within, 0.2, 0.8) is within
-    fitted = Preisach(
-        GridDensity(0.0, 1.0, jnp.ones((CELLS, CELLS))), up=0.5 * jnp.ones((CELLS, CELLS))
-    )
+    masses = jnp.ones((CELLS, CELLS))
+    fitted = Preisach(GridDensity(0.0, 1.0, masses), up=0.5 * masses)
     assert extended(fitted, -1.0, 2.0) is fitted

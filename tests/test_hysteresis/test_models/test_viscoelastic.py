@@ -242,9 +242,8 @@ def test_steps_too_small_to_divide_by_are_exact(decade: float, p: Element):
     wanted = t / E1 + t**2 / (2 * eta1) + tau * delayed / E2
     y = np.asarray(model.simulate(t, t))
     # (phi - a) and (1 - phi) are differences of numbers near 1: eps of it, over x, per step.
-    np.testing.assert_allclose(
-        y, wanted, rtol=0, atol=SAMPLES * EPS * (t[-1] / E1 + t[-1] / E2) * 8
-    )
+    tolerance = SAMPLES * EPS * (t[-1] / E1 + t[-1] / E2) * 8
+    np.testing.assert_allclose(y, wanted, rtol=0, atol=tolerance)
 
 
 @given(elements, histories(-1.0, 1.0), st.integers(0, 99))

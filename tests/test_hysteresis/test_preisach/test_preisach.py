@@ -100,9 +100,8 @@ def test_leading_is_the_reversible_part_minus_the_lagging_relays(seed: int, u: n
     width = (HIGH - LOW) / density.cells
     R += increments[0] * np.minimum(u - LOW, 0) / width
     R += increments[-1] * np.maximum(u - HIGH, 0) / width
-    np.testing.assert_allclose(
-        output(leading, u), offset + R - relays, rtol=0, atol=2 * rounding(leading)
-    )
+    wanted = offset + R - relays
+    np.testing.assert_allclose(output(leading, u), wanted, rtol=0, atol=2 * rounding(leading))
 
 
 nodes_of_thirds = st.lists(st.integers(0, 12), min_size=SAMPLES, max_size=SAMPLES).map(np.array)
@@ -225,9 +224,8 @@ def test_reversible_parts_that_are_refused():
 def test_least_slope_is_the_least_slope(seed: int):
     """No branch is flatter, and some branch is as flat: rising and falling, from every quarter cell."""
     rng = np.random.default_rng(seed)
-    model = Preisach(
-        GridDensity(0.0, 3.0, np.tril(rng.normal(size=(3, 3))), signed=True), rng.random(3)
-    )
+    density = GridDensity(0.0, 3.0, np.tril(rng.normal(size=(3, 3))), signed=True)
+    model = Preisach(density, rng.random(3))
     least, h = np.asarray(model.least_slope()), 1e-6
     quarters = np.arange(0, 3.01, 0.25)
     places = np.concatenate([quarters[:-1] + 1e-4, quarters[1:] - 2e-4])

@@ -89,9 +89,8 @@ def test_samples_that_a_file_does_not_hold(tmp_path: Path):
     for samples in (21, 2**31, 2**40, 2**62):
         file.write_bytes(tdms(samples))
         begin = perf_counter()
-        with contextlib.suppress(
-            InputError
-        ):  # npTDMS takes a piece that is cut off for what it holds
+        # npTDMS takes a piece that is cut off for what it holds.
+        with contextlib.suppress(InputError):
             assert len(read_table(file).line) <= 40
         assert perf_counter() - begin < 5.0
 
@@ -102,9 +101,7 @@ CELLS = [
     *((k, c, float(k + c)) for k in range(1, 21) for c in (0, 1)),
 ]
 
-FAR = """
-<row r="1000000000"><c r="A1000000000"><v>1</v></c></row>
-"""
+FAR = '\n<row r="1000000000"><c r="A1000000000"><v>1</v></c></row>\n'
 
 
 @pytest.mark.parametrize(("content", "ending"), [
@@ -241,9 +238,8 @@ def test_a_list_of_an_archive_that_says_less_than_it_packs(tmp_path: Path):
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
         with archive.open("y.npy", "w") as member:
-            np.lib.format.write_array_header_1_0(
-                member, {"descr": "<f8", "fortran_order": False, "shape": (1,)}
-            )
+            about = {"descr": "<f8", "fortran_order": False, "shape": (1,)}
+            np.lib.format.write_array_header_1_0(member, about)
             for _ in range(200):
                 member.write(bytes(1_000_000))
         archive.getinfo("y.npy").file_size = 136
@@ -360,7 +356,6 @@ def test_a_packed_file_does_not_unpack_to_gigabytes(monkeypatch: pytest.MonkeyPa
         for _ in range(4):
             to.write(bytes(1_000_000))
     assert len(file.getvalue()) < 1e4
-    with pytest.raises(
-        ValueError, match=r"would unpack to 4,000,\d+ bytes, and the limit .* 2,000,000"
-    ):
+    words = r"would unpack to 4,000,\d+ bytes, and the limit .* 2,000,000"
+    with pytest.raises(ValueError, match=words):
         load_arrays(file)

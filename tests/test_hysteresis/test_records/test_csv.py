@@ -68,9 +68,8 @@ def test_a_cell_of_text(read):
     refuses("text-cell", lambda: read(other, na_values=["OVLD"], nan="omit"), "line 10", "'stop'")
     every = table([(t, x, f"{y} N") for t, x, y in ROWS])  # a row of units is alone
     refuses("text-cell", lambda: read(every), "line 2", "text among", "--na-values '0.0 N'")
-    refuses(
-        "text-cell", lambda: read(table(), decimal=","), "a decimal point", "leave --decimal away"
-    )
+    words = ("a decimal point", "leave --decimal away")
+    refuses("text-cell", lambda: read(table(), decimal=","), *words)
     swedish = table([(t, x, str(-y).replace("-", "\u2212")) for t, x, y in ROWS])
     np.testing.assert_array_equal(read(swedish).output, [-y for *_, y in ROWS])
     refuses("text-cell", lambda: read(with_cell(9, "0.7,0,1_5")), "line 9", "'1_5'")  # a name
@@ -109,9 +108,8 @@ def test_groups_where_and_keep(read):
     assert record.labels == ("a/1", "a/2", "a/10", "b/1", "b/2", "b/10")
     assert np.array_equal(record.time, np.tile(0.5 * np.arange(4), 6))
     assert np.array_equal(record.columns["part"], record.input % 3)
-    one = read(
-        text, "x_mm", "f_N", keep="part", condition="run"
-    )  # one name is not a list of letters
+    # One name is not a list of letters.
+    one = read(text, "x_mm", "f_N", keep="part", condition="run")
     assert "part" in one.columns
     assert list(one.conditions) == ["run"]
     some = read(text, "x_mm", "f_N", group="sample", where={"run": ["2", "10.0"]})

@@ -54,9 +54,8 @@ def set_with_blanks(*cells: str) -> str:
     return "".join(f"{cell:>14}" for cell in cells)
 
 
-NUMBERS = "\n".join(
-    set_with_blanks(str(k), *row.split()) for k, row in enumerate(rows(T, F).split("\n")[:-1])
-)
+LINES_OF_NUMBERS = [row.split() for row in rows(T, F).split("\n")[:-1]]
+NUMBERS = "\n".join(set_with_blanks(str(k), *row) for k, row in enumerate(LINES_OF_NUMBERS))
 UNITS = {
     "right": set_with_blanks("Index", "t", "Axial Force")
     + "\n"
@@ -230,9 +229,8 @@ def clock_of(cells: list[str], tmp_path, header: str = "when") -> np.ndarray:
 ])  # fmt: skip
 def test_dates_and_times_of_day_are_seconds(cells, tmp_path):
     per = 1 if len(cells) == 4 else 120  # behind a date, hours and minutes are enough
-    np.testing.assert_allclose(
-        clock_of(cells, tmp_path), per * np.array(EVEN[: len(cells)]), atol=1e-9
-    )
+    wanted = per * np.array(EVEN[: len(cells)])
+    np.testing.assert_allclose(clock_of(cells, tmp_path), wanted, atol=1e-9)
     record = read_csv(tmp_path / "run.csv", "force (N)", "x (mm)", "when")
     assert record.time_unit == "s"
     assert "clock" in {note.code for note in record.history}

@@ -269,9 +269,8 @@ def test_files_of_arrays(table, kind):
         with h5py.File(packed, "w", userblock_size=512 if kind == "7.3" else 0) as file:
             for run in ("a", "b"):
                 for name, x in (("t", T), ("F", F)):
-                    data = file.create_dataset(
-                        f"{run}/{name}", data=x[None] if kind == "7.3" else x
-                    )
+                    given = x[None] if kind == "7.3" else x
+                    data = file.create_dataset(f"{run}/{name}", data=given)
                     data.attrs["unit"] = "N" if name == "F" else "s"
         content = packed.getvalue()
         content = b"MATLAB 7.3 MAT-file" + content[19:] if kind == "7.3" else content
@@ -308,16 +307,14 @@ def test_parquet(table):
 def test_ros_bag(tmp_path, generation):
     bags = pytest.importorskip(f"rosbags.rosbag{generation}", reason="rosbags is an extra")
     types = pytest.importorskip("rosbags.typesys", reason="rosbags is an extra")
-    store = types.get_typestore(
-        types.Stores.ROS1_NOETIC if generation == 1 else types.Stores.LATEST
-    )
+    kinds = types.Stores
+    store = types.get_typestore(kinds.ROS1_NOETIC if generation == 1 else kinds.LATEST)
     vector = store.types["geometry_msgs/msg/Vector3"]
     path = tmp_path / ("run.bag" if generation == 1 else "run")
     packed = store.serialize_ros1 if generation == 1 else store.serialize_cdr
     with bags.Writer(path, **({} if generation == 1 else {"version": 9})) as writer:
-        topics = [
-            writer.add_connection(t, vector.__msgtype__, typestore=store) for t in ("/f", "/x")
-        ]
+        kind = vector.__msgtype__
+        topics = [writer.add_connection(t, kind, typestore=store) for t in ("/f", "/x")]
         for k in range(N):
             stamp = 10**9 * (1_700_000_000 + k)
             for topic, x, every in zip(topics, (F, X), (1, 2), strict=True):

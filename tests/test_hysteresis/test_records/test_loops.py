@@ -79,9 +79,8 @@ def test_a_record_that_stops_a_row_early_closes_within_its_error(noise):
     assert len(table) == 5
     closure = table["closure"]
     assert (np.abs(closure.value) < 3 * closure.error + 1e-12).all()
-    assert (
-        closure.error[:-1] < 3 * noise + 1e-4
-    ).all()  # numbers without noise have that of rounding
+    # Numbers without noise have that of rounding.
+    assert (closure.error[:-1] < 3 * noise + 1e-4).all()
 
 
 def test_coulomb_friction_and_rayleigh_loops():
@@ -111,9 +110,8 @@ def magnetic(rows: int = ROWS, noise: float = 0.0) -> Record:
     shift = np.where(np.sin(angle) > 0, -8, 12)  # falling: crosses zero at -8
     moment = 50 * np.tanh((field - shift) / 15) + 0.02 * (field - shift)
     moment += noise * np.random.default_rng(0).normal(size=len(field))
-    return record_of(
-        field, moment, ("kA/m", "kA/m"), input_name="field", output_name="magnetization"
-    )
+    names = {"input_name": "field", "output_name": "magnetization"}
+    return record_of(field, moment, ("kA/m", "kA/m"), **names)
 
 
 def test_a_magnetic_loop_is_known_by_its_units():
@@ -128,9 +126,8 @@ def test_a_magnetic_loop_is_known_by_its_units():
     assert one(table, "remanence") == pytest.approx((at_zero[0] - at_zero[1]) / 2, rel=1e-4)
     assert one(table, "saturation") == pytest.approx(50, rel=2e-3)
     assert one(table, "high-field slope") == pytest.approx(0.02, abs=1e-3)
-    assert one(table, "squareness") == pytest.approx(
-        one(table, "remanence") / one(table, "saturation"), rel=1e-9
-    )
+    squareness = one(table, "remanence") / one(table, "saturation")
+    assert one(table, "squareness") == pytest.approx(squareness, rel=1e-9)
     assert table["loss a cycle and volume"].unit == "J/m^3"
     expected = 4e-7 * np.pi * 1e6 * one(table, "loop width") * 200
     assert one(table, "loss a cycle and volume") == pytest.approx(expected, rel=1e-4)
@@ -182,9 +179,8 @@ def test_what_a_loop_does_not_tell_has_a_reason():
     assert len(ramp) == 0
     assert str(ramp).startswith("No loop")
     x = np.array([0, 1, 2, 3, 2, 1.4] * 1, float)
-    open_one = record_of(
-        np.interp(np.linspace(0, 5, 200), np.arange(6), x), np.arange(200.0)
-    ).loops()
+    path = np.interp(np.linspace(0, 5, 200), np.arange(6), x)
+    open_one = record_of(path, np.arange(200.0)).loops()
     assert "first input" in open_one["energy lost"].reason[0]
     assert np.isfinite(open_one["width at mid-range"].value[0])
     unknown = record_of(*weak, ("1", "1")).loops()
@@ -296,9 +292,8 @@ def test_the_mean_of_loops_knows_how_much_they_differ():
     angle = angles(5, 60)
     x, held = np.sin(angle), []
     for seed in range(40):
-        noise = scipy.signal.lfilter(
-            [1], [1, -0.97], np.random.default_rng(seed).normal(size=len(x))
-        )
+        white = np.random.default_rng(seed).normal(size=len(x))
+        noise = scipy.signal.lfilter([1], [1, -0.97], white)
         row = record_of(x, 3 * x + 0.5 * np.cos(angle) + 0.01 * noise).loops().summary
         one = {row.name: row for row in row}["stiffness"]
         held.append(abs(one.value - 3) <= 1.645 * one.error)
@@ -311,9 +306,8 @@ def test_a_turn_of_two_rows_is_not_read_beyond_its_readings():
     x = np.tile(np.r_[up, up[::-1]], 30)
     fall = np.tile(np.repeat([-0.01, 0.01], 200), 30)
     y = 0.5 + 0.02 * x + fall * np.sin(np.pi * x / 100)
-    table = record_of(
-        x, y + 1e-4 * np.random.default_rng(0).normal(size=len(x)), ("N", "V")
-    ).loops()
+    y += 1e-4 * np.random.default_rng(0).normal(size=len(x))
+    table = record_of(x, y, ("N", "V")).loops()
     truth = {"highest output": 2.5, "lowest output": 0.5, "output at lowest input": 0.5}
     for name, value in truth.items():
         off = np.abs(table[name].value - value) / table[name].error
@@ -322,9 +316,8 @@ def test_a_turn_of_two_rows_is_not_read_beyond_its_readings():
 
 def test_a_loop_that_does_not_close_counts_in_no_mean():
     """A play of 0.5 that gives 3 J between -2 and 2; the second loop ends at -1.2, and softens nothing."""
-    x = np.interp(
-        np.arange(1001), np.arange(11) * 100, (-2, 2, -2, 2, -1.2, 1.5, -1.5, 2, -2, 2, -2)
-    )
+    turns = (-2, 2, -2, 2, -1.2, 1.5, -1.5, 2, -2, 2, -2)
+    x = np.interp(np.arange(1001), np.arange(11) * 100, turns)
     force = [-1.5]
     for at in x[1:]:
         force.append(max(at - 0.5, min(at + 0.5, force[-1])))

@@ -85,9 +85,8 @@ def test_arrays_are_frozen_and_the_callers_are_not():
 
 
 def test_interleaved_groups_are_gathered_in_order_of_appearance():
-    record = Record.from_arrays(
-        np.arange(6.0), np.arange(6.0), groups=list("babaab"), columns={"k": np.arange(6)}
-    )
+    x, columns = np.arange(6.0), {"k": np.arange(6)}
+    record = Record.from_arrays(x, x, groups=list("babaab"), columns=columns)
     assert record.labels == ("b", "a")
     assert record.input.tolist() == [0, 2, 5, 1, 3, 4]
     assert record.line.tolist() == [1, 3, 6, 2, 4, 5]
@@ -231,9 +230,8 @@ def test_warnings():
     v = np.interp(np.arange(400), [0, 100, 200, 300, 400], [0, 10, -10, 10, 0])
     counts = np.round(np.clip(v - 0.4, -9.2, 9.4))
     assert check_identifiable(Record.from_arrays(v, counts)) == []
-    single = Record.from_arrays(
-        np.append(record.input, 1), np.append(record.output, 1), groups=["a"] * len(t) + ["b"]
-    )
+    more = (np.append(x, 1) for x in (record.input, record.output))
+    single = Record.from_arrays(*more, groups=["a"] * len(t) + ["b"])
     assert "'b'" in check_identifiable(single)[0]
 
 
@@ -326,9 +324,8 @@ def test_numbers_whose_squares_are_no_numbers_are_refused(tmp_path, value, code,
     given = {"input": good, "output": good} | {role: odd}
     refuses(code, lambda: Record.from_arrays(**given))
     file = tmp_path / "run.csv"
-    rows = "".join(
-        f"{u!r},{y!r}\n" for u, y in zip(*(x.tolist() for x in given.values()), strict=True)
-    )
+    pairs = zip(*(x.tolist() for x in given.values()), strict=True)
+    rows = "".join(f"{u!r},{y!r}\n" for u, y in pairs)
     file.write_text(f"u (N),y (mm)\n{rows}")
     refuses(code, lambda: read_csv(file, "u (N)", "y (mm)"))
 

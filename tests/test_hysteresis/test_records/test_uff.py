@@ -49,9 +49,8 @@ def data_set(
 def test_channels_over_time_are_columns(options, tmp_path):
     file = tmp_path / "run.uff"
     other = data_set("PSD", "g", X[:5], function=9, axis=18)
-    file.write_bytes(
-        data_set("Load", "N", F, **options) + other + data_set("LVDT", "mm", X, **options)
-    )
+    parts = [data_set("Load", "N", F, **options), other, data_set("LVDT", "mm", X, **options)]
+    file.write_bytes(b"".join(parts))
     table = read_table(file)
     assert list(table.columns) == ["time", "Load", "LVDT"]
     assert dict(table.units) == {"time": "s", "Load": "N", "LVDT": "mm"}

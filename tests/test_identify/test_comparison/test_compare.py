@@ -82,9 +82,8 @@ def test_evidence_is_the_integral_of_the_posterior(steep) -> None:
     heights = np.asarray(jax.jit(jax.vmap(about.log_probability))(points))
     volume = (axis[1] - axis[0]) ** 3 * abs(np.linalg.det(root))
     exact = scipy.special.logsumexp(heights) + np.log(volume)
-    (found,) = (
-        one for one in compare({"free": fitted, "given": steep[1]}).models if one.name == "free"
-    )
+    models = compare({"free": fitted, "given": steep[1]}).models
+    (found,) = (one for one in models if one.name == "free")
     assert found.log_evidence == pytest.approx(exact, abs=0.03)
 
 
@@ -223,9 +222,8 @@ def test_pooling_agrees_with_quadrature() -> None:
     A = np.linalg.inv(V + tau[:, None, :, None] ** 2 * np.eye(2))
     gain = (tau[:, None, :, None] ** 2 * np.eye(2)) @ A
     centre = means[:, None] + np.einsum("ksij,ksj->ksi", gain, z - means[:, None])
-    np.testing.assert_allclose(
-        found.specimens.mean((0, 1)), np.einsum("k,ksi->si", weight, centre), atol=0.01
-    )
+    wanted = np.einsum("k,ksi->si", weight, centre)
+    np.testing.assert_allclose(found.specimens.mean((0, 1)), wanted, atol=0.01)
 
 
 def test_specimens_are_drawn_to_the_mean_as_far_as_their_data_leave_open() -> None:
@@ -328,9 +326,8 @@ def test_ageing_is_seen_and_nothing_else(fits: list[FitResult]):
     )
     assert aged.parameters[0].name == "K"
     assert aged.parameters[0].clear
-    assert aged.parameters[0].difference == pytest.approx(
-        0.05 * fits[0].parameters[0].value, rel=0.1
-    )
+    softer = 0.05 * fits[0].parameters[0].value
+    assert aged.parameters[0].difference == pytest.approx(softer, rel=0.1)
 
 
 def test_parameters_carry_both_errors(fits: list[FitResult], tmp_path: Path):

@@ -20,9 +20,8 @@ TRUTH = [2.0, 10.0, 5e4, 5e4, 800.0, -1100.0]
 
 
 def recorded(u: np.ndarray, y: np.ndarray, **options) -> Record:
-    return Record.from_arrays(
-        u, y, np.arange(len(u)) / RATE, input_unit="N", output_unit="m", **options
-    )
+    t = np.arange(len(u)) / RATE
+    return Record.from_arrays(u, y, t, input_unit="N", output_unit="m", **options)
 
 
 @cache

@@ -35,9 +35,8 @@ def test_burgers_is_recovered_from_a_decade_away(leading: bool) -> None:
     assert result.success
     for name in ("E1", "eta1", "E2", "eta2", "offset"):
         # Noiseless: limited by the solver's tolerance of 1e-10 on the objective, its root on values.
-        assert float(getattr(result.model, name)) == pytest.approx(
-            float(getattr(truth, name)), rel=1e-4
-        )
+        value, true = (float(getattr(one, name)) for one in (result.model, truth))
+        assert value == pytest.approx(true, rel=1e-4)
     assert isinstance(result.model, Burgers)
     assert result.model.leading is leading
 
@@ -90,9 +89,8 @@ def test_of_one_loop_the_simpler_kind_of_model_is_taken() -> None:
 def test_test_rows_change_no_fit(sponge: Record) -> None:
     """Whatever stands in the held-out rows, the model is the same."""
     train, test = sponge.split_cycles(1)
-    spoiled = Record.from_arrays(
-        train.input, np.where(train.mask, train.output, 99.0), train.time, mask=train.mask
-    )
+    y = np.where(train.mask, train.output, 99.0)
+    spoiled = Record.from_arrays(train.input, y, train.time, mask=train.mask)
     one, other = fit(train, "Preisach", test=test), fit(spoiled, "Preisach")
     np.testing.assert_array_equal(one.model.density.weights, other.model.density.weights)  # type: ignore[attr-defined]
 
@@ -180,9 +178,8 @@ def test_a_saved_fit_comes_back(sponge_fit: FitResult, tmp_path) -> None:
 
 def test_beyond_the_fitted_inputs_a_prediction_goes_on_and_is_marked(sponge_fit: FitResult) -> None:
     low, high = sponge_fit.train.input.min(), sponge_fit.train.input.max()
-    u = np.concatenate(
-        [np.linspace(low, high, 50), np.linspace(high, high + 0.3 * (high - low), 30)[1:]]
-    )
+    beyond = np.linspace(high, high + 0.3 * (high - low), 30)[1:]
+    u = np.concatenate([np.linspace(low, high, 50), beyond])
     further = Record.from_arrays(u, np.zeros(len(u)), np.linspace(0, 8, len(u)))
     y = sponge_fit.predict(further)
     assert np.all(np.diff(y[49:]) > 0)

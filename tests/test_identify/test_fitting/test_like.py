@@ -82,9 +82,8 @@ def test_specimens_that_do_not_tell_each_other_are_left_out() -> None:
     for _ in range(3):
         one = pressed(1.0, 1.0)
         turned = np.where(one.cycle <= 1, one.output, random.uniform(-2, 2) * one.output)
-        records.append(
-            Record.from_arrays(one.input, turned, one.time, input_unit="mm", output_unit="N")
-        )
+        units = {"input_unit": "mm", "output_unit": "N"}
+        records.append(Record.from_arrays(one.input, turned, one.time, **units))
     fits = [fit(one, "LinearSponge") for one in records]
     few = pressed(1.2, 1.4).take_rows(0, 60)
     found = fit(few, "LinearSponge", like=fits)

@@ -185,9 +185,8 @@ def plugged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     info = tmp_path / "acme_loops-1.0.dist-info"
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: acme-loops\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text(
-        "[hysid.models]\nAcme = acme_loops:AcmeSlope\nBroken = acme_nowhere:Model\n"
-    )
+    points = "Acme = acme_loops:AcmeSlope\nBroken = acme_nowhere:Model\n"
+    (info / "entry_points.txt").write_text(f"[hysid.models]\n{points}")
     monkeypatch.syspath_prepend(tmp_path)
     return tmp_path
 
@@ -218,9 +217,8 @@ def test_a_saved_fit_names_its_distribution(plugged: Path, tmp_path: Path):
 @pytest.mark.thorough
 def test_many_fits_over_processes_keep_such_models(tmp_path: Path):
     with ProcessPoolExecutor(1, get_context("spawn")) as pool:
-        good = fit_many(
-            [record(1.0), record(2.0)], [Line(1.0)], executor=pool, starts=2, noise="auto"
-        )
+        how = {"executor": pool, "starts": 2, "noise": "auto"}
+        good = fit_many([record(1.0), record(2.0)], [Line(1.0)], **how)
         bad = fit_many([record()], Unregistered(1.0), executor=pool, starts=2, noise="auto")
     assert not good.failed
     assert [type(one.model) for _, one in good] == [Line, Line]

@@ -15,9 +15,8 @@ from identify.fitting._parametric import INCREMENTS, SHAPES, of_grid
 
 PLACE_AND_WIDTH = ("coercivity", "coercivity_width", "bias", "bias_width")
 
-TRUTH = Preisach(
-    GaussianDensity(0.0, 20.0, 3.0, 2.0, 1.0, 9.0, 3.0), np.linspace(0.5, 1.0, INCREMENTS), 4.0
-)
+BELL = GaussianDensity(0.0, 20.0, 3.0, 2.0, 1.0, 9.0, 3.0)
+TRUTH = Preisach(BELL, np.linspace(0.5, 1.0, INCREMENTS), 4.0)
 
 
 def minor_loops() -> np.ndarray:
@@ -45,9 +44,8 @@ def test_starts_have_the_moments_of_the_grid(name: str, leading: bool):
     alpha, beta = np.meshgrid(middle, middle, indexing="ij")
     h, m = (alpha - beta) / 2, (alpha + beta) / 2
     masses = np.tril(np.exp(-0.5 * ((h - 3) ** 2 + ((m - 9) / 2) ** 2)))
-    grid = Preisach(
-        GridDensity(0.0, 20.0, 3 * masses / masses.sum()), np.full(40, 0.5), 1.0, leading=leading
-    )
+    density = GridDensity(0.0, 20.0, 3 * masses / masses.sum())
+    grid = Preisach(density, np.full(40, 0.5), 1.0, leading=leading)
     starts = of_grid(grid, SHAPES[name])
     assert len(starts) == (3 if SHAPES[name].count == 2 else 1)
     for start in starts:

@@ -46,9 +46,8 @@ def test_creep_under_a_press():
         assert abs(found[name].value - value) < 4 * error < value
     assert (found["E1"].unit, found["eta1"].unit) == ("N / mm", "N * s / mm")
     assert fit.covariance.shape == (6, 6)
-    np.testing.assert_allclose(
-        np.sqrt(np.diagonal(fit.covariance)), [p.stderr or 0.0 for p in fit.parameters]
-    )
+    errors = [p.stderr or 0.0 for p in fit.parameters]
+    np.testing.assert_allclose(np.sqrt(np.diagonal(fit.covariance)), errors)
     assert [c.name for c in fit.candidates[:1]] == [fit.name]
     scores = [c.score for c in fit.candidates]
     assert scores == sorted(scores)
@@ -145,9 +144,8 @@ def test_the_way_to_a_hold_is_in_the_model(truth: Any, ramp: float, smooth: bool
         assert abs(one.value - value) < 4 * one.stderr
     rows = found.used
     # Rows of a long way are thinned for the spectrum: far less than the noise of 1e-3.
-    np.testing.assert_allclose(
-        found.predict(found.train)[rows], (found.train.output + found.residuals)[rows], rtol=1e-5
-    )
+    wanted = (found.train.output + found.residuals)[rows]
+    np.testing.assert_allclose(found.predict(found.train)[rows], wanted, rtol=1e-5)
 
 
 def test_a_master_curve_has_a_time_constant_for_each_decade() -> None:

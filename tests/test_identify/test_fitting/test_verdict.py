@@ -89,9 +89,8 @@ def test_without_held_out_rows_folds_decide(line: FitResult):
     assert {"baseline-better", "nothing-held-out", "loops-left"} <= set(verdict.codes)
     best = min(found.baselines, key=lambda one: one.blocks.mean())
     theirs, own, *apart = numbers(verdict, "baseline-better")
-    assert (theirs, own) == pytest.approx(
-        (np.sqrt(best.blocks.mean()), np.sqrt(found.blocks.mean())), rel=0.006
-    )
+    wanted = [np.sqrt(one.blocks.mean()) for one in (best, found)]
+    assert [theirs, own] == pytest.approx(wanted, rel=0.006)
     assert tuple(apart) == pytest.approx(root_difference(best.blocks, found.blocks), rel=0.06)
     percent = numbers(verdict, "nothing-held-out")[0]
     y = found.train.output[found.train.mask]
@@ -226,9 +225,8 @@ def test_a_hold_is_judged_by_its_reading():
     span = np.ptp(found.train.time[found.used]) if found.train.time is not None else np.nan
     assert share == pytest.approx(inside, abs=0.6)
     assert times == pytest.approx(test.time[counted][-1] / span, rel=0.01)
-    worse = replace(
-        found, metrics={**found.metrics, "test": figures._replace(relative_percent=3.0)}
-    )
+    figures = found.metrics | {"test": figures._replace(relative_percent=3.0)}
+    worse = replace(found, metrics=figures)
     ratio, held, fitted = numbers(judge(worse), "worse-than-trained")
     train = found.metrics["train"]
     assert (held, fitted) == pytest.approx((3.0, train.relative_percent), rel=0.06)

@@ -118,9 +118,8 @@ def test_products_find_what_the_matrix_finds(strength: float, monkeypatch: pytes
     dense = fit_density(record, 24, strength=strength)
     monkeypatch.setattr("identify.linear._density_fit.DENSE", 12)
     by_products = fit_density(record, 24, strength=strength)
-    np.testing.assert_allclose(
-        by_products.model.simulate(None, walk(5)), dense.model.simulate(None, walk(5)), atol=1e-6
-    )
+    outputs = [one.model.simulate(None, walk(5)) for one in (by_products, dense)]
+    np.testing.assert_allclose(*outputs, atol=1e-6)
 
 
 def test_the_strength_of_greatest_evidence_predicts_best() -> None:
@@ -169,9 +168,8 @@ def test_a_sum_of_densities_is_saved_and_loaded(tmp_path: Path) -> None:
     record = record_of(model, walk(2, turns=10, samples=100))
     found = replace(fit(record, "LinearSponge", noise="gaussian", starts=2), model=model)
     again = load(save(found, tmp_path / "fit")).model
-    np.testing.assert_array_equal(
-        model.simulate(None, record.input), again.simulate(None, record.input)
-    )
+    outputs = [one.simulate(None, record.input) for one in (model, again)]
+    np.testing.assert_array_equal(*outputs)
 
 
 ROWS = 600

@@ -48,9 +48,8 @@ def creep(rows: int) -> Record:
 @pytest.mark.parametrize("rows", rest_thorough([400, 4000], 1))
 def test_a_parameter_that_goes_to_infinity_is_unidentified_and_the_fit_converges(rows: int):
     """In these records noise makes any flow a worse fit; the verdict does not depend on their length."""
-    found = fit(
-        creep(rows), Burgers(1.0, 30.0, 2.0, 5.0), starts=4, noise="gaussian", conditioning="keep"
-    )
+    start, options = Burgers(1.0, 30.0, 2.0, 5.0), {"noise": "gaussian", "conditioning": "keep"}
+    found = fit(creep(rows), start, starts=4, **options)
     about = {p.name: p for p in found.parameters}
     assert found.success
     assert (about["eta1"].status, about["eta1"].stderr) == ("unidentified", None)
@@ -101,9 +100,8 @@ def test_a_first_state_that_is_a_parameter_is_found():
 
 def test_the_optimum_is_that_of_another_solver():
     record = creep(400)
-    found = fit(
-        record, StandardLinearSolid(1.0, 2.0, 5.0), noise="gaussian", starts=1, conditioning="keep"
-    )
+    start, options = StandardLinearSolid(1.0, 2.0, 5.0), {"noise": "gaussian", "starts": 1}
+    found = fit(record, start, conditioning="keep", **options)
     names = ("E1", "E2", "eta2", "offset")
 
     def residuals(values: np.ndarray) -> np.ndarray:
@@ -116,9 +114,8 @@ def test_the_optimum_is_that_of_another_solver():
 
 
 def test_thinned_rows_keep_the_turning_points():
-    u = np.interp(
-        np.arange(50_000), np.arange(0, 50_001, 250), np.random.default_rng(0).normal(size=201)
-    )
+    ends = np.random.default_rng(0).normal(size=201)
+    u = np.interp(np.arange(50_000), np.arange(0, 50_001, 250), ends)
     rows, starts = thinned_rows(Record.from_arrays(u, u, groups=np.arange(50_000) >= 20_000), 1000)
     assert len(rows) < 1100
     assert rows[0] == 0

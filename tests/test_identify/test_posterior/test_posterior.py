@@ -132,13 +132,11 @@ def test_draws_of_every_row_are_those_of_the_target(line_fit, line_posterior) ->
     assert count == len(line_fit.train)
     # The first draw of each ensemble is the first that was kept.
     first = np.asarray(posterior.draws[:, 0])
-    point = np.column_stack(
-        [aim.bounds.from_values(first[:, :2]), aim.noise_bounds.from_values(first[:, 2:])]
-    )
+    free = aim.bounds.from_values(first[:, :2]), aim.noise_bounds.from_values(first[:, 2:])
+    point = np.column_stack(free)
     for k in range(ensembles):
-        np.testing.assert_allclose(
-            rows.log_likelihood[k, 0], aim.pointwise(jnp.asarray(point[k])), rtol=1e-9, atol=1e-9
-        )
+        wanted = aim.pointwise(jnp.asarray(point[k]))
+        np.testing.assert_allclose(rows.log_likelihood[k, 0], wanted, rtol=1e-9, atol=1e-9)
     # Every row's 90 % range holds nine readings of ten: 200 rows, three deviations of 2 per cent.
     low, high = np.quantile(rows.predictive, [0.05, 0.95], axis=(0, 1))
     inside = ((rows.observed > low) & (rows.observed < high)).mean()

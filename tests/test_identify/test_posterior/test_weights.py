@@ -32,9 +32,8 @@ def test_the_marginal_likelihood_is_that_of_the_dense_gaussian() -> None:
     rows = np.column_stack([A @ basis.directions, y])
     left = y - A @ np.linalg.lstsq(A, y, rcond=None)[0]
     evidence = WeightsEvidence(*(neighbour_sums([x], SEQUENCES) for x in (rows, left[:, None])))
-    points = evidence.place + np.array(
-        [[0.0, 0, 0], [0.2, 0.3, 0.5], [-0.2, -0.2, -1], [0, 0.37, 2]]
-    )
+    aside = [[0.0, 0, 0], [0.2, 0.3, 0.5], [-0.2, -0.2, -1], [0, 0.37, 2]]
+    points = evidence.place + np.array(aside)
     found = evidence(points)
 
     def dense(point: np.ndarray) -> float:
