@@ -7,6 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tests.c_harness import ran
+
 ON_AVR = """\
 #include <avr/interrupt.h>
 #include <avr/io.h>
@@ -98,18 +100,25 @@ def on_avr(header: Path, readings: np.ndarray, dt: float = 0.0) -> OnBoard:
         )
     )  # fmt: skip
     program = source.with_suffix(".elf")
-    command = ["avr-gcc", "-mmcu=atmega328p", "-O2", "-std=gnu99", "-Wall", "-Werror", str(source)]
-    subprocess.run([*command, "-o", str(program), "-lm"], check=True)
-    sized = subprocess.run(["avr-size", str(program)], check=True, capture_output=True, text=True)
-    text, data, bss = (int(x) for x in sized.stdout.splitlines()[1].split()[:3])
-    done = subprocess.run(
-        ["simavr", "-m", "atmega328p", "-f", "16000000", str(program)],
-        capture_output=True, text=True, timeout=300,
-    )  # fmt: skip
-    found = re.findall(r"([0-9a-f]{8}) ([0-9a-f]{8}) ([0-9a-f]{8}) ", done.stdout + done.stderr)
-    assert len(found) == len(readings), done.stdout[-500:] + done.stderr[-500:]
-    word, status, cycles = np.array([[int(x, 16) for x in row] for row in found]).T
-    return OnBoard(word, status, cycles, data + bss, text + data)
+    flags = ("-mmcu=atmega328p", "-O2", "-std=gnu99", "-Wall", "-Werror")
+    ran("avr-gcc", *flags, source, "-o", program, "-lm")
+    board = ["simavr", "-m", "atmega328p", "-f", "16000000", str(program)]
+    word, status, cycles = _words(board, 3, len(readings))
+    return OnBoard(word, status, cycles, *_sizes("avr-size", program))
+
+
+def _sizes(tool: str, program: Path) -> tuple[int, int]:
+    """RAM and flash in bytes."""
+    text, data, bss = (int(x) for x in ran(tool, program).stdout.splitlines()[1].split()[:3])
+    return data + bss, text + data
+
+
+def _words(board: list[str], columns: int, rows: int) -> np.ndarray:
+    """What the board wrote, (columns, rows); the simulators end as they like."""
+    done = subprocess.run(board, capture_output=True, text=True, timeout=300)
+    found = re.findall("([0-9a-f]{8}) " * columns, done.stdout + done.stderr)
+    assert len(found) == rows, (done.stdout + done.stderr)[-500:]
+    return np.array([[int(x, 16) for x in row] for row in found]).T
 
 
 ON_ARM = """\
@@ -189,9 +198,7 @@ SECTIONS
 """
 
 
-def on_cortex_m4(
-    header: Path, readings: np.ndarray, dt: float = 0.0, learner: int | None = None
-) -> OnBoard:
+def on_cortex_m4(header: Path, readings: np.ndarray, dt=0.0, learner: int | None = None) -> OnBoard:
     """A Cortex-M4 with its unit for float, in QEMU: `cycles` are the instructions of a step, or of an
     update of the node `learner` by a reference."""
     stem, fixed = header.stem, readings.dtype.kind == "i"
@@ -211,35 +218,21 @@ def on_cortex_m4(
     )  # fmt: skip
     layout, program, log = (source.with_suffix(end) for end in (".ld", ".elf", ".log"))
     layout.write_text(LAYOUT)
-    command = [
-        "arm-none-eabi-gcc",
-        *CORTEX_M4,
-        "-O2",
-        "-std=gnu99",
-        "-ffp-contract=off",
-        str(source),
-    ]
-    command += ["-nostartfiles", "-T", str(layout), "-o", str(program), "-lm"]
-    subprocess.run(command, check=True)
-    sizes = ["arm-none-eabi-size", str(program)]
-    sized = subprocess.run(sizes, check=True, capture_output=True, text=True)
-    text, data, bss = (int(x) for x in sized.stdout.splitlines()[1].split()[:3])
-    done = subprocess.run(
-        ["qemu-system-arm", "-M", "mps2-an386", "-nographic", "-semihosting", "-kernel", str(program),
-         "-singlestep", "-d", "exec,nochain", "-D", str(log)],
-        capture_output=True, text=True, timeout=300,
-    )  # fmt: skip
-    found = re.findall(r"([0-9a-f]{8}) ([0-9a-f]{8}) ", done.stdout + done.stderr)
-    assert len(found) == len(readings), (done.stdout + done.stderr)[-500:]
-    words, status = np.array([[int(x, 16) for x in row] for row in found]).T
-    return OnBoard(words, status, _instructions(program, log), data + bss, text + data)
+    flags = (*CORTEX_M4, "-O2", "-std=gnu99", "-ffp-contract=off", "-nostartfiles", "-T", layout)
+    ran("arm-none-eabi-gcc", *flags, source, "-o", program, "-lm")
+    board = [
+        "qemu-system-arm", "-M", "mps2-an386", "-nographic", "-semihosting", "-kernel", str(program),
+        "-singlestep", "-d", "exec,nochain", "-D", str(log),
+    ]  # fmt: skip
+    words, status = _words(board, 2, len(readings))
+    sizes = _sizes("arm-none-eabi-size", program)
+    return OnBoard(words, status, _instructions(program, log), *sizes)
 
 
 def _instructions(program: Path, log: Path) -> np.ndarray:
     """Instructions of each call of `stepped`: from its first to that after its return, in the caller."""
-    names = ["arm-none-eabi-nm", "-S", str(program)]
-    named = subprocess.run(names, check=True, capture_output=True, text=True).stdout
-    rows = [line.split() for line in named.splitlines()]
+    named = ran("arm-none-eabi-nm", "-S", program)
+    rows = [line.split() for line in named.stdout.splitlines()]
     where = {row[-1]: row for row in rows if len(row) == 4}
     first = int(where["stepped"][0], 16) & ~1
     main, size = int(where["main"][0], 16) & ~1, int(where["main"][1], 16)

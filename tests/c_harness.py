@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+Arrays = tuple[np.ndarray, ...]
 STRICT = ("-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror")
 
 
@@ -89,6 +90,13 @@ void learn(
 """
 
 
+def ran(*command: str | Path, **options: Any) -> subprocess.CompletedProcess[str]:
+    """A command that succeeded: its words are what it said."""
+    done = subprocess.run(command, capture_output=True, text=True, **options)
+    assert done.returncode == 0, done.stderr
+    return done
+
+
 class Compiled:
     """A header `stem`.h as a shared library."""
 
@@ -103,39 +111,22 @@ class Compiled:
         code = SOURCE + (LEARNING if f"{stem}_learn(" in self.text else "")
         source.write_text(code.format(stem=stem, c=c, predict=predict), "utf-8")
         library = header.with_suffix(f".{compiler}.so")
-        command = [
-            compiler,
-            *STRICT,
-            *flags,
-            "-shared",
-            "-fPIC",
-            str(source),
-            "-o",
-            str(library),
-            "-lm",
-        ]
-        done = subprocess.run(command, capture_output=True, text=True)
-        assert done.returncode == 0, done.stderr
+        paths = [str(source), "-o", str(library), "-lm"]
+        ran(compiler, *STRICT, *flags, "-shared", "-fPIC", *paths)
         self.library = ctypes.CDLL(str(library))
 
-    def run(
-        self, dt: np.ndarray, y: np.ndarray, c: np.ndarray | None = None
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def run(self, dt: np.ndarray, y: np.ndarray, c: np.ndarray | None = None) -> Arrays:
         """Estimates and statuses; `c`: the condition, where the header asks for one."""
         return self.run_with_deviation(dt, y, c)[:2]
 
-    def run_with_deviation(
-        self, dt: np.ndarray, y: np.ndarray, c: np.ndarray | None = None
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def run_with_deviation(self, dt: Any, y: np.ndarray, c: np.ndarray | None = None) -> Arrays:
         """And the deviations."""
         c = np.zeros(len(y)) if c is None else c
         u, off, status = np.empty(len(y)), np.empty(len(y)), np.empty(len(y), np.int32)
         self.library.run(ctypes.c_long(len(y)), *map(_pointer, (dt, y, c, u, off, status)))
         return u, status, off
 
-    def learn(
-        self, dt: np.ndarray, y: np.ndarray, known: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def learn(self, dt: np.ndarray, y: np.ndarray, known: np.ndarray) -> Arrays:
         """Estimates, accuracy lost and advice of a compensator that learns; `known`: inputs, or NaN."""
         u, lost, advice = np.empty(len(y)), np.empty(len(y)), np.empty(len(y), np.int32)
         pointers = map(_pointer, (dt, y, known, u, lost, advice))

@@ -1,6 +1,7 @@
 """One density of every kind, and Everett's function from its definition: no tables, no tricks."""
 
 from collections.abc import Callable
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -22,14 +23,11 @@ def warped(rng: np.random.Generator, low: float, high: float) -> GridDensity:
     return GridDensity(low, high, rng.uniform(0.1, 1.0, (CELLS, CELLS)), nodes=nodes)
 
 
-def coercive(kind: type[Coercive]) -> Make:
-    def make(rng: np.random.Generator, low: float, high: float) -> Coercive:
-        total, size = rng.uniform(1, 3), high - low
-        coercivity, width, bias_width = size * rng.uniform(0.1, 0.2, 3)
-        bias = (low + high) / 2 + size * rng.uniform(-0.1, 0.1)
-        return kind(low, high, total, coercivity, width, bias, bias_width)
-
-    return make
+def coercive(rng: np.random.Generator, low: float, high: float, kind: type[Coercive]) -> Coercive:
+    total, size = rng.uniform(1, 3), high - low
+    coercivity, width, bias_width = size * rng.uniform(0.1, 0.2, 3)
+    bias = (low + high) / 2 + size * rng.uniform(-0.1, 0.1)
+    return kind(low, high, total, coercivity, width, bias, bias_width)
 
 
 def mixture(rng: np.random.Generator, low: float, high: float) -> SumDensity:
@@ -46,7 +44,7 @@ def mixture(rng: np.random.Generator, low: float, high: float) -> SumDensity:
 KINDS: tuple[type[Coercive], ...] = (GaussianDensity, LorentzianDensity)
 DENSITIES: dict[str, Make] = {
     "warped": warped,
-    **{kind.__name__: coercive(kind) for kind in KINDS},
+    **{kind.__name__: partial(coercive, kind=kind) for kind in KINDS},
     "sum": mixture,
 }
 

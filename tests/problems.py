@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from typing import Any, Literal, get_args
 
@@ -34,10 +35,11 @@ from hysteresis import (
 from hysteresis.preisach import GridDensity
 from tests import compositions
 from tests.densities import CELLS as DENSITY_CELLS
-from tests.densities import Make, warped
+from tests.densities import warped
 from tests.thorough import rest_thorough
 
 Tag = Literal["rates", "lagging", "leading", "memoryless", "grid", "flat", "no-inverse"]
+Makes = Callable[[np.random.Generator], AbstractModel]
 Known = tuple[np.ndarray, np.ndarray, np.ndarray]
 SAMPLES = 40
 """Length of the histories: one length, so that a law compiles once per problem."""
@@ -59,7 +61,7 @@ class Problem:
     """
 
     name: str
-    make: Callable[[np.random.Generator], AbstractModel]
+    make: Makes
     low: float
     high: float
     tags: frozenset[Tag]
@@ -131,17 +133,14 @@ def weights(rng: np.random.Generator, sparse: bool = False) -> np.ndarray:
     return w
 
 
-def _sponge(threshold: float) -> Callable[[np.random.Generator], LinearSponge]:
+def _sponge(threshold: float) -> Makes:
     return lambda rng: LinearSponge(K=rng.uniform(0.5, 2), b=rng.uniform(1, 8), threshold=threshold)
 
 
-def _burgers(leading: bool, hold: Literal["linear", "constant"]):
-    def make(rng: np.random.Generator) -> Burgers:
-        E1, E2 = rng.uniform(1, 4, 2)
-        eta1, eta2 = rng.uniform(20, 80), rng.uniform(2, 10)
-        return Burgers(E1, eta1, E2, eta2, rng.normal(), leading=leading, hold=hold)
-
-    return make
+def _burgers(rng: np.random.Generator, leading: bool, hold: Any) -> Burgers:
+    E1, E2 = rng.uniform(1, 4, 2)
+    eta1, eta2 = rng.uniform(20, 80), rng.uniform(2, 10)
+    return Burgers(E1, eta1, E2, eta2, rng.normal(), leading=leading, hold=hold)
 
 
 def _kelvin_voigt(rng: np.random.Generator) -> GeneralizedKelvinVoigt:
@@ -169,27 +168,20 @@ def _viscoelastic_known(model: AbstractModel) -> Known:
 
 
 def _preisach(
-    initial: str | tuple[float, ...],
-    leading: bool = False,
-    reversible: bool = False,
-    sparse: bool = False,
-    share_up: bool = False,
-    dead_band: float = 0.0,
-):
-    def make(rng: np.random.Generator) -> Preisach:
-        density = GridDensity(LOW, HIGH, weights(rng, sparse))
-        increments = rng.uniform(0.1, 0.5, CELLS) if reversible or leading else None
-        if leading and increments is not None:
-            # Steeper than the relays can fall: least_slope is that of the relays, per unit of input.
-            flat = Preisach(density, jnp.zeros(CELLS), leading=True).least_slope()
-            increments -= np.asarray(flat) * ((HIGH - LOW) / CELLS)
-        up = np.asarray(density.weights) * rng.random((CELLS, CELLS)) if share_up else None
-        return Preisach(
-            density, increments, rng.normal(), up,
-            leading=leading, initial=initial, dead_band=dead_band,
-        )  # fmt: skip
-
-    return make
+    rng: np.random.Generator, initial: str = "negative", leading: bool = False, reversible: bool = False,
+    sparse: bool = False, share_up: bool = False, dead_band: float = 0.0,
+) -> Preisach:  # fmt: skip
+    density = GridDensity(LOW, HIGH, weights(rng, sparse))
+    increments = rng.uniform(0.1, 0.5, CELLS) if reversible or leading else None
+    if leading and increments is not None:
+        # Steeper than the relays can fall: least_slope is that of the relays, per unit of input.
+        flat = Preisach(density, jnp.zeros(CELLS), leading=True).least_slope()
+        increments -= np.asarray(flat) * ((HIGH - LOW) / CELLS)
+    up = np.asarray(density.weights) * rng.random((CELLS, CELLS)) if share_up else None
+    return Preisach(
+        density, increments, rng.normal(), up,
+        leading=leading, initial=initial, dead_band=dead_band,
+    )  # fmt: skip
 
 
 def _signed(rng: np.random.Generator) -> Preisach:
@@ -198,26 +190,18 @@ def _signed(rng: np.random.Generator) -> Preisach:
     return Preisach(GridDensity(LOW, HIGH, weights(rng) * signs, signed=True))
 
 
-def _play(leading: bool = False, bent: bool = False, rates: bool = False):
-    def make(rng: np.random.Generator) -> PrandtlIshlinskii:
-        r, w = np.cumsum(rng.uniform(0.1, 0.4, 4)), rng.uniform(0.1, 1.0, 4)
-        return PrandtlIshlinskii(
-            r, w, rng.uniform(0.5, 2.0), rng.normal(), rates=rng.uniform(0, 0.02, 4) if rates else None,
-            bends=np.array([-1.5, 0.4, 2.0]) if bent else None,
-            bend_slopes=rng.uniform(-0.3, 0.6, 3) if bent else None, leading=leading,
-        )  # fmt: skip
-
-    return make
+def _play(rng: np.random.Generator, leading=False, rates=False) -> PrandtlIshlinskii:
+    r, w = np.cumsum(rng.uniform(0.1, 0.4, 4)), rng.uniform(0.1, 1.0, 4)
+    return PrandtlIshlinskii(
+        r, w, rng.uniform(0.5, 2.0), rng.normal(), rates=rng.uniform(0, 0.02, 4) if rates else None,
+        bends=np.array([-1.5, 0.4, 2.0]), bend_slopes=rng.uniform(-0.3, 0.6, 3), leading=leading,
+    )  # fmt: skip
 
 
-def _with_density(make_density: Make) -> Callable[[np.random.Generator], Preisach]:
+def _with_density(rng: np.random.Generator) -> Preisach:
     """With a reversible part, so that the input can be found behind every output."""
-
-    def make(rng: np.random.Generator) -> Preisach:
-        reversible = rng.uniform(0.1, 0.5, DENSITY_CELLS)
-        return Preisach(make_density(rng, LOW, HIGH), reversible, rng.normal())
-
-    return make
+    reversible = rng.uniform(0.1, 0.5, DENSITY_CELLS)
+    return Preisach(warped(rng, LOW, HIGH), reversible, rng.normal())
 
 
 def _foam(rng: np.random.Generator) -> FoamCurve:
@@ -330,125 +314,78 @@ def _stops_and_powers_known(model: AbstractModel) -> Known:
 def _duhem_known(model: AbstractModel) -> Known:
     """Up, down below the first knot, and up beyond the last one: the way is an integral over the output."""
     knots = np.linspace(float(model.low), float(model.high), 4)
-    legs = (
-        np.linspace(float(model.offset), 0.9, 7),
-        np.linspace(0.9, -0.9, 9),
-        np.linspace(-0.9, 1.5, 9),
-    )
+    ways = ((float(model.offset), 0.9, 7), (0.9, -0.9, 9), (-0.9, 1.5, 9))
+    legs = [np.linspace(*way) for way in ways]
     u, y = [0.0], [float(model.offset)]
+
+    def slowness(x: float, f: np.ndarray) -> float:
+        return 1 / np.interp(x, knots, f)
+
     for leg, slopes in zip(legs, (model.rising, model.falling, model.rising), strict=True):
         values = np.asarray(slopes)
         for a, b in pairwise(leg):
             inner = knots[(knots > min(a, b)) & (knots < max(a, b))]
             places = np.sort([a, b, *inner])
-            way = sum(
-                quad(
-                    lambda x, f: 1 / np.interp(x, knots, f), *p, (values,), epsabs=0, epsrel=1e-13
-                )[0]
-                for p in pairwise(places)
-                if p[1] > p[0]
-            )
+            way = 0.0
+            for low, high in pairwise(places):
+                way += quad(slowness, low, high, (values,), epsabs=0, epsrel=1e-13)[0]
             u.append(u[-1] + np.sign(b - a) * way)
             y.append(b)
     return np.array(u), np.array(u), np.array(y)
 
 
-def _density_problem(name: str, make_density: Make, *tags: Tag) -> Problem:
-    make = _with_density(make_density)
-    return Problem(name, make, LOW, HIGH, frozenset({"lagging", *tags}))
-
-
-def _burgers_problem(
-    orientation: Literal["lagging", "leading"], hold: Literal["linear", "constant"]
+def _problem(
+    name: str, make: Makes, *tags: Tag, low: float = LOW, high: float = HIGH, known: Any = None
 ) -> Problem:
-    make = _burgers(orientation == "leading", hold)
-    tags: frozenset[Tag] = frozenset({"rates", orientation})
-    return Problem(f"burgers-{orientation}-{hold}", make, -2.0, 5.0, tags, _viscoelastic_known)
-
-
-def _preisach_problem(
-    name: str, make: Callable[[np.random.Generator], Preisach], *tags: Tag
-) -> Problem:
-    grid: frozenset[Tag] = frozenset({"grid"})
-    return Problem(f"preisach-{name}", make, LOW, HIGH, grid.union(tags))
+    return Problem(name, make, low, high, frozenset(tags), known)
 
 
 PROBLEMS: tuple[Problem, ...] = (
-    Problem(
-        "sponge", _sponge(-np.inf), 0.0, 20.0, frozenset[Tag]({"memoryless"})
-    ),
-    Problem(
-        "sponge-threshold", _sponge(1.5), 0.0, 20.0, frozenset[Tag]({"memoryless", "flat"}),
-    ),
-    _burgers_problem("lagging", "linear"),
-    _burgers_problem("lagging", "constant"),
-    _burgers_problem("leading", "linear"),
-    _burgers_problem("leading", "constant"),
-    Problem(
-        "kelvin-voigt", _kelvin_voigt, -2.0, 5.0, frozenset[Tag]({"rates", "leading"}),
-        _viscoelastic_known,
-    ),
-    Problem(
-        "maxwell", _maxwell, -2.0, 5.0, frozenset[Tag]({"rates", "leading"}), _viscoelastic_known
-    ),
-    Problem(
-        "standard-solid", _solid, -2.0, 5.0, frozenset[Tag]({"rates", "lagging"}),
-        _viscoelastic_known,
+    _problem("sponge", _sponge(-np.inf), "memoryless", low=0.0, high=20.0),
+    _problem("sponge-threshold", _sponge(1.5), "memoryless", "flat", low=0.0, high=20.0),
+    *(
+        _problem(name, make, "rates", side, low=-2.0, high=5.0, known=_viscoelastic_known)
+        for name, make, side in (
+            ("burgers-lagging-linear", partial(_burgers, leading=False, hold="linear"), "lagging"),
+            ("burgers-lagging-constant", partial(_burgers, leading=False, hold="constant"), "lagging"),
+            ("burgers-leading-linear", partial(_burgers, leading=True, hold="linear"), "leading"),
+            ("burgers-leading-constant", partial(_burgers, leading=True, hold="constant"), "leading"),
+            ("kelvin-voigt", _kelvin_voigt, "leading"),
+            ("maxwell", _maxwell, "leading"),
+            ("standard-solid", _solid, "lagging"),
+        )
     ),
     *(
-        Problem(name, make, LOW, HIGH, frozenset[Tag]({"rates"}), compositions.held)
+        _problem(name, make, "rates", known=compositions.held)
         for name, make in compositions.MAKERS.items()
     ),
-    Problem(
-        "play-leading-bent", _play(True, True), -3.0, 3.0, frozenset[Tag]({"leading"})
+    _problem("play-leading-bent", partial(_play, leading=True), "leading", low=-3.0, high=3.0),
+    _problem("play-rates-bent", partial(_play, rates=True), "rates", "lagging", low=-3.0, high=3.0),
+    _problem("preisach-negative", _preisach, "grid", "lagging"),
+    _problem(
+        "preisach-positive", partial(_preisach, initial="positive", reversible=True), "grid", "lagging"
     ),
-    Problem(
-        "play-rates-bent", _play(False, True, True), -3.0, 3.0,
-        frozenset[Tag]({"rates", "lagging"}),
-    ),
-    _preisach_problem("negative", _preisach("negative"), "lagging"),
-    _preisach_problem("positive", _preisach("positive", reversible=True), "lagging"),
-    Problem(
-        "preisach-up", _preisach("negative", reversible=True, share_up=True), LOW, HIGH,
-        frozenset[Tag]({"lagging"}),
-    ),
-    Problem(
+    _problem("preisach-up", partial(_preisach, reversible=True, share_up=True), "lagging"),
+    _problem(
         "preisach-dead-band",
-        _preisach("negative", reversible=True, dead_band=(HIGH - LOW) / CELLS), LOW, HIGH,
-        frozenset[Tag]({"lagging"}),
+        partial(_preisach, reversible=True, dead_band=(HIGH - LOW) / CELLS), "lagging",
     ),
-    Problem("foam", _foam, 0.0, 8.0, frozenset[Tag]({"memoryless"}), _foam_known),
-    Problem("duhem", _duhem, LOW, HIGH, frozenset[Tag](), _duhem_known),
-    Problem("curve", _curve, LOW, HIGH, frozenset[Tag]({"memoryless"})),
-    Problem("bouc-wen", _bouc_wen, -3.0, 3.0, frozenset[Tag]({"leading"})),
-    Problem(
-        "degrading-bouc-wen", compositions.degrading, -3.0, 3.0, frozenset[Tag]({"leading"}),
-    ),
-    Problem(
-        "stops-by-position", compositions.place_stops, LOW, HIGH, frozenset[Tag](),
-        compositions.jumped,
-    ),
-    Problem(
-        "plays", compositions.plays, LOW, HIGH, frozenset[Tag](), compositions.jumped,
-    ),
-    Problem(
-        "stops-by-span", compositions.span_stops, LOW, HIGH, frozenset[Tag](), compositions.jumped
-    ),
-    Problem(
-        "stops-and-powers", _stops_and_powers, LOW, HIGH, frozenset[Tag]({"no-inverse"}),
-        _stops_and_powers_known,
-    ),
-    Problem("drift", compositions.drifting, LOW, HIGH, frozenset[Tag](), compositions.held),
-    _density_problem("warped-grid", warped, "grid"),
-    _preisach_problem("sparse", _preisach("negative", sparse=True), "lagging", "flat"),
-    _preisach_problem("leading", _preisach("negative", leading=True), "leading"),
-    _preisach_problem("signed", _signed, "no-inverse"),
-    Problem(
-        "rate-forms", _rate_forms, LOW, HIGH, frozenset[Tag]({"no-inverse"}), _rate_forms_known
-    ),
-    Problem(
-        "oscillator", _oscillator, LOW, HIGH, frozenset[Tag]({"rates", "no-inverse"}), _oscillator_known
-    ),
+    _problem("foam", _foam, "memoryless", low=0.0, high=8.0, known=_foam_known),
+    _problem("duhem", _duhem, known=_duhem_known),
+    _problem("curve", _curve, "memoryless"),
+    _problem("bouc-wen", _bouc_wen, "leading", low=-3.0, high=3.0),
+    _problem("degrading-bouc-wen", compositions.degrading, "leading", low=-3.0, high=3.0),
+    _problem("stops-by-position", compositions.place_stops, known=compositions.jumped),
+    _problem("plays", compositions.plays, known=compositions.jumped),
+    _problem("stops-by-span", compositions.span_stops, known=compositions.jumped),
+    _problem("stops-and-powers", _stops_and_powers, "no-inverse", known=_stops_and_powers_known),
+    _problem("drift", compositions.drifting, known=compositions.held),
+    _problem("warped-grid", _with_density, "grid", "lagging"),
+    _problem("preisach-sparse", partial(_preisach, sparse=True), "grid", "lagging", "flat"),
+    _problem("preisach-leading", partial(_preisach, leading=True), "grid", "leading"),
+    _problem("preisach-signed", _signed, "grid", "no-inverse"),
+    _problem("rate-forms", _rate_forms, "no-inverse", known=_rate_forms_known),
+    _problem("oscillator", _oscillator, "rates", "no-inverse", known=_oscillator_known),
 )  # fmt: skip
 
 VARIANTS = frozenset({

@@ -63,11 +63,8 @@ def is_abstract(cls: type) -> bool:
 
 def tracked_files() -> list[Path]:
     """Files git holds or would take in; the test that asks is skipped outside a checkout."""
-    listed = subprocess.run(
-        ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"],
-        cwd=ROOT,
-        capture_output=True,
-    )
+    command = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
+    listed = subprocess.run(command, cwd=ROOT, capture_output=True)
     if listed.returncode:
         pytest.skip("not a git checkout")
     names = listed.stdout.decode().split("\0")
@@ -119,12 +116,8 @@ def test_import_has_no_effects_and_that_of_hysteresis_is_light():
 
 def test_laws_import_math_alone():
     """Beside types and each other: they run without the rest, and become C."""
-    graph = grimp.build_graph(
-        "hysteresis",
-        include_external_packages=True,
-        exclude_type_checking_imports=True,
-        cache_dir=None,
-    )
+    included = {"include_external_packages": True, "exclude_type_checking_imports": True}
+    graph = grimp.build_graph("hysteresis", cache_dir=None, **included)
     foreign = {
         (law, name)
         for law in graph.find_children("hysteresis.laws")

@@ -55,6 +55,7 @@ from identify.internal import Forc
 from tests.test_docs import tool
 
 DATASETS = Path(__file__).parents[1] / "datasets"
+COLUMNS = ("force (N)", "displacement (mm)", "time (s)")
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 PUBLIC: dict[str, Any] = tool("public").public_names()
 INTERNAL = {
@@ -76,15 +77,13 @@ def prepared(make: Callable[[], Any]) -> Callable[[], Any]:
 @prepared
 def record() -> hysteresis.Record:
     """The shipped sponge of 50 mm: five cycles of force (N) and displacement (mm), 101 rows."""
-    columns = ("force (N)", "displacement (mm)", "time (s)")
-    return hysteresis.read_csv(DATASETS / "sponge-50mm-cycles.csv", *columns)
+    return hysteresis.read_csv(DATASETS / "sponge-50mm-cycles.csv", *COLUMNS)
 
 
 @prepared
 def loops() -> hysteresis.Record:
     """The same sponge's nested loops: first-order reversal curves are among them."""
-    columns = ("force (N)", "displacement (mm)", "time (s)")
-    return hysteresis.read_csv(DATASETS / "sponge-50mm-minor-loops.csv", *columns)
+    return hysteresis.read_csv(DATASETS / "sponge-50mm-minor-loops.csv", *COLUMNS)
 
 
 @prepared

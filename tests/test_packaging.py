@@ -2,7 +2,6 @@
 
 import ast
 import re
-import subprocess
 import sys
 import tomllib
 from functools import cache
@@ -13,6 +12,7 @@ import pytest
 from hysteresis import InputError, Record
 from hysteresis._registry import OURS, find_model
 from identify import fit
+from tests.c_harness import ran
 from tests.sources import PACKAGES, ROOT, trees
 from tests.test_hysid.command import COMMANDS, ENVIRONMENT
 
@@ -112,10 +112,7 @@ def test_a_start_is_light():
     )
     code += "import hysid.commands._demo, hysid.commands._microchannel\n"
     code += "print([m for m in sys.modules if m.startswith('hysid.reproduction')])"
-    command = [sys.executable, "-c", code]
-    done = subprocess.run(command, env=ENVIRONMENT, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    *light, last, papers = done.stdout.splitlines()
+    *light, last, papers = ran(sys.executable, "-c", code, env=ENVIRONMENT).stdout.splitlines()
     assert light == ["[]"] * 3
     assert "jax" in last
     assert "scipy.stats" not in last
@@ -124,15 +121,9 @@ def test_a_start_is_light():
 
 def completed(words: str) -> list[str]:
     """What pressing tab at the end of these words offers in bash."""
-    environment = ENVIRONMENT | {
-        "_HYSID_COMPLETE": "complete_bash",
-        "COMP_WORDS": words,
-        "COMP_CWORD": str(len(words.split(" ")) - 1),
-    }
-    command = [sys.executable, "-m", "hysid"]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    return done.stdout.split()
+    pressed = {"COMP_WORDS": words, "COMP_CWORD": str(len(words.split(" ")) - 1)}
+    environment = ENVIRONMENT | pressed | {"_HYSID_COMPLETE": "complete_bash"}
+    return ran(sys.executable, "-m", "hysid", env=environment).stdout.split()
 
 
 def test_the_shell_completes_commands_and_options():

@@ -53,23 +53,14 @@ def test_places_that_execute_are_listed():
 
 
 def test_what_executes_is_found():
-    for said in (
-        "exec(x)",
-        "map(eval, x)",
-        "os.system(x)",
-        "Thread(target=os.execv)",
-        "import subprocess as s",
-        "from webbrowser import open as show",
-        "import webbrowser",
-        "from multiprocessing import get_context",
-        "import multiprocessing.pool",
-        "from concurrent.futures import ProcessPoolExecutor as Pool",
-        "concurrent.futures.ProcessPoolExecutor()",
-        "f(x, shell=True)",
-        "np.load(f, allow_pickle=x)",
-        "njit(cache=True)",
-        "import pickle",
-    ):
+    bad = (
+        "exec(x)", "map(eval, x)", "os.system(x)", "Thread(target=os.execv)", "import subprocess as s",
+        "from webbrowser import open as show", "import webbrowser", "import pickle",
+        "from multiprocessing import get_context", "import multiprocessing.pool",
+        "from concurrent.futures import ProcessPoolExecutor as Pool", "njit(cache=True)",
+        "concurrent.futures.ProcessPoolExecutor()", "f(x, shell=True)", "np.load(f, allow_pickle=x)",
+    )  # fmt: skip
+    for said in bad:
         assert list(executes(ast.parse(said))), said
     fine = "jnp.eval(x); re.compile(y); np.load(f, allow_pickle=False); import os"
     assert not list(executes(ast.parse(fine)))

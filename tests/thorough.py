@@ -7,10 +7,11 @@ import pytest
 
 
 def rest_thorough(values: Iterable[Any], quick: int | Callable[[Any], bool]) -> list[Any]:
-    """Values for `parametrize`: the first so many, or those chosen, are of every run, the rest thorough."""
+    """Values for `parametrize`, by their names: the first so many, or those chosen, are of every run."""
     marked = []
     for k, value in enumerate(values):
         often = k < quick if isinstance(quick, int) else quick(value)
         parts = value if isinstance(value, tuple) and not hasattr(value, "_fields") else (value,)
-        marked.append(pytest.param(*parts, marks=[] if often else pytest.mark.thorough))
+        marks, name = [] if often else pytest.mark.thorough, getattr(value, "name", None)
+        marked.append(pytest.param(*parts, marks=marks, id=name))
     return marked
