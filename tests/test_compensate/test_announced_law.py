@@ -1,6 +1,5 @@
 """A model of another distribution with its own law is exported like ours; see docs/your-own-model.md."""
 
-import subprocess
 import sys
 from collections.abc import Callable
 from importlib import import_module, reload
@@ -15,7 +14,7 @@ from compensate import export_c, export_runtime, export_to, invert, runtime
 from compensate.export.targets._export_to import TARGETS
 from hysteresis import InputError, laws, parameter, register
 from hysteresis.trees import AbstractSearchedModel, node
-from tests.c_harness import Compiled
+from tests.c_harness import Compiled, ran
 from tests.judges import JUDGES
 from tests.problems import random_histories
 
@@ -83,7 +82,7 @@ def test_its_c_and_its_python_give_the_estimates_of_its_inverse(duhem, inputs, t
 
 
 def test_numbers_of_its_file_and_names_like_those_of_math_mean_the_same_in_c(
-    made: Callable[[str], Any], inputs: np.ndarray, tmp_path: Path
+    made, inputs: np.ndarray, tmp_path: Path
 ):
     y = np.asarray(made(LAW).simulate(None, inputs))
     before = np.append(0.0, inputs[:-1])
@@ -133,9 +132,7 @@ def test_a_package_for_sklearn_brings_its_law(duhem: Any, inputs: np.ndarray, tm
         f"assert np.abs(found[:, 0] - {inputs[:9].tolist()}).max() < 1e-9\n"
         "assert 'hysteresis' not in sys.modules\n"
     )
-    command = [sys.executable, "-c", code]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, env={})
-    assert done.returncode == 0, done.stderr
+    ran(sys.executable, "-c", code, cwd=tmp_path, env={})
 
 
 def test_a_file_with_a_law_that_nobody_announced_is_refused(duhem, inputs, tmp_path, monkeypatch):

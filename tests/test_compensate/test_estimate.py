@@ -38,8 +38,7 @@ made = cache(lambda name: COMPENSATORS[name]())
 
 def record(seed: int, lengths: list[int], gaps: float = 0.0) -> Record:
     """Sequences of these lengths with a clock of their own, uneven."""
-    rng = np.random.default_rng(seed)
-    n = sum(lengths)
+    rng, n = np.random.default_rng(seed), sum(lengths)
     t = np.concatenate([rng.normal() + np.cumsum(rng.uniform(0.1, 1, k)) for k in lengths])
     u = rng.uniform(LOW, HIGH, n)
     y = np.where(rng.random(n) < gaps, np.nan, rng.uniform(-3, 3, n))
@@ -62,20 +61,14 @@ def test_it_is_simulate_of_each_sequence(name: str, seed: int, lengths: list[int
     for _, rows in data.sequences():
         alone = compensator.simulate(data.time[rows], data.output[rows])
         # The parallel recurrence of Burgers adds up in another order where there are more samples.
-        jax.tree.map(
-            lambda whole, part, rows=rows: np.testing.assert_allclose(
-                whole[..., rows], part, rtol=1e-9, atol=1e-9
-            ),
-            found,
-            alone,
-        )
+        for whole, part in zip(found, alone, strict=True):
+            np.testing.assert_allclose(whole[..., rows], part, rtol=1e-9, atol=1e-9)
     np.testing.assert_array_equal(found.status == Status.INVALID, np.isnan(data.output))
 
 
 def test_without_a_clock_and_without_rows():
     u = np.linspace(0, 1, 5)
-    found = estimate(invert(GRID), Record.from_arrays(u, u))
-    assert found.value.shape == (5,)
+    assert estimate(invert(GRID), Record.from_arrays(u, u)).value.shape == (5,)
     refuses("no-rows", lambda: estimate(invert(GRID), Record.from_arrays([], [])), "no rows")
 
 
@@ -93,9 +86,7 @@ def looped(problem: Problem, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize(  # relays take four fifths of the time
-    "problem",
-    rest_thorough(EACH, lambda p: p.name in KINDS - {"preisach-up"}),
-    ids=lambda p: p.name,
+    "problem", rest_thorough(EACH, lambda p: p.name in KINDS - {"preisach-up"})
 )
 def test_a_known_loop_ends_the_run_in(problem: Problem):
     t, u = looped(problem)
@@ -118,8 +109,7 @@ def test_a_record_with_known_rows_is_estimated_from_them():
     problem = next(p for p in INVERTIBLE if p.name == "bouc-wen")
     t, u = looped(problem)
     model = problem.model(1)
-    y = np.asarray(model.simulate(t, u))
-    own = slice(FIRST, ROWS)
+    y, own = np.asarray(model.simulate(t, u)), slice(FIRST, ROWS)
     record = Record.from_arrays(u[own], y[own], t[own])
     known = np.arange(ROWS - FIRST) < LAST - FIRST
     record = replace(record, columns=record.columns | {"known_rows": known})

@@ -50,19 +50,10 @@ def history(model: AbstractModel, seed: int = 3) -> tuple[np.ndarray, np.ndarray
     return t, u, np.where(np.arange(ROWS) % 20 == 7, np.nan, y)
 
 
-@pytest.mark.parametrize(
-    ("name", "beyond"),
-    rest_thorough(
-        [
-            *(("relays", mode) for mode in MODES),
-            ("creep", "limit"),
-            ("curve", "limit"),
-            ("sum", "nan"),
-            ("plays", "free"),
-        ],
-        3,
-    ),
-)
+@pytest.mark.parametrize(("name", "beyond"), rest_thorough([
+    *(("relays", mode) for mode in MODES),
+    ("creep", "limit"), ("curve", "limit"), ("sum", "nan"), ("plays", "free"),
+], 3))  # fmt: skip
 def test_jax_python_and_c_are_the_same(name: str, beyond: Any, tmp_path: Path):
     """Values and statuses, for inputs and readings that leave the range, from an unknown start."""
     model = MODELS[name]

@@ -30,7 +30,7 @@ from hysteresis import (
 from hysteresis.laws import adaptive as law
 from hysteresis.preisach import GridDensity
 from tests.c_harness import COMPILERS, Compiled
-from tests.refusals import raises, refuses
+from tests.refusals import refuses
 from tests.thorough import rest_thorough
 
 ROWS = 40
@@ -231,8 +231,7 @@ def test_python_and_c_are_the_same(name: str, tmp_path: Path):
     options: dict[str, Any] = {"times": found.t, "adaptive": own}
     limits: dict[str, Any] = {"limits": (float(np.nanmin(y)) - 1.0, float(np.nanmax(y)) + 1.0)}
     file = export_runtime(model, tmp_path / "it.json", found.y, **options, **limits).path
-    sensor = loaded(file)
-    dt = np.diff(found.t, prepend=found.t[0])
+    sensor, dt = loaded(file), np.diff(found.t, prepend=found.t[0])
     values, lost, advice = [], [], []
     for k, reading in enumerate(y):
         values.append(sensor.step(dt[k], reading, reference=known[k]).value)
@@ -269,8 +268,7 @@ def test_what_cannot_be_recalibrated_is_refused():
     found = run(relays())
     record = Record.from_arrays(found.u, found.y, found.t)
     for options in ({"false_alarms": 0.0}, {"drift": -1.0}):
-        with raises("bad-option"):
-            adaptive(relays(), record, **options)
+        refuses("bad-option", lambda options=options: adaptive(relays(), record, **options))
     pair = Conditioned([relays(), relays()], np.array([0.0, 1.0]), "temperature")
     with pytest.raises(InputError):
         adaptive(pair, record)

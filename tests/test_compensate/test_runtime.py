@@ -3,7 +3,6 @@
 import copy
 import json
 import pickle
-import subprocess
 import sys
 from functools import cache
 from pathlib import Path
@@ -29,7 +28,7 @@ from hysteresis import (
     TimeDrift,
 )  # fmt: skip
 from hysteresis.preisach import GaussianDensity, GridDensity
-from tests.c_harness import COMPILERS, STRICT, Compiled, checksum
+from tests.c_harness import COMPILERS, STRICT, Compiled, checksum, ran
 from tests.problems import (
     INVERTIBLE,
     Problem,
@@ -45,7 +44,7 @@ ROWS = 200
 """As many as the golden pair has, so that exports compile no other program."""
 OF_LONG_STEPS = {"degrading-bouc-wen": 60}
 """Rows of a model whose step takes Python 4 ms, twenty times that of any other."""
-every = pytest.mark.parametrize("problem", variants_thorough(INVERTIBLE), ids=lambda p: p.name)
+every = pytest.mark.parametrize("problem", variants_thorough(INVERTIBLE))
 DEPTH, GOLDEN = 128, 200
 
 
@@ -67,8 +66,7 @@ class Run(NamedTuple):
 
 @cache
 def run(problem: Problem) -> Run:
-    model = problem.model()
-    rows = OF_LONG_STEPS.get(problem.name, ROWS)
+    model, rows = problem.model(), OF_LONG_STEPS.get(problem.name, ROWS)
     u = random_histories(np.random.default_rng(0), problem.low, problem.high, (1, 240))[0, :rows]
     step = 10.0 ** np.random.default_rng(1).uniform(-2, 0.5, rows)
     if isinstance(model, Burgers) and model.hold == "constant":
@@ -107,8 +105,7 @@ def test_python_is_the_same(problem: Problem, tmp_path: Path):
 def test_copies_go_on_by_themselves(problem: Problem, tmp_path: Path):
     """From the state of the original, which they leave as it is: other processes get them pickled."""
     done = run(problem)
-    it = exported(done, tmp_path)
-    half = len(done.y) // 2
+    it, half = exported(done, tmp_path), len(done.y) // 2
     stepped(it, done.dt[:half], done.y[:half])
     before = json.dumps(it.state())
     copies = pickle.loads(pickle.dumps(it)), copy.deepcopy(it), copy.copy(it)
@@ -152,7 +149,7 @@ def test_c_is_the_same(problem: Problem, real: str, tmp_path: Path):
         assert f"State: {it.size} bytes" in it.text
 
 
-@pytest.mark.parametrize("problem", kinds_often(INVERTIBLE), ids=lambda p: p.name)
+@pytest.mark.parametrize("problem", kinds_often(INVERTIBLE))
 def test_bad_samples_leave_no_trace(problem: Problem, tmp_path: Path):
     """NaN and infinities: the estimates of the others are those of a record without them."""
     done = run(problem)
@@ -219,15 +216,11 @@ def test_a_stack_too_small_for_the_readings_says_so(tmp_path: Path):
 def test_sanitizers_find_nothing(tmp_path: Path):
     """Of a composition, fed with numbers of any kind: no undefined behaviour, no byte out of place."""
     model, y = relays()
-    both = Sum([model, LinearSponge(0.5, 0.0)])
-    export_c(both, tmp_path / "it.h", y, depth=8)
+    export_c(Sum([model, LinearSponge(0.5, 0.0)]), tmp_path / "it.h", y, depth=8)
     (tmp_path / "fuzz.c").write_text(FUZZ, "utf-8")
     flags = ("-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
-    program = str(tmp_path / "fuzz")
-    command = ["gcc", *STRICT, *flags, str(tmp_path / "fuzz.c"), "-o", program, "-lm"]
-    subprocess.run(command, check=True)
-    done = subprocess.run([program], capture_output=True, text=True)
-    assert (done.returncode, done.stderr) == (0, "")
+    ran("gcc", *STRICT, *flags, tmp_path / "fuzz.c", "-o", tmp_path / "fuzz", "-lm")
+    assert ran(tmp_path / "fuzz").stderr == ""
 
 
 FUZZ = """\
@@ -267,8 +260,7 @@ int main(void)
 def test_import_is_light():
     """Neither JAX nor NumPy nor SciPy."""
     code = "import sys, compensate.runtime; print({'jax', 'numpy', 'scipy'} & set(sys.modules))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "set()"
+    assert ran(sys.executable, "-c", code).stdout == "set()\n"
 
 
 def edited(**changes: Any) -> Any:
@@ -344,12 +336,8 @@ def test_what_cannot_be_exported_is_refused(tmp_path: Path):
     model, y = relays()
     for name in ("3 d", "math", "String"):
         refuses("bad-name", lambda name=name: export_c(model, tmp_path / f"{name}.h", y))
-    for target, name in (
-        ("mujoco", "mujoco"),
-        ("mujoco", "class"),
-        ("ros2", "math"),
-        ("sklearn", "json"),
-    ):
+    taken = (("mujoco", "mujoco"), ("mujoco", "class"), ("ros2", "math"), ("sklearn", "json"))
+    for target, name in taken:
         out = tmp_path / name
         refuses("bad-name", lambda to=target, out=out: export_to(to, model, out, y))
     refuses("bad-option", lambda: export_c(model, tmp_path / "it.h", y, real="half"))
@@ -403,11 +391,10 @@ def hostile(rows: int) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.skipif(not COMPILERS, reason="no C compiler")
 @pytest.mark.parametrize("real", rest_thorough(["float", "double"], 1))
-@pytest.mark.parametrize("problem", rest_thorough(INVERTIBLE[::5], 3), ids=lambda p: p.name)
+@pytest.mark.parametrize("problem", rest_thorough(INVERTIBLE[::5], 3))
 def test_c_is_finite_whatever_it_is_fed(problem: Problem, real: str, tmp_path: Path):
     """Estimates, predictions and deviations, on one state; good samples are finite afterwards."""
-    done = run(problem)
-    path = tmp_path / "it.h"
+    done, path = run(problem), tmp_path / "it.h"
     done.program.write_c(path, real)
     it = Compiled(path, COMPILERS[0], ("-O1",))
     y, dt = hostile(FEW)
@@ -424,8 +411,7 @@ def test_c_is_finite_whatever_it_is_fed(problem: Problem, real: str, tmp_path: P
 @pytest.mark.skipif(not COMPILERS, reason="no C compiler")
 def test_a_long_pause_is_held_and_said(tmp_path: Path):
     """In C and in Python alike: the longest time is named, one beyond it is taken for it."""
-    model = Burgers(2.0, 40.0, 1.0, 5.0)
-    t = np.linspace(0, 10, 200)
+    model, t = Burgers(2.0, 40.0, 1.0, 5.0), np.linspace(0, 10, 200)
     y = np.asarray(model.simulate(t, np.sin(t)))
     export_runtime(model, tmp_path / "it.json", y, times=t)
     export_c(model, tmp_path / "it.h", y, times=t)

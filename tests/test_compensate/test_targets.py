@@ -20,7 +20,7 @@ from compensate import Quantity, Status, export_to
 from hysteresis import InputError, Preisach
 from hysteresis.preisach import GridDensity
 from tests.boards import on_avr, on_cortex_m4
-from tests.c_harness import STRICT
+from tests.c_harness import STRICT, ran
 from tests.judges import JUDGES
 from tests.problems import random_histories
 from tests.refusals import raises
@@ -39,9 +39,7 @@ def test_the_example_compiles(name: str, real: str, tmp_path: Path):
     example = out / "examples" / "Compensate" / "Compensate.ino"
     stub = ROOT / "tests" / "stubs"
     command = ["g++", "-x", "c++", "-std=c++11", "-Wall", "-Wextra", "-Werror", "-fsyntax-only"]
-    command += ["-I", str(stub), "-I", str(out / "src"), str(example)]
-    done = subprocess.run(command, capture_output=True, text=True)
-    assert (done.returncode, done.stderr) == (0, "")
+    assert ran(*command, "-I", stub, "-I", out / "src", example).stderr == ""
 
 
 def test_an_export_says_each_unit_once(tmp_path: Path):
@@ -74,9 +72,8 @@ def test_a_folder_is_replaced_only_where_an_export_wrote_it(tmp_path: Path):
     assert [p.name for p in tmp_path.iterdir()] == ["sensor"]
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.tex").write_text("")
-    with pytest.raises(InputError, match="no export has written") as error:
+    with raises("would-overwrite", "no export has written"):
         one.write("arduino", tmp_path / "mine")
-    assert error.value.code == "would-overwrite"
     for name in ("1st", "a-b"):
         with pytest.raises(InputError, match="cannot be the name"):
             one.write("arduino", tmp_path / name)
@@ -152,9 +149,7 @@ def test_a_cortex_m4_gives_the_estimates_of_float_in_250_instructions(name, dt, 
     assert board.cycles[2:].max() <= 250
 
 
-def integers(
-    header: Path, readings: np.ndarray
-) -> tuple[np.ndarray, Callable[[np.ndarray], np.ndarray]]:
+def integers(header: Path, readings: np.ndarray) -> tuple[np.ndarray, Callable[..., np.ndarray]]:
     """Readings as a header in fixed point takes them, and its estimates as numbers."""
     facts = dict(re.findall(r"#define SENSOR_(\w+) (\S+)$", header.read_text(), re.MULTILINE))
     zero, step, first, size = (
@@ -184,9 +179,7 @@ def run_fixed(header: Path, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Estimates as integers, and statuses; the self test counts none."""
     source = header.with_name("run.c")
     source.write_text(FIXED)
-    command = ["gcc", *STRICT, "-O2", "-shared", "-fPIC", str(source), "-o", f"{source}.so"]
-    done = subprocess.run(command, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
+    ran("gcc", *STRICT, "-O2", "-shared", "-fPIC", source, "-o", f"{source}.so")
     u, status = np.empty_like(y), np.empty_like(y)
     given = [a.ctypes.data_as(ctypes.c_void_p) for a in (y, u, status)]
     assert ctypes.CDLL(f"{source}.so").run(ctypes.c_long(len(y)), *given) == 0
@@ -304,11 +297,9 @@ def test_an_fmu_is_valid_and_gives_the_estimates_of_the_header(name: str, target
     one, file = case(name), fmu(name, target, tmp_path)
     assert validate_fmu(str(file)) == []
     y, t = with_gaps(one.y), one.t
-    dt = one.dt
-    value, status, off = one.reference(tmp_path).run_with_deviation(dt, y, one.c)
+    value, status, off = one.reference(tmp_path).run_with_deviation(one.dt, y, one.c)
     wanted = np.column_stack([value, off, status])
-    made = slave(file, tmp_path)
-    half = len(t) // 2
+    made, half = slave(file, tmp_path), len(t) // 2
     first = stepped_fmu(made, t[:half], y[:half], one.c)
     three = target == "fmu3"
     kept = made.getFMUState() if three else made.getFMUstate()
@@ -343,8 +334,7 @@ def test_an_fmu_is_its_sources_and_runs_in_fmpy(tmp_path: Path):
     assert rest < 100_000
     whole = file.read_bytes()
     assert fmu("creep", "fmu", tmp_path).read_bytes() == whole
-    one = case("creep")
-    times = 0.02 * np.arange(50)
+    one, times = case("creep"), 0.02 * np.arange(50)
     kinds = [("time", float), ("reading", float)]
     table = np.array(list(zip(times, one.y[:50], strict=True)), dtype=kinds)
     found = fmpy.simulate_fmu(str(file), input=table, stop_time=0.98, output_interval=0.02)
@@ -414,14 +404,13 @@ def test_ros_plugins_give_the_estimates_of_the_header(name: str, kind: str, tmp_
     (tmp_path / "main.cpp").write_text(ROS_MAIN)
     command = ["g++", "-std=c++17", "-Wall", "-Wextra", "-Werror", "-O0", "-ffp-contract=off"]
     command += ["-I", str(ROOT / "tests" / "stubs"), "-I", str(out / "src"), "main.cpp", "-pthread"]
-    done = subprocess.run([*command, "-o", "it"], cwd=tmp_path, capture_output=True, text=True)
-    assert (done.returncode, done.stderr) == (0, "")
+    assert ran(*command, "-o", "it", cwd=tmp_path).stderr == ""
     t = np.round(one.t[:150] + 1.0, 6)  # a stamp of 0 is none
     y = 1 + np.round(with_gaps(one.y[:150]) * 2**20) / 2**20
     rows = [f"{a!r} {b!r} 0" for a, b in zip(t.tolist(), y.tolist(), strict=True)]
     said = "\n".join([*rows, "-1 0 0", *rows]).replace("nan", "NAN")
-    ran = subprocess.run([tmp_path / "it", kind], input=said, capture_output=True, text=True)
-    found = np.array([float.fromhex(x) for x in ran.stdout.split()])
+    done = subprocess.run([tmp_path / "it", kind], input=said, capture_output=True, text=True)
+    found = np.array([float.fromhex(x) for x in done.stdout.split()])
     dt = np.full(150, 0.02) if kind == "scalar" else np.diff(t, prepend=t[0])
     value, _ = one.reference(tmp_path).run(dt, y)
     wanted = np.concatenate([value, value])
@@ -479,8 +468,7 @@ def test_a_mujoco_plugin_gives_the_estimates_of_the_header(name: str, integrator
     mujoco.mj_loadPluginLibrary(str(out / f"lib{stem}.so"))
     text = SIMULATED.format(stem=stem, integrator=integrator, condition="")
     model = mujoco.MjModel.from_xml_string(text)
-    data = mujoco.MjData(model)
-    y = one.y[:80]
+    data, y = mujoco.MjData(model), one.y[:80]
 
     def stepped(readings: np.ndarray) -> np.ndarray:
         found = []
@@ -558,9 +546,7 @@ def test_an_estimator_passes_the_checks_of_sklearn(name: str, tmp_path: Path):
     c = np.zeros(len(y)) if one.c is None else one.c
     np.save(tmp_path / "given.npy", np.column_stack([one.t, y, c]))
     (tmp_path / "checked.py").write_text(CHECKED)
-    command = [sys.executable, "-W", "error", "checked.py"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
+    ran(sys.executable, "-W", "error", "checked.py", cwd=tmp_path)
     found = np.load(tmp_path / "found.npy")
     value, status, off = one.reference(tmp_path).run_with_deviation(one.dt, y, one.c)
     np.testing.assert_array_equal(found, np.column_stack([value, off, status]))

@@ -71,8 +71,7 @@ def pressed(count: int, seed: int, turns=(0, 18, 4, 12, 2)) -> tuple[Presses, np
     at, surface = places(count, seed)
     force = np.concatenate([np.arange(a, b, 2 * np.sign(b - a)) for a, b in pairwise(turns)])
     force = np.tile(force[1:].astype(float), (count, 1))
-    time = np.arange(1.0, force.shape[1] + 1)
-    normal = INWARD[surface - 1]
+    time, normal = np.arange(1.0, force.shape[1] + 1), INWARD[surface - 1]
     clean = planned_presses(truth(), time, force, normal, at, surface)
     off = SCATTER * random.normal(size=(count, 1))
     noise = NOISE * random.normal(size=clean.readings.shape)

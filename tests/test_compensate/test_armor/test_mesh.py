@@ -21,8 +21,7 @@ ARM, HEAD = forearm(around=24, along=16), head(around=32, along=16)
 
 def presses(mesh: Mesh, count: int, seed: int) -> tuple[np.ndarray, ...]:
     """Triangle, place on it, and a slanting force of 1.6 N or more along its normal."""
-    random = np.random.default_rng(seed)
-    corners = mesh.corners()
+    random, corners = np.random.default_rng(seed), mesh.corners()
     normal = np.asarray(mesh.faces().normal)
     k = random.integers(0, len(corners), count)
     share = random.dirichlet([1, 1, 1], count)

@@ -97,6 +97,7 @@ LOCAL = Cover(
     factor=Bumps(BOX.centres(), 0.1, 0.06, 0.94),
     compliance=Bumps(BOX.centres(), amplitude=np.linspace(0, 1e-4, 5), width=0.1),
 )
+IN_KGF = LinearSponge(0.4, 0.3, 0.1, units=("kgf", "cm", "min"), trained=(0.1, 1.5))
 WRIST = sensor(range=60.0, time_constant=0.05, hysteresis=[GEAR] * 6)
 EXPORTED = {
     "rigid": (None, None, None),
@@ -104,14 +105,7 @@ EXPORTED = {
     "local": (LOCAL, None, WRIST),
     "rates": (Burgers(1.0, 2.0, 20.0, 5.0, units=("N", "mm", "s")), None, None),
     "inverse": (invert(GEAR), GEAR, None),
-    "other units": (
-        Cover(
-            LinearSponge(0.4, 0.3, 0.1, units=("kgf", "cm", "min"), trained=(0.1, 1.5)),
-            thickness=0.012,
-        ),
-        None,
-        None,
-    ),
+    "other units": (Cover(IN_KGF, thickness=0.012), None, None),
 }
 
 

@@ -21,8 +21,7 @@ NOISE = 0.02
 
 def signals(seed: int, *, alone: bool = True) -> np.ndarray:
     """Half sines of 0 to 3 on two places, each at times of its own or, not `alone`, both at once."""
-    random = np.random.default_rng(seed)
-    s = np.zeros((4000, 2))
+    random, s = np.random.default_rng(seed), np.zeros((4000, 2))
     for k in range(2):
         for begin in np.sort(random.integers(0, 3900, 14)):
             s[begin : begin + 80, k] = random.uniform(1, 3) * np.sin(np.pi * np.arange(80) / 80)
@@ -168,8 +167,7 @@ def test_probabilities_are_the_frequencies():
         # Four deviations, and the means of some 300 training presses, off by d/sqrt(300) each.
         assert abs(sure[rows].mean() - right[rows].mean()) < 4 * error + 0.03
     uneven = RIG.finger_presses([100, 100, 100, 100, 4000], session=3)
-    told = trained(priors=[1, 1, 1, 1, 40])
-    found = told.locate(uneven.reading).probability
+    found = trained(priors=[1, 1, 1, 1, 40]).locate(uneven.reading).probability
     assert found.mean(axis=0)[4] == pytest.approx(4000 / 4400, abs=0.01)
     assert np.mean(found.argmax(axis=1) == uneven.location) > np.mean(
         GAUSSIAN.locate(uneven.reading).probability.argmax(axis=1) == uneven.location
@@ -180,8 +178,7 @@ def test_what_was_never_seen_is_rejected():
     """Ratios of no place, forces of no press, nothing at all, nothing sound; the rest goes on."""
     press = np.array([2.0, 2.0])
     odd = [[4.0, 0.4], [0.3, 4.0], 20 * press, [0.05, -0.03], [np.nan, 1], [1, np.inf]]
-    presses = np.array([*odd, press])
-    found = GAUSSIAN.locate(presses)
+    found = GAUSSIAN.locate(np.array([*odd, press]))
     wanted = [UNKNOWN, UNKNOWN, BEYOND, NO_PRESS, INVALID, INVALID, OK]
     np.testing.assert_array_equal(found.status, wanted)
     np.testing.assert_array_equal(found.place, [-1, -1, 2, -1, -1, -1, 2])

@@ -23,8 +23,7 @@ COUNTED = Readout(
 def test_undoes_the_rig_s_electronics():
     """c from volts to rounding, from counts to half a count."""
     c = np.linspace(0.0, 2.0, 40).reshape(20, 2)
-    volts = ELECTRONICS.scale * c
-    t = 0.02 * np.arange(20)
+    volts, t = ELECTRONICS.scale * c, 0.02 * np.arange(20)
     found = Readout().simulate(t, volts)
     np.testing.assert_allclose(found.value, c, rtol=1e-14)
     assert np.all(found.status == OK)

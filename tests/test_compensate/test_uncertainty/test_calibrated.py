@@ -77,8 +77,7 @@ def test_a_stream_equals_the_batch_and_holes_leave_no_trace(make: Any):
 
 def wrong(seed: int, cycles: int = 8) -> tuple[AbstractModel, Record]:
     """A line, and a record whose readings it misses by a wave per cycle: larger on the way up."""
-    rng = np.random.default_rng(seed)
-    per = 200
+    rng, per = np.random.default_rng(seed), 200
     u = 5 - 5 * np.cos(2 * np.pi * np.arange(cycles * per + 1) / per)
     amplitude = np.append(np.repeat(rng.normal(0, 1, cycles), per), 0.0)
     up = np.gradient(u) > 0
@@ -111,8 +110,7 @@ LINE = LinearSponge(K=SLOPE, b=0.0, threshold=0.0)
 
 def error_of(share: float) -> tuple[Record, float, float]:
     """A line whose readings have noise of which a share decays within 1.5 s."""
-    random = np.random.default_rng(7)
-    phi = np.exp(-DT / TIME)
+    random, phi = np.random.default_rng(7), np.exp(-DT / TIME)
     slow, white = np.zeros(ROWS), random.normal(size=ROWS)
     for k in range(1, ROWS):
         slow[k] = phi * slow[k - 1] + np.sqrt(1 - phi**2) * random.normal()

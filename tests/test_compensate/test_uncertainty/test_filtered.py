@@ -16,11 +16,8 @@ from tests.thorough import rest_thorough
 CELLS = 12
 SPAN = HIGH - LOW
 rng = np.random.default_rng(5)
-GRID = Preisach(
-    GridDensity(LOW, HIGH, np.tril(rng.uniform(0.1, 1.0, (CELLS, CELLS)))),
-    rng.uniform(0.5, 2.0, CELLS),
-    0.3,
-)
+MASSES = np.tril(rng.uniform(0.1, 1.0, (CELLS, CELLS)))
+GRID = Preisach(GridDensity(LOW, HIGH, MASSES), rng.uniform(0.5, 2.0, CELLS), 0.3)
 BURGERS = Burgers(2.0, 40.0, 1.0, 5.0, 0.1)
 models = rest_thorough([GRID, BURGERS], 1)
 both = pytest.mark.parametrize("model", models, ids=["preisach", "burgers"])
@@ -33,9 +30,7 @@ def walk(step: float, samples: int, seed: int) -> np.ndarray:
     return LOW + np.where(place > SPAN, 2 * SPAN - place, place)
 
 
-def noisy(
-    model: AbstractModel, u: np.ndarray, seed: int = 7
-) -> tuple[jax.Array, np.ndarray, float]:
+def noisy(model: AbstractModel, u: np.ndarray, seed=7) -> tuple[jax.Array, np.ndarray, float]:
     """Times, outputs with noise of 1 % of their range, and its deviation."""
     t = jnp.asarray(0.1 * np.arange(len(u)))
     y = np.asarray(model.simulate(t, u))
@@ -46,8 +41,7 @@ def noisy(
 @both
 def test_without_noise_it_is_the_raw_inverse(model: AbstractModel):
     u = random_histories(np.random.default_rng(0), LOW, HIGH, (20, SAMPLES))
-    t = jnp.asarray(clock(0))
-    compensator = filtered(model, 0.3, 1e-9)
+    t, compensator = jnp.asarray(clock(0)), filtered(model, 0.3, 1e-9)
 
     @jax.jit
     @jax.vmap

@@ -121,8 +121,7 @@ def test_intervals_of_known_relays():
     _, interval = open_inputs(np.array([1.0, 6.5, 9.0, 4.0, 1.0]))
     # No relay is up; the first one is; both are; the second alone; none, the way down from 5.
     assert np.asarray(interval.low) == pytest.approx(np.array([0.0, 6.0, 8.0, 3.0, 0.0]), abs=1e-5)
-    wanted = [5.0, 7.0, 10.0, 5.0, 2.0]
-    np.testing.assert_allclose(interval.high, wanted, atol=1e-5)
+    np.testing.assert_allclose(interval.high, [5.0, 7.0, 10.0, 5.0, 2.0], atol=1e-5)
 
 
 def test_a_verdict_tells_the_widest():
