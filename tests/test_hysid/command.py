@@ -1,5 +1,6 @@
 """The command line called in this process, and the record it is tried on."""
 
+import csv
 import io
 import json
 import math
@@ -96,9 +97,20 @@ def _cells(step: float, thickness: float, noise: float) -> Rows:
     return [[f"{t:g}", f"{f:g}", f"{x:.3f}", f"{c}"] for t, f, x, c in zip(*cycles, strict=True)]
 
 
-def text(rows: Rows, header: Iterable[str] = HEADER, separator: str = ",") -> str:
+def text(rows: Iterable[Any], header: Iterable[str] = HEADER, separator: str = ",") -> str:
     """A CSV file."""
-    return "".join(f"{separator.join(row)}\n" for row in [header, *rows])
+    return "".join(f"{separator.join(map(str, row))}\n" for row in [header, *rows])
+
+
+def write(file: Path, columns: dict[str, Any]) -> Path:
+    """A CSV file of columns by their names."""
+    return put(text(zip(*columns.values(), strict=True), columns), file)
+
+
+def read(file: str | Path) -> list[dict[str, str]]:
+    """The rows of a CSV file, by the names of their columns."""
+    with open(file, newline="", encoding="utf-8") as handle:
+        return list(csv.DictReader(handle))
 
 
 def tree(folder: Path) -> dict[str, bytes]:
@@ -107,9 +119,16 @@ def tree(folder: Path) -> dict[str, bytes]:
     return {str(file.relative_to(folder)): file.read_bytes() for file in files}
 
 
-def put(content: str | bytes, name: str = "run.csv") -> Path:
-    """A file in the present folder."""
-    file = Path(name)
+def blocks() -> str:
+    """Two specimens in one file, which the last column names."""
+    both = {"soft": sponge(), "thin": sponge(thickness=30.0)}
+    rows = [[*row, block] for block, cells in both.items() for row in cells]
+    return text(rows, (*HEADER, "block"))
+
+
+def put(content: str | bytes | Rows, file: str | Path = "run.csv") -> Path:
+    """A file, in the present folder or elsewhere; rows as those of `sponge`."""
+    file, content = Path(file), text(content) if isinstance(content, list) else content
     file.write_bytes(content if isinstance(content, bytes) else content.encode())
     return file
 

@@ -1,6 +1,5 @@
 """Armor on the command line: contacts in any units, errors in presses not seen, and its page."""
 
-import csv
 import json
 import re
 import shutil
@@ -24,7 +23,7 @@ from hysteresis import LinearSponge
 from hysteresis.internal import Units, conversion, force_path, with_units
 from hysteresis.rigs import INWARD, ArmorRig
 from identify.internal import calibrate
-from tests.test_hysid.command import Result, example, refused, run
+from tests.test_hysid.command import Result, example, put, read, refused, run, text
 from tests.test_hysid.test_reporting.test_report import Page
 from tests.thorough import rest_thorough
 
@@ -51,9 +50,7 @@ def fit_of(force: str, length: str, folder: Path, turned: bool = False) -> Path:
 
 
 def write(file: Path, header: list[str], rows: np.ndarray) -> Path:
-    with file.open("w", newline="") as handle:
-        csv.writer(handle).writerows([header, *rows.tolist()])
-    return file
+    return put(text(rows, header), file)
 
 
 @pytest.fixture(scope="module")
@@ -74,9 +71,9 @@ def solved(file: Path, out: Path, *how: object) -> Result:
     )
 
 
-def contacts(out: Path) -> list[dict[str, str]]:
-    with (out / "contacts.csv").open() as handle:
-        return list(csv.DictReader(handle))
+def points(out: Path) -> np.ndarray:
+    """Of the contacts, (rows, 3) in metres."""
+    return np.array([[float(row[f"{k} (m)"]) for k in "xyz"] for row in read(out / "contacts.csv")])
 
 
 @pytest.mark.parametrize(("force", "length", "turned"), SAME)
@@ -84,8 +81,7 @@ def test_one_table_in_any_units_gives_the_same_contacts(folder, force, length, t
     """Of a fit of the displacement; and of one of the force, which is inverted."""
     model = identify.load(fit_of("N", "mm", folder, turned)).model
     wanted = ContactSolver(BOX, invert(model) if turned else model)
-    with (folder / "wrenches.csv").open() as handle:
-        rows = np.array(list(csv.reader(handle))[1:], float)
+    rows = np.array([list(row.values()) for row in read(folder / "wrenches.csv")], float)
     F, M = rows[:, 1:4] * conversion("lbf", "N"), rows[:, 4:] / 1e3
     truth = np.asarray(wanted.solve(F, M).point)
     out = folder / f"solved-{force}-{length}"
@@ -94,9 +90,8 @@ def test_one_table_in_any_units_gives_the_same_contacts(folder, force, length, t
         folder / "wrenches.csv", out, "--sponge", sponge, "--shape", folder / "box.toml"
     ).json()
     assert found["statuses"] == {"OK": 5, "EXTRAPOLATED": 1}  # 30 N, and the fit knows 20
-    point = np.array([[float(row[f"{k} (m)"]) for k in "xyz"] for row in contacts(out)])
-    np.testing.assert_allclose(point, truth, atol=1e-9)
-    variance = np.array([float(row["zz (m^2)"]) for row in contacts(out)])
+    np.testing.assert_allclose(points(out), truth, atol=1e-9)
+    variance = np.array([float(row["zz (m^2)"]) for row in read(out / "contacts.csv")])
     assert (variance[2:4] > 0).all()  # on the sides; on the top z is as certain as the sponge
     runtime = load(out / "armor.json")
     same = [runtime.step(1.0, reading).point for reading in np.hstack([F, M]).tolist()]
@@ -125,7 +120,7 @@ def test_the_weight_of_the_shell_is_taken_off_where_it_moves(folder: Path):
             out = folder / f"{table.stem}-{stream}"
             how = ("--sponge", sponge, "--shape", shape, *(["--stream"] if stream else []))
             assert solved(table, out, *how).code == 0
-            found.append([[float(row[f"{k} (m)"]) for k in "xyz"] for row in contacts(out)])
+            found.append(points(out))
     for heavy, light in (found[:2], found[2:]):
         np.testing.assert_allclose(heavy, light, atol=1e-9)
 
@@ -161,12 +156,9 @@ def test_a_calibration_is_kept_and_used(folder: Path, monkeypatch: pytest.Monkey
     reading = np.asarray(made.readings)[:, 1]
     wrenches = write(folder / "read.csv", ["Fx", "Fy", "Fz", "Mx", "My", "Mz"], reading)
     done = solved(wrenches, folder / "solved", "--armor", out).json()
-    point = np.array(
-        [[float(row[f"{k} (m)"]) for k in "xyz"] for row in contacts(folder / "solved")]
-    )
     truth = np.asarray(true.solve(reading).point)
     # Without noise the presses leave only the priors' pull, a hundredth of 2 % of crosstalk.
-    np.testing.assert_allclose(point, truth, atol=5e-4)
+    np.testing.assert_allclose(points(folder / "solved"), truth, atol=5e-4)
     assert done["runtime"] is not None
     assert run(*example("armor solve")).code == 0
     assert run(*example("armor view")).code == 0
@@ -202,17 +194,15 @@ def test_what_cannot_be_used_is_answered(folder: Path):
 
 def test_columns_of_like_names_do_not_count(folder: Path):
     """Contacts do not depend on a raw channel that stands before the force, or behind it."""
-    with (folder / "wrenches.csv").open() as handle:
-        header, *rows = csv.reader(handle)
-    table = np.array(rows, float)
-    more = write(
-        folder / "more.csv", ["Fx_raw (lbf)", *header], np.column_stack([9 * table[:, 1], table])
-    )
+    rows = read(folder / "wrenches.csv")
+    table = np.array([list(row.values()) for row in rows], float)
+    raw = np.column_stack([9 * table[:, 1], table])
+    more = write(folder / "more.csv", ["Fx_raw (lbf)", *rows[0]], raw)
     how = ("--sponge", fit_of("N", "mm", folder), "--shape", folder / "box.toml")
     found = []
     for file in (more, folder / "wrenches.csv"):
         assert solved(file, folder / f"like-{file.stem}", *how).code == 0
-        found.append(contacts(folder / f"like-{file.stem}"))
+        found.append(read(folder / f"like-{file.stem}" / "contacts.csv"))
     assert found[0] == found[1]
 
 
@@ -227,13 +217,10 @@ def test_the_armor_of_a_calibration_is_not_written_over(folder: Path):
 
 def test_a_table_as_loggers_write_it_is_read_and_replayed(folder: Path):
     """Decimal commas, an overload, a clock that goes back, and a sensor that reports the reaction."""
-    with (folder / "wrenches.csv").open() as handle:
-        header, *rows = csv.reader(handle)
-    table = -np.array(rows, float)
-    rows = [[f"{x:.6f}".replace(".", ",") for x in row] for row in table]
+    table = read(folder / "wrenches.csv")
+    rows = [[f"{-float(x):.6f}".replace(".", ",") for x in row.values()] for row in table]
     rows[1][1] = "OVLD"
-    file, out = folder / "logged.csv", folder / "logged"
-    file.write_text("\n".join(";".join(row) for row in [header, *rows]))
+    file, out = put(text(rows, table[0], ";"), folder / "logged.csv"), folder / "logged"
     how = ("--sponge", fit_of("gf", "m", folder), "--shape", folder / "box.toml")
     notes = solved(file, out, *how).json()["notes"]
     for note, words in zip(notes, ("decimal comma", "(OVLD)", "3 of 5 loads"), strict=False):

@@ -14,7 +14,7 @@ from compensate.runtime import load as load_runtime
 from hysteresis import BoucWen, LinearSponge, Record
 from hysteresis.internal import Units
 from identify import FitResult
-from tests.test_hysid.command import LINE, run
+from tests.test_hysid.command import LINE, run, write
 
 RANDOM = np.random.default_rng(8)
 TIME = np.arange(600) / 100
@@ -27,9 +27,8 @@ COLUMNS = ("--input", "force (N)", "--output", "reading (mm)", "--time", "time (
 def place(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """A file, and the folder of a fit of it."""
     folder = tmp_path_factory.mktemp("band")
-    lines = [f"{t:.2f},{u},{y}" for t, u, y in zip(TIME, FORCE, READING, strict=True)]
-    file = folder / "run.csv"
-    file.write_text("\n".join(["time (s),force (N),reading (mm)", *lines]) + "\n")
+    columns = {"time (s)": TIME, "force (N)": FORCE, "reading (mm)": READING}
+    file = write(folder / "run.csv", columns)
     chosen = (*LINE, "--test-cycles", 2, "--out", folder / "fit")
     assert run("fit", file, *COLUMNS, *chosen).code == 0
     return file, folder / "fit"
@@ -58,8 +57,7 @@ def test_every_consumer_tells_the_same_coverage(place: tuple[Path, Path], tmp_pa
 
 
 def test_a_model_that_a_line_beats_backwards_is_exported_with_a_verdict_that_says_so(fit, tmp_path):
-    worse = replace(fit, model=LinearSponge(K=0.4, b=2.0))
-    hysid.save(worse, tmp_path / "fit")
+    hysid.save(replace(fit, model=LinearSponge(K=0.4, b=2.0)), tmp_path / "fit")
     written = run("export", tmp_path / "fit", "--runtime", tmp_path / "it.json", "--json").json()
     assert any("straight line" in note and "better" in note for note in written["notes"])
     origin = load_runtime(tmp_path / "it.json").origin

@@ -35,7 +35,7 @@ def address(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     monkeypatch.chdir(tmp_path / "here")
     monkeypatch.setenv("NO_PROXY", "127.0.0.1")
     with ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=str(served))) as server:
-        thread = threading.Thread(target=server.serve_forever)
+        thread = threading.Thread(target=server.serve_forever, args=(0.01,))
         thread.start()
         yield f"http://127.0.0.1:{server.server_port}/"
         server.shutdown()
@@ -141,14 +141,11 @@ def test_list():
 def test_fetched_is_what_fit_takes(address: str):
     head = "gap,force\n(um),(N)\n\n"
     body = "".join(f"{5000 - 50 * min(k, 40 - k)},{min(k, 40 - k)}\n" for k in range(41))
-    file = entry(address, head + body)
-    found = fetch(file, "--json").json()
+    found = fetch(entry(address, head + body), "--json").json()
     assert found["rows"] == 41
     assert found["checked"]
     header, first, second, *_ = rows()
-    assert header == ["force (N)", "gap (mm)"]
-    assert first == ["0", "0"]
-    assert second == ["1", "0.05"]
+    assert (header, first, second) == (["force (N)", "gap (mm)"], ["0", "0"], ["1", "0.05"])
     config = Path(found["config"]).read_text("utf-8")
     assert found["sources"][0]["sha256"] in config
     assert "# Note: wet" in config

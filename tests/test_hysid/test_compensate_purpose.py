@@ -13,7 +13,7 @@ from hysteresis import LinearSponge, Record
 from hysteresis.curves import PolynomialCurve
 from identify import FitResult
 from tests.problems import play, rms
-from tests.test_hysid.command import COLUMNS, LINE, put, run, sponge, text
+from tests.test_hysid.command import COLUMNS, LINE, put, run, sponge, text, write
 
 QUICK: dict[str, Any] = {"noise": "gaussian", "starts": 1}
 TIME = np.arange(241) / 60
@@ -89,9 +89,7 @@ def test_a_candidate_without_an_inverse_is_passed_over():
 
 def test_the_command_says_what_the_verdict_is_for(tmp_path: Path):
     made = record(0.1)
-    rows = [f"{t},{u},{y}" for t, u, y in zip(TIME, made.input, made.output, strict=True)]
-    file = tmp_path / "run.csv"
-    file.write_text("\n".join(["t,u,y", *rows]))
+    file = write(tmp_path / "run.csv", {"t": TIME, "u": made.input, "y": made.output})
     columns = ("--input", "u", "--output", "y", "--time", "t", "--test-cycles", 1)
     quick = ("--model", "LinearSponge", "--noise", "gaussian", "--starts", 1)
     out = tmp_path / "fit"
@@ -101,12 +99,8 @@ def test_the_command_says_what_the_verdict_is_for(tmp_path: Path):
     assert level.endswith(": LinearSponge (to compensate)")
     assert lines[0].startswith("  The compensator estimates u on the held-out rows to ")
     table = said.out[said.out.index("model, or (baseline)") :]
-    for name in (
-        "LinearSponge",
-        "(straight line)",
-        "(replay of the last loop)",
-        "(cubic per branch)",
-    ):
+    baselines = ("(straight line)", "(replay of the last loop)", "(cubic per branch)")
+    for name in ("LinearSponge", *baselines):
         assert name in table
     loaded = hysid.load(out)
     assert (loaded.purpose, loaded.verdict.codes[0]) == ("compensate", "compensator-error")

@@ -96,46 +96,34 @@ class Bad(NamedTuple):
 BAD = {
     "decimal commas": Bad(COMMA, "decimal-comma", ("line 2", f"{X!r}", "'0,003'", "--decimal ,")),
     "decimal commas between commas": Bad(
-        CLEAN.replace(".", ","), "decimal-comma", ("line 2", "5 cells", '";"', "--decimal ,")
-    ),
+        CLEAN.replace(".", ","), "decimal-comma", ("line 2", "5 cells", '";"', "--decimal ,")),
     "ambiguous commas": Bad(
-        cell(F, '"1,234"'), "thousands-separator", ("line 14", "thousands", "--decimal ,")
-    ),
+        cell(F, '"1,234"'), "thousands-separator", ("line 14", "thousands", "--decimal ,")),
     "a column that is not there": Bad(
-        CLEAN, "no-column", ("'Force'", f"{F!r}", f"{X!r}"), ("--input", "Force", "--output", X)
-    ),
+        CLEAN, "no-column", ("'Force'", f"{F!r}", f"{X!r}"), ("--input", "Force", "--output", X)),
     "no header": Bad(text(ROWS[1:], ROWS[0]), "no-header", ("no header", "'0'")),
     "overload": Bad(
-        OVERLOAD, "text-cell", ("line 14", f"{F!r}", "'OVLD'", "sensor overload?", "--na-values OVLD")
-    ),
+        OVERLOAD, "text-cell", ("line 14", f"{F!r}", "'OVLD'", "sensor overload?", "--na-values OVLD")),
     "words": Bad(cell(F, "see notes"), "text-cell", ("line 14", "'see notes'", "text among")),
     "not-finite": Bad(cell(F, "inf"), "not-finite", ("line 14", "'inf'", "division by zero")),
     "NaN in the output": Bad(
-        NO_OUTPUT,
-        "nan-output",
-        ("10 NaN", f"{X!r}", "lines 22 to 31 (54 s)", "--nan omit", "history still runs"),
-    ),
+        NO_OUTPUT, "nan-output",
+        ("10 NaN", f"{X!r}", "lines 22 to 31 (54 s)", "--nan omit", "history still runs")),
     "NaN in the input": Bad(
-        NO_INPUT, "nan-input", ("1 NaN", f"{F!r}", "line 32", "complete input", "--nan interpolate")
-    ),
+        NO_INPUT, "nan-input", ("1 NaN", f"{F!r}", "line 32", "complete input", "--nan interpolate")),
     "NaN in the input, omitted": Bad(
-        NO_INPUT, "nan-input", ("line 32", "complete input"), (*COLUMNS, "--nan", "omit")
-    ),
+        NO_INPUT, "nan-input", ("line 32", "complete input"), (*COLUMNS, "--nan", "omit")),
     "a cell too many": Bad(
-        line(51, "1,2,3,4,5"), "ragged-line", ("line 51", "5 cells, the header has 4", "mend")
-    ),
+        line(51, "1,2,3,4,5"), "ragged-line", ("line 51", "5 cells, the header has 4", "mend")),
     "a line cut short": Bad(CLEAN[:-9], "ragged-line", ("line 102", "2 cells", "cut short")),
     "a line with another separator": Bad(
-        line(51, LINES[50].strip().replace(",", ";")), "ragged-line", ("line 51", "separator")
-    ),
+        line(51, LINES[50].strip().replace(",", ";")), "ragged-line", ("line 51", "separator")),
     "an open quote": Bad(cell(F, '"5'), "ragged-line", ("line 14", "open quote")),
     "too short": Bad(text(ROWS[:9]), "too-few-rows", ("0.5 cycles", "at least one cycle, or 20")),
     "a held input": Bad(
-        column(F, ["7"] * len(ROWS)), "constant-input", (f"{F!r}", "7 N in every row", "--input")
-    ),
+        column(F, ["7"] * len(ROWS)), "constant-input", (f"{F!r}", "7 N in every row", "--input")),
     "noise for an input": Bad(
-        steady(0.01), "no-excitation", ("range 0.0433 N", "nothing to identify", "drive the rig")
-    ),
+        steady(0.01), "no-excitation", ("range 0.0433 N", "nothing to identify", "drive the rig")),
     "two runs": Bad(RESET, "time-backwards", ("line 103", "--segments auto", "--group")),
     "an empty file": Bad("", "empty-file", ("empty",)),
     "comments only": Bad("# rig 7\n\n", "empty-file", ("nothing but blank or comment lines",)),
@@ -146,29 +134,22 @@ BAD = {
     "packed": Bad(gzip.compress(CLEAN.encode()), "binary-file", ("unpack it",)),
     "arrays": Bad(b"PK\3\4" + bytes(26) + b"t.npy", "binary-file", ("numpy.savetxt",)),
     "a column twice": Bad(
-        text(ROWS, (T, F, F, X)), "duplicate-column", (f"{F!r}", "column 2 and 3", "rename")
-    ),
+        text(ROWS, (T, F, F, X)), "duplicate-column", (f"{F!r}", "column 2 and 3", "rename")),
     "no such rows": Bad(CLEAN, "no-match", ("cycle=9", "5, 4"), (*COLUMNS, "--where", "cycle=9")),
     "no condition": Bad(
-        CLEAN, "bad-condition", ("'cycle'", "COL=VALUE"), (*COLUMNS, "--test-where", "cycle")
-    ),
+        CLEAN, "bad-condition", ("'cycle'", "COL=VALUE"), (*COLUMNS, "--test-where", "cycle")),
     "too few cycles": Bad(
-        CLEAN, "too-few-cycles", ("5 complete cycles", "--test-tail"), (*COLUMNS, "--test-cycles", "5")
-    ),
+        CLEAN, "too-few-cycles", ("5 complete cycles", "--test-tail"), (*COLUMNS, "--test-cycles", "5")),
     "the whole tail": Bad(
-        CLEAN, "bad-option", ("1.5", "--test-tail 0.2"), (*COLUMNS, "--test-tail", "1.5")
-    ),
+        CLEAN, "bad-option", ("1.5", "--test-tail 0.2"), (*COLUMNS, "--test-tail", "1.5")),
     "two hold-outs": Bad(
         CLEAN, "conflicting-options", ("--test-where",),
-        (*COLUMNS, "--test-tail", "0.2", "--test-cycles", "1"),
-    ),
+        (*COLUMNS, "--test-tail", "0.2", "--test-cycles", "1")),
     "two clocks": Bad(CLEAN, "conflicting-options", ("--dt",), (*COLUMNS, "--dt", "1")),
     "a specimen without a name": Bad(
-        SPECIMENS.replace("A\n", "\n", 1), "no-value", ("line 2", "block"), (*COLUMNS, "--each", "block")
-    ),
+        SPECIMENS.replace("A\n", "\n", 1), "no-value", ("line 2", "block"), (*COLUMNS, "--each", "block")),
     "no such model": Bad(
-        CLEAN, "unknown-model", ("'Voigt'", "Burgers"), (*COLUMNS, "--model", "Voigt")
-    ),
+        CLEAN, "unknown-model", ("'Voigt'", "Burgers"), (*COLUMNS, "--model", "Voigt")),
 }  # fmt: skip
 
 USAGE = [  # what typer says of a number depends on its version
@@ -225,16 +206,10 @@ def test_a_file_that_may_not_be_read(monkeypatch):
     (ONE_WAY, ("Input only rises", "nothing tells hysteresis from a curve")),
     (SWAPPED, ("Loops create energy (-", "N mm a loop", "Columns swapped", "exchange --input")),
     (TURNED, ("Loops create energy (-", "The sign of one column is turned? If so, turn it",)),
-    (
-        CLIPPED_X,
-        ("of the output at 10 mm: clipped, lines ", "4 more runs while the input moves",
-         "--exclude-lines "),
-    ),
-    (
-        CLIPPED_F,
-        ("of the input at 15 N: clipped, lines ", "4 more runs while the output moves",
-         "measure with a wider range"),
-    ),
+    (CLIPPED_X, ("of the output at 10 mm: clipped, lines ", "4 more runs while the input moves",
+                 "--exclude-lines ")),
+    (CLIPPED_F, ("of the input at 15 N: clipped, lines ", "4 more runs while the output moves",
+                 "measure with a wider range")),
 ], ids=["one way", "swapped", "turned", "clipped output", "clipped input"])  # fmt: skip
 def test_what_may_be_meant_is_said_and_fitted(content, words):
     put(content)

@@ -41,37 +41,29 @@ def overloaded(row: int = 5) -> list[list[str]]:
 
 TABLE = {
     "3: units that are not found": Bad(
-        UNITS, "text-cell", ("line 2", "'time' = 's'", "a row of units?", "--units-row 2"), BARE
-    ),
+        UNITS, "text-cell", ("line 2", "'time' = 's'", "a row of units?", "--units-row 2"), BARE),
     "4: one column twice": Bad(
         CLEAN, "given-twice", (f"{F!r}", "as input and as output", "--output COL"),
-        ("--input", F, "--output", F),
-    ),
+        ("--input", F, "--output", F)),
     "4: the clock for an output": Bad(
         CLEAN, "given-twice", (f"{T!r}", "as time and as output"),
-        ("--input", F, "--output", T, "--time", T),
-    ),
+        ("--input", F, "--output", T, "--time", T)),
     "7: a clock with a hole": Bad(
-        cell(T, "", 39), "nan-time", ("1 NaN in time", f"{T!r}", "line 41", "--dt SECONDS")
-    ),
+        cell(T, "", 39), "nan-time", ("1 NaN in time", f"{T!r}", "line 41", "--dt SECONDS")),
     "10: load in kilograms": Bad(
         text(ROWS, (T, F, "load (kg)", "cycle")), "wrong-unit",
-        ("kg is mass", "kgf", "--output-unit UNIT"), ("--input", F, "--output", "load (kg)"),
-    ),
+        ("kg is mass", "kgf", "--output-unit UNIT"), ("--input", F, "--output", "load (kg)")),
     "15: a column that ends early": Bad(
         text(ROWS[:60]) + "".join(f"{','.join(r[:2])}\n" for r in ROWS[60:]), "ragged-line",
-        ("line 62", "2 cells, the header has 4", "mend that line"),
-    ),
+        ("line 62", "2 cells, the header has 4", "mend that line")),
     "17: an output that is held": Bad(
         column(X, ["7"] * len(ROWS)), "constant-output",
-        (f"{X!r}", "7 mm in every row", "dead channel", "--output COL"),
-    ),
+        (f"{X!r}", "7 mm in every row", "dead channel", "--output COL")),
     "27: zero bytes": Bad(CLEAN.replace("5", "\0", 3), "binary-file", ("export it as text",)),
     "31: every specimen is bad": Bad(
         blocks(overloaded(), overloaded()), "text-cell",
         ("A: ", "line 7", "'OVLD'", "1 more have the same fault", "--na-values OVLD"),
-        (*COLUMNS, "--each", "block"),
-    ),
+        (*COLUMNS, "--each", "block")),
 }  # fmt: skip
 """By item and what is bad."""
 
@@ -132,7 +124,7 @@ def test_a_sequence_of_one_row_is_said():
 def fitted(tmp_path_factory) -> Path:
     """A line and its chains."""
     place = tmp_path_factory.mktemp("fitted")
-    (place / "good.csv").write_text(text(others.sponge()))
+    put(text(others.sponge()), place / "good.csv")
     keep = ("--conditioning", "keep", "--out", place / "good")
     assert run("fit", place / "good.csv", *COLUMNS, *FIT[:-2], *keep).code == 0
     assert run("sample", place / "good", "--steps", 40, "--ensembles", 2).code == 0
@@ -150,20 +142,13 @@ def document(folder: Path) -> dict[str, Any]:
     return json.loads((folder / "fit.json").read_text("utf-8"))
 
 
-def edited(**changes: Any) -> Callable[[Path], None]:
+def edited(**changes: Any) -> Callable[[Path], Any]:
     """By somebody who knows how: the checksums are made again."""
-
-    def edit(folder: Path) -> None:
-        (folder / "fit.json").write_text(json.dumps(sealed(document(folder) | changes)))
-
-    return edit
+    return lambda folder: put(json.dumps(sealed(document(folder) | changes)), folder / "fit.json")
 
 
-def cut(name: str, length: int = 300) -> Callable[[Path], None]:
-    def shorten(folder: Path) -> None:
-        (folder / name).write_bytes((folder / name).read_bytes()[:length])
-
-    return shorten
+def cut(name: str, length: int = 300) -> Callable[[Path], Any]:
+    return lambda folder: put((folder / name).read_bytes()[:length], folder / name)
 
 
 def no_text(folder: Path) -> None:
@@ -204,7 +189,7 @@ def leads_out(folder: Path) -> None:
 class Spoilt(NamedTuple):
     """A folder that is refused: what was done to it, the code, words of the message, the command."""
 
-    spoil: Callable[[Path], None]
+    spoil: Callable[[Path], Any]
     code: str
     words: tuple[str, ...]
     command: tuple[object, ...] = ("predict", "out", "run.csv")
@@ -212,70 +197,53 @@ class Spoilt(NamedTuple):
 
 SAMPLE = ("sample", "out", "--ensembles", 2, "--resume")
 
+BETTER = {"score_percent": 0.0, "trusted": True, "seconds": 0}
 FOLDERS = {
     "32: newer": Spoilt(edited(schema=99), "newer-schema", ("out: ", "schema 99", "update hysid")),
     "32: better figures": Spoilt(
-        lambda folder: (folder / "fit.json").write_text(
-            json.dumps(document(folder) | {"score_percent": 0.0, "trusted": True, "seconds": 0})
-        ),
-        "edited-file", ("out: ", "score_percent, seconds", '"checksums"', "fit.json"),
-    ),
+        lambda folder: put(json.dumps(document(folder) | BETTER), folder / "fit.json"),
+        "edited-file", ("out: ", "score_percent, seconds", '"checksums"', "fit.json")),
     "32: cut": Spoilt(cut("fit.json"), "damaged-file", ("out: ", "fit.json", "cut off", "make it")),
-    "32: no text": Spoilt(
-        no_text, "damaged-file", ("fit.json", "make it again"),
-    ),
+    "32: no text": Spoilt(no_text, "damaged-file", ("fit.json", "make it again")),
     "32: cut arrays": Spoilt(cut("model.npz"), "wrong-checksum", ("model.npz", "fit again")),
     "32: another checksum": Spoilt(
         lambda folder: edited(files=document(folder)["files"] | {"data.npz": "0"})(folder),
-        "wrong-checksum", ("data.npz", "not the file that was saved", "fit again"),
-    ),
+        "wrong-checksum", ("data.npz", "not the file that was saved", "fit again")),
     "32: a pickle in an array": Spoilt(pickled_array, "damaged-file", ("out: ", "fit again")),
     "32: a pickle for arrays": Spoilt(
-        forged("model.npz", pickle.dumps(Touch())), "damaged-file", ("out: ", "fit again")
-    ),
+        forged("model.npz", pickle.dumps(Touch())), "damaged-file", ("out: ", "fit again")),
     "32: a foreign class": Spoilt(
-        edited(structure={"class": "os.system"}), "unknown-model", ("'os.system'", "edited")
-    ),
+        edited(structure={"class": "os.system"}), "unknown-model", ("'os.system'", "edited")),
     "32: a file elsewhere": Spoilt(
-        edited(files={"../../secret.npz": "0"}), "file-not-found", ("secret.npz is missing",)
-    ),
+        edited(files={"../../secret.npz": "0"}), "file-not-found", ("secret.npz is missing",)),
     **{
         f"32: a folder elsewhere, {command[0]}": Spoilt(
-            leads_out, "outside-folder", ("'../elsewhere'", "edited", "Fit again"), command
-        )
-        for command in (
-            ("predict", "out", "run.csv"), ("sample", "out", "--steps", 20),
-        )
+            leads_out, "outside-folder", ("'../elsewhere'", "edited", "Fit again"), command)
+        for command in (("predict", "out", "run.csv"), ("sample", "out", "--steps", 20))
     },
     "32: columns that are none": Spoilt(
-        edited(selection={"x": 1}), "damaged-file", ("which columns", "Fit again")
-    ),
+        edited(selection={"x": 1}), "damaged-file", ("which columns", "Fit again")),
     **{
         f"32: a selection of another kind, {name}": Spoilt(
             lambda folder, name=name, odd=odd: edited(
                 selection=document(folder)["selection"] | {name: odd}
             )(folder),
-            "damaged-file", ("which columns", name, "Fit again"),
-        )
+            "damaged-file", ("which columns", name, "Fit again"))
         for name, odd in {"where": 1e308, "time": 5, "decimal": ":", "group": [1]}.items()
     },
     "32: no columns": Spoilt(edited(selection=[1]), "damaged-file", ("which columns", "Fit again")),
     "32: no fit": Spoilt(
-        lambda folder: (folder / "fit.json").unlink(), "file-not-found", ("out: ", "hysid fit --out DIR")
-    ),
+        lambda folder: (folder / "fit.json").unlink(), "file-not-found", ("out: ", "hysid fit --out DIR")),
     "24: another seed": Spoilt(
         lambda folder: None, "other-checkpoint",
         ("chains.npz", "another seed (0, now 1)", "without --resume"),
-        (*SAMPLE, "--steps", 60, "--seed", 1),
-    ),
+        (*SAMPLE, "--steps", 60, "--seed", 1)),
     "24: fewer steps": Spoilt(
         lambda folder: None, "more-steps-kept", ("40 steps were kept", "at least 40"),
-        (*SAMPLE, "--steps", 30),
-    ),
+        (*SAMPLE, "--steps", 30)),
     "33: chains cut": Spoilt(
         cut("chains.npz", 900), "damaged-file", ("chains.npz: ", "cut off", "without --resume"),
-        (*SAMPLE, "--steps", 60),
-    ),
+        (*SAMPLE, "--steps", 60)),
 }  # fmt: skip
 
 
@@ -320,11 +288,9 @@ PYTHON: dict[str, tuple[Callable[[], Any], str, tuple[str, ...]]] = {
     ),
     "11: another dimension": (
         lambda: identify.fit(record(), "LinearSponge").predict(replace(record(), input_unit="V")),
-        "wrong-unit", ("input is in V", "fitted to N", "say so in its header"),
-    ),
+        "wrong-unit", ("input is in V", "fitted to N", "say so in its header")),
     "12: a step of none": (
-        lambda: Record.from_arrays([1, 2], [1, 2], dt=0.0), "bad-option", ("dt=0.0", "above 0")
-    ),
+        lambda: Record.from_arrays([1, 2], [1, 2], dt=0.0), "bad-option", ("dt=0.0", "above 0")),
 }  # fmt: skip
 
 

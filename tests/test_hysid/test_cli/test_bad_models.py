@@ -25,7 +25,7 @@ pytestmark = pytest.mark.usefixtures("empty_folder")
 def line(tmp_path_factory) -> Path:
     """The folder of a line through the sponge, in N and mm."""
     place = tmp_path_factory.mktemp("line")
-    (place / "run.csv").write_text(text([["s", "N", "mm", "1"], *sponge()], NAMES))
+    put(text([["s", "N", "mm", "1"], *sponge()], NAMES), place / "run.csv")
     assert run("fit", place / "run.csv", *PLAIN, *LINE, "--out", place / "out").code == 0
     return place
 
@@ -77,21 +77,17 @@ def test_a_column_in_another_unit_than_the_fits_is_refused(line):
     ):
         put(text([[*units, "1"], *sponge()], NAMES), "other.csv")
         for command in (("predict",), ("predict", "--inverse"), ("qualify",)):
-            found = run(*command, line / "out", "other.csv")
-            refused(found, said, "[wrong-unit]")
+            refused(run(*command, line / "out", "other.csv"), said, "[wrong-unit]")
 
 
 def test_an_output_without_a_range_has_no_error_in_per_cent(line):
-    put(
-        text([["s", "N", "mm", "1"], *([t, u, "3", c] for t, u, _, c in sponge())], NAMES),
-        "other.csv",
-    )
-    said = run("predict", line / "out", "other.csv").out
-    assert " mm rms; 0 of " in said
+    rows = [["s", "N", "mm", "1"], *([t, u, "3", c] for t, u, _, c in sponge())]
+    put(text(rows, NAMES), "other.csv")
+    assert " mm rms; 0 of " in run("predict", line / "out", "other.csv").out
 
 
 def test_what_is_known_of_parameters_is_said_on_the_command_line():
-    put(text(sponge()))
+    put(sponge())
     known = ("--parameter", "b fixed=0", "--parameter", "K prior=log-normal(2, 1.5) bounds=0.1,9")
     found = run("fit", "run.csv", *COLUMNS, *LINE, *known, "--json").json()
     K, b, _ = found["parameters"]
@@ -109,6 +105,6 @@ def test_what_is_known_of_parameters_is_said_on_the_command_line():
     ("K bounds=5,9", ("starts at", "outside", "start inside")),
 ])  # fmt: skip
 def test_what_cannot_be_meant_of_a_parameter_is_refused(said, words):
-    put(text(sponge()))
+    put(sponge())
     known = ("--parameter", said, "--parameter", "b fixed=1")
     answered(run("fit", "run.csv", *COLUMNS, *LINE, *known), *words)

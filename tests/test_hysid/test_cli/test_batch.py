@@ -1,6 +1,5 @@
 """`hysid batch` and `--config`: every file of a pattern, a bad one, and options that are wrong."""
 
-import csv
 import json
 import os
 import signal
@@ -19,6 +18,7 @@ from tests.test_hysid.command import (
     T,
     X,
     put,
+    read,
     refused,
     run,
     sponge,
@@ -48,7 +48,7 @@ def here(tmp_path, monkeypatch) -> Path:
     Path("data").mkdir()
     rows = sponge()
     for name in ("a", "b"):
-        put(text(rows), f"data/{name}.csv")
+        put(rows, f"data/{name}.csv")
     put(text([[t, f, "", c] for t, f, _, c in rows]), "data/bad.csv")
     put(CONFIG, "batch.toml")
     return tmp_path
@@ -65,8 +65,7 @@ def test_every_file_is_fitted_and_the_bad_one_named():
     assert (found["fitted"], found["skipped"]) == (2, 0)
     assert "nan-output" in found["failed"]["bad"]
     assert [row["name"] for row in found["fits"]] == ["a", "b"]
-    with open("out/batch.csv", newline="", encoding="utf-8") as handle:
-        table = list(csv.DictReader(handle))
+    table = read("out/batch.csv")
     assert [row["name"] for row in table] == ["a", "b", "bad"]
     assert table[0]["K status"] == "free"
     kept = json.loads(Path("out/batch.json").read_text("utf-8"))
@@ -82,11 +81,10 @@ def test_every_file_is_fitted_and_the_bad_one_named():
     ]
     # The command line has the last word.
     options = ("--config", "batch.toml", "--out", "more", "--json", "--seed", 7)
-    more = run("fit", "data/a.csv", *options)
-    assert more.json()["seed"] == 7
+    assert run("fit", "data/a.csv", *options).json()["seed"] == 7
 
     # Mended, the bad one alone is left to do.
-    put(text(sponge()), "data/bad.csv")
+    put(sponge(), "data/bad.csv")
     again = batch()
     assert again.code == 0
     assert "3 fitted (2 of them by an earlier run), 0 failed." in again.out
@@ -127,7 +125,7 @@ def test_each_value_of_each_file():
 
 def test_two_files_of_one_name():
     Path("data/deep").mkdir()
-    put(text(sponge()), "data/deep/a.csv")
+    put(sponge(), "data/deep/a.csv")
     found = batch("--json", pattern="data/**/a.csv").json()
     assert [row["name"] for row in found["fits"]] == ["a", "deep-a"]
 

@@ -1,6 +1,5 @@
 """The commands on good input: what --json promises, what lies in the folder, how a run ends."""
 
-import csv
 import subprocess
 import sys
 from pathlib import Path
@@ -14,7 +13,18 @@ import hysid
 import identify
 from hysid.cli._app import app
 from hysid.commands import _demo
-from tests.test_hysid.command import COLUMNS, ENVIRONMENT, HEADER, LINE, F, T, X, run, sponge, text
+from tests.test_hysid.command import (
+    COLUMNS,
+    ENVIRONMENT,
+    LINE,
+    F,
+    X,
+    blocks,
+    put,
+    read,
+    run,
+    sponge,
+)
 
 METRICS = dict.fromkeys(("rmse", "nrmse_percent", "max_abs", "r2"), float)
 PARAMETER = {"name": str, "value": float, "unit": str, "stderr": float | NoneType, "status": str}
@@ -41,11 +51,6 @@ def fits(value: Any, shape: Any) -> bool:
     return isinstance(value, shape) and not isinstance(value, bool)
 
 
-def read(file: str | Path) -> list[dict[str, str]]:
-    with open(file, newline="", encoding="utf-8") as handle:
-        return list(csv.DictReader(handle))
-
-
 def numbers(rows: list[dict[str, str]], name: str) -> np.ndarray:
     return np.array([float(row[name]) for row in rows])
 
@@ -54,13 +59,11 @@ def numbers(rows: list[dict[str, str]], name: str) -> np.ndarray:
 def folder(tmp_path_factory) -> Path:
     """One block; two blocks; half of the columns."""
     place = tmp_path_factory.mktemp("cli")
-    rows = sponge()
-    (place / "run.csv").write_text(text(rows))
-    blocks = {"soft": sponge(), "thin": sponge(thickness=30.0)}
-    named = [[*row, block] for block, cells in blocks.items() for row in cells]
-    (place / "blocks.csv").write_text(text(named, (*HEADER, "block")))
-    (place / "forces.csv").write_text(text([row[:2] for row in rows], (T, F)))
-    (place / "depths.csv").write_text(text([[row[0], row[2]] for row in rows], (T, X)))
+    lines = put(sponge(), place / "run.csv").read_text().splitlines()
+    cells = [line.split(",") for line in lines]
+    put(blocks(), place / "blocks.csv")
+    put("\n".join(f"{row[0]},{row[1]}" for row in cells), place / "forces.csv")
+    put("\n".join(f"{row[0]},{row[2]}" for row in cells), place / "depths.csv")
     return place
 
 
@@ -231,9 +234,8 @@ def test_the_demo_makes_the_shipped_record_where_it_is_not(tmp_path: Path):
 
 
 def test_a_fit_saved_from_python_is_run_by_the_command_line(tmp_path: Path):
-    file = tmp_path / "a.csv"
-    file.write_text(text(sponge()))
-    record = hysid.read_csv(file, input=F, output=X, time=T)
+    file = put(sponge(), tmp_path / "a.csv")
+    record = hysid.read_csv(file, input=F, output=X, time="time (s)")
     line = hysid.fit(record, "LinearSponge", test_cycles=1, noise="gaussian", starts=2)
     hysid.save(line, tmp_path / "fit")
     found = run("predict", tmp_path / "fit", file, "--json").json()

@@ -1,7 +1,6 @@
 """A command finds what an earlier one has compiled; `hysid warm` compiles beforehand."""
 
 import os
-import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -18,6 +17,7 @@ from hysid._compile_cache import keep_compiled
 from hysteresis import PrandtlIshlinskii
 from hysteresis.running import _over_time as over_time
 from hysteresis.running._compiled import is_kept
+from tests.c_harness import ran
 from tests.test_hysid.command import ENVIRONMENT, run
 from tests.test_identify.lines import line, pressed
 from tests.thorough import rest_thorough
@@ -60,9 +60,8 @@ print(sum(hits))"""
 
     def hits() -> int:
         environment = OURS | {"XDG_CACHE_HOME": str(tmp_path), "JAX_PLATFORMS": "cpu"}
-        command = [sys.executable, "-c", code]
-        done = subprocess.run(command, env=environment, capture_output=True, text=True)
-        assert (done.returncode, done.stderr) == (0, "")
+        done = ran(sys.executable, "-c", code, env=environment)
+        assert done.stderr == ""
         return int(done.stdout)
 
     assert hits() == 0

@@ -85,8 +85,7 @@ def test_every_other_end_is_told_in_a_line_or_an_object(
 
 
 def test_the_version_is_that_of_the_distribution():
-    said = run("--version")
-    assert said == (0, f"hysid {version('hysid')}\n", "")
+    assert run("--version") == (0, f"hysid {version('hysid')}\n", "")
 
 
 @pytest.mark.parametrize(("spent", "words"), [

@@ -3,7 +3,6 @@
 import hashlib
 import os
 import shutil
-import subprocess
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -15,15 +14,15 @@ from compensate import Quantity, Status, export_c, invert
 from compensate.export._export import Origin
 from compensate.runtime import load
 from hysteresis import LinearSponge
-from tests.c_harness import COMPILERS, Compiled
-from tests.test_hysid.command import COLUMNS, LINE, refused, run, sponge, text
+from tests.c_harness import COMPILERS, Compiled, ran
+from tests.test_hysid.command import COLUMNS, LINE, put, refused, run, sponge, text
 from tests.thorough import rest_thorough
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("export")
-    (place / "run.csv").write_text(text(sponge()))
+    put(sponge(), place / "run.csv")
     written = datetime(2023, 5, 3, 12, tzinfo=UTC).timestamp()
     os.utime(place / "run.csv", (written, written))
     done = run("fit", place / "run.csv", *COLUMNS, *LINE, "--out", place / "fit")
@@ -86,7 +85,7 @@ def test_a_target_is_written(folder: Path):
 
 
 def test_a_clock_without_a_unit_tells_no_time(tmp_path: Path):
-    (tmp_path / "run.csv").write_text(text(sponge()).replace("time (s)", "time"))
+    put(text(sponge()).replace("time (s)", "time"), tmp_path / "run.csv")
     columns = [str(word).replace("time (s)", "time") for word in COLUMNS]
     assert run("fit", tmp_path / "run.csv", *columns, *LINE, "--out", tmp_path / "fit").code == 0
     said = run("export", tmp_path / "fit", "--runtime", tmp_path / "it.json").out
@@ -111,6 +110,5 @@ def test_names_of_columns_run_nothing(name: str, tmp_path: Path):
     assert not hasattr(it.library, "planted")
     if shutil.which("g++"):
         (tmp_path / "it.cpp").write_text('#include "it.h"\nint main() { return 0; }\n')
-        command = ["g++", "-std=c++11", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", "it.cpp"]
-        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
-        assert done.returncode == 0, done.stderr
+        flags = ("-std=c++11", "-Wall", "-Wextra", "-Werror", "-fsyntax-only")
+        ran("g++", *flags, "it.cpp", cwd=tmp_path)

@@ -29,7 +29,7 @@ def workbook(name: str) -> None:
 
 
 def test_a_fresh_file_gets_its_verdict_in_one_command():
-    said = run("fit", put(text(ROWS)), *LINE)
+    said = run("fit", put(ROWS), *LINE)
     assert said.code == 0, said.err
     assert re.match("(PASS|CAUTION|FAIL): LinearSponge", said.out)
     for words in ((f"input     {F}", "sure", "the rig commanded it"), (f"output    {X}", "lags")):
@@ -46,7 +46,7 @@ def test_options_that_are_given_are_not_doubted():
     refused(run("fit", "run.csv", *LINE), "a guess", "hysid init run.csv", "[cannot-decide]")
     assert not Path("run.toml").exists()
     given = ("--test-tail", 0.2, "--model", "LinearSponge", "--noise", "gaussian")
-    put(text(ROWS), "other.csv")
+    put(ROWS, "other.csv")
     found = run("fit", "other.csv", *given, "--turn", X, "--json").json()["selection"]
     assert (found["test_tail"], found["test_cycles"], found["turn"]) == (0.2, None, [X])
     assert selection("other.toml")["turn"] == [X]
@@ -78,9 +78,9 @@ def test_a_file_that_is_not_there_is_said_first(words):
 
 def test_files_of_one_stem_have_configurations_and_folders_of_their_own():
     workbook("press.xlsx")
-    put(text(ROWS), "press.csv")
+    put(ROWS, "press.csv")
     for file in ("press.xlsx", "press.csv", "bare"):
-        put(text(ROWS), "bare")
+        put(ROWS, "bare")
         found = run("init", file)
         assert found.code == 0, found.err
         words = shlex.split(found.out.splitlines()[-1])
@@ -96,7 +96,7 @@ def test_files_of_one_stem_have_configurations_and_folders_of_their_own():
 
 
 def test_another_file_under_a_configuration_is_told():
-    put(text(ROWS))
+    put(ROWS)
     assert run("init", "run.csv").code == 0
     config = Path("run.toml").read_text("utf-8")
     put(config.replace('model = "auto"', 'model = "LinearSponge"'), "run.toml")
@@ -116,7 +116,7 @@ def test_another_file_under_a_configuration_is_told():
 
 
 def test_a_configuration_from_elsewhere_says_nothing_of_its_file():
-    put(text(ROWS))
+    put(ROWS)
     put(f'[selection]\ninput = "{F}"\noutput = "{X}"\n', "run.toml")
     assert "Note" not in run("check", "run.csv").err
     put("[selection", "run.toml")
@@ -131,6 +131,6 @@ def test_hysid_alone_says_how_to_begin():
     assert [words[:2] for words in begin] == [
         ["hysid", "fit"], ["hysid", "report"], ["hysid", "export"]
     ]  # fmt: skip
-    put(text(ROWS))
+    put(ROWS)
     for _, name, *words in begin:  # which `test_remedies` and others run
         takes(name, words)

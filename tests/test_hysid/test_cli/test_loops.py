@@ -1,17 +1,14 @@
 """`hysid loops`: from a file to the table of its loops."""
 
-import csv
-
 import numpy as np
 import pytest
 
 import hysid
-from tests.test_hysid.command import COLUMNS, LINE, refused, run, sponge, text
+from tests.test_hysid.command import COLUMNS, LINE, F, T, X, put, read, refused, run, sponge, text
 
 
 def test_a_file_alone_gives_the_loops_of_its_record(tmp_path):
-    file = tmp_path / "run.csv"
-    file.write_text(text(sponge()))
+    file = put(sponge(), tmp_path / "run.csv")
     found = run("loops", file, *COLUMNS, "--json").json()
     table = hysid.read_csv(file, "force (N)", "displacement (mm)", "time (s)").loops()
     assert [one["cycle"] for one in found["loops"]] == table.cycle.tolist()
@@ -29,23 +26,22 @@ def test_a_file_alone_gives_the_loops_of_its_record(tmp_path):
 def test_smaller_loops_are_left_out_of_the_means_and_counted(tmp_path, each):
     x = np.concatenate([size * np.sin(np.linspace(0, 4 * np.pi, 400)) for size in (1, 0.5)])
     rows = [[str(k), f"{one:.4f}", f"{2 * one:.4f}", "A"] for k, one in enumerate(x)]
-    file = tmp_path / "sweep.csv"
-    file.write_text(text(rows, (*COLUMNS[5:], COLUMNS[1], COLUMNS[3], "specimen")))
+    names = (T, F, X, "specimen")
+    file = put(text(rows, names), tmp_path / "sweep.csv")
     left = len(run("loops", file, *COLUMNS, "--json").json()["loops"])
     left -= run("loops", file, *COLUMNS, "--json").json()["summary"][0]["loops"]
     assert left > 0
     for command in ("loops", "datasheet") if not each else ("loops",):
         assert f"leave out {left} loop" in run(command, file, *COLUMNS, *each).out
-    file.write_text(text(rows[:40], (*COLUMNS[5:], COLUMNS[1], COLUMNS[3], "specimen")))
+    put(text(rows[:40], names), file)
     assert run("loops", file, *COLUMNS, *each).out.startswith("No loop: the input does not go")
 
 
 def test_the_table_is_written_for_other_programs(tmp_path):
-    file = tmp_path / "run.csv"
-    file.write_text(text(sponge()))
+    file = put(sponge(), tmp_path / "run.csv")
     out = tmp_path / "loops.csv"
     assert run("loops", file, *COLUMNS, "--each", "cycle", "--csv", out).code == 0
-    rows = [*csv.DictReader(out.read_text().splitlines())]
+    rows = read(out)
     assert {row["cycle"] for row in rows} >= {"1"}
     assert np.isfinite(float(rows[0]["width at mid-range (mm)"]))
     measured = file.read_bytes()
@@ -58,14 +54,15 @@ def test_the_table_is_written_for_other_programs(tmp_path):
     assert "bad-option" in run("loops", file, *COLUMNS, "--kind", "round", "--json").err
 
 
+def specimens(*softer: float) -> list[list[str]]:
+    """The sponge so many times as soft each; the last column counts them."""
+    cells = [(k, by, row) for k, by in enumerate(softer) for row in sponge()]
+    return [[*row[:2], f"{float(row[2]) * by:.4f}", str(k)] for k, by, row in cells]
+
+
 def test_specimens_have_a_row_each_and_outliers_are_told(tmp_path):
-    rows = [
-        [*row[:2], f"{float(row[2]) * (2.0 if k == 3 else 1 + 0.01 * k):.4f}", str(k)]
-        for k in range(6)
-        for row in sponge()
-    ]
-    file = tmp_path / "six.csv"
-    file.write_text(text(rows))
+    rows = specimens(*(2.0 if k == 3 else 1 + 0.01 * k for k in range(6)))
+    file = put(rows, tmp_path / "six.csv")
     asked = ("loops", file, *COLUMNS, "--each", "cycle")
     found = run(*asked, "--json").json()
     energy = found["specimens"]["energy lost"]
@@ -81,14 +78,9 @@ def test_specimens_have_a_row_each_and_outliers_are_told(tmp_path):
 
 def test_two_groups_of_specimens_are_compared(tmp_path):
     for name, softer in (("new", 1.0), ("old", 1.5)):
-        rows = [
-            [*row[:2], f"{float(row[2]) * softer * (1 + 0.01 * k):.4f}", str(k)]
-            for k in range(3)
-            for row in sponge()
-        ]
-        (tmp_path / f"{name}.csv").write_text(text(rows))
-        asked = ("--each", "cycle", *LINE)
-        assert run("fit", tmp_path / f"{name}.csv", *COLUMNS, *asked).code == 0
+        rows = specimens(*(softer * (1 + 0.01 * k) for k in range(3)))
+        file = put(rows, tmp_path / f"{name}.csv")
+        assert run("fit", file, *COLUMNS, "--each", "cycle", *LINE).code == 0
     found = run("compare", tmp_path / "new", tmp_path / "old", "--loops", "--json").json()
     figures = {row["name"]: row for row in found["figures"]}
     assert found["specimens"] == [3, 3]
@@ -101,9 +93,7 @@ def test_two_groups_of_specimens_are_compared(tmp_path):
 
 
 def test_a_data_sheet_takes_two_commands(tmp_path):
-    files = [tmp_path / f"run{k}.csv" for k in range(2)]
-    for file in files:
-        file.write_text(text(sponge()))
+    files = [put(sponge(), tmp_path / f"run{k}.csv") for k in range(2)]
     assert run("init", files[0]).code == 0
     found = run("datasheet", *files, "--json").json()
     assert [place.rpartition(".")[2] for place in found["files"]] == ["html", "pdf"]
@@ -113,7 +103,6 @@ def test_a_data_sheet_takes_two_commands(tmp_path):
     assert '"would-overwrite"' in run("datasheet", *files, "--json").err
     run("datasheet", *files, "--out", tmp_path / "sheet.pdf")
     assert {place.name for place in tmp_path.glob("sheet*")} == {"sheet.html", "sheet.pdf"}
-    other = tmp_path / "other.csv"
-    other.write_text(text(sponge()).replace("(N)", "(kN)"))
+    other = put(text(sponge()).replace("(N)", "(kN)"), tmp_path / "other.csv")
     columns = ("--input", "force (N)", "--output", "displacement (mm)", "--overwrite", "--json")
     assert '"no-column"' in run("datasheet", files[0], other, *columns).err

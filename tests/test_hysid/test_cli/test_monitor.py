@@ -1,6 +1,5 @@
 """`hysid monitor`, and the guarantee of `hysid qualify` with what `hysid export` makes of it."""
 
-import csv
 import json
 from pathlib import Path
 
@@ -8,7 +7,7 @@ import numpy as np
 import pytest
 
 from compensate.runtime import load
-from tests.test_hysid.command import COLUMNS, LINE, F, T, X, refused, run, text
+from tests.test_hysid.command import COLUMNS, LINE, F, T, X, put, read, refused, run, text
 
 CYCLES, ROWS = 16, 40
 
@@ -17,8 +16,7 @@ def rows(gain: float = 1.0, known: tuple[int, ...] | None = None, seed: int = 0)
     """Cells of cycles of a line with noise; forces outside the cycles `known` are empty."""
     random = np.random.default_rng(seed)
     up = np.linspace(2, 20, ROWS // 2, endpoint=False)
-    shape = np.append(up, 22 - up)
-    cells = []
+    shape, cells = np.append(up, 22 - up), []
     for k in range(CYCLES * ROWS):
         force, cycle = shape[k % ROWS], k // ROWS
         length = gain * (1.3 * force + 6) + 0.05 * random.normal()
@@ -31,13 +29,14 @@ def rows(gain: float = 1.0, known: tuple[int, ...] | None = None, seed: int = 0)
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("monitor")
-    (place / "run.csv").write_text(text(rows()))
-    (place / "same.csv").write_text(text(rows(1.0, (1, 8), 1)))
-    (place / "changed.csv").write_text(text(rows(0.85, (1, 8), 2)))
-    (place / "new.csv").write_text(text(rows(seed=3)))
-    (place / "few.csv").write_text(text(rows(seed=4)[: 5 * ROWS]))
+    files = {
+        "run": rows(), "same": rows(1.0, (1, 8), 1), "changed": rows(0.85, (1, 8), 2),
+        "new": rows(seed=3), "few": rows(seed=4)[: 5 * ROWS],
+    }  # fmt: skip
+    for name, cells in files.items():
+        put(cells, place / f"{name}.csv")
     bare = [[t, x] for t, _, x, _ in rows(seed=5)]
-    (place / "bare.csv").write_text(text(bare, (T, X)))
+    put(text(bare, (T, X)), place / "bare.csv")
     line = (*LINE, "--test-cycles", 2, "--out", place / "fit")
     done = run("fit", place / "run.csv", *COLUMNS, *line)
     assert done.code == 0, done.err
@@ -53,7 +52,7 @@ def test_a_sensor_that_has_not_changed_needs_nothing(folder: Path):
     assert f"80 references the error is {found['rmse']:.3g} N rms" in said
     assert f"{found['fit_error']:.3g} N of an unchanged sensor." in said
     in_kN = [[t, u and f"{float(u) / 1000:.6f}", *more] for t, u, *more in rows(1.0, (1, 8), 1)]
-    (folder / "kN.csv").write_text(text(in_kN, (T, "force (kN)", X, "cycle")))
+    put(text(in_kN, (T, "force (kN)", X, "cycle")), folder / "kN.csv")
     other = ("monitor", folder / "fit", folder / "kN.csv", "--reference", "force (kN)", "--json")
     assert run(*other).json()["rmse"] == pytest.approx(found["rmse"])
 
@@ -64,13 +63,12 @@ def test_a_change_is_found_with_its_line_and_its_size(folder: Path):
     assert ROWS < change["line"] < 3 * ROWS
     assert abs(found["gain"] - 0.85) < 0.01
     assert change["lost"] > 3 * found["fit_error"]
-    with Path(found["file"]).open() as handle:
-        header, *table = csv.reader(handle)
-    assert header[:5] == ["line", T, X, f"known {F}", f"estimated {F}"]
+    table = read(found["file"])
+    assert list(table[0])[:5] == ["line", T, X, f"known {F}", f"estimated {F}"]
     assert len(table) == found["rows"] == CYCLES * ROWS
     # The last cycles have no reference, and are right again.
     wanted = [float(row[1]) for row in rows()][-ROWS:]
-    off = np.array([float(row[4]) for row in table[-ROWS:]]) - wanted
+    off = np.array([float(row[f"estimated {F}"]) for row in table[-ROWS:]]) - wanted
     assert np.sqrt(np.mean(off**2)) < 4 * found["fit_error"]
 
 

@@ -1,13 +1,11 @@
 """The road of an oscillator on the command line: fit, predict, report, export."""
 
-import csv
-
 import numpy as np
 import pytest
 
 import compensate
 from benchmarks._dynamics.plants import RATE, training
-from tests.test_hysid.command import refused, run
+from tests.test_hysid.command import read, refused, run, write
 
 COLUMNS = ("--input", "force (N)", "--output", "displacement (m)", "--time", "time (s)")
 
@@ -16,10 +14,8 @@ COLUMNS = ("--input", "force (N)", "--output", "displacement (m)", "--time", "ti
 def folder(tmp_path_factory):
     place = tmp_path_factory.mktemp("oscillator")
     u, y = training(3, samples=1024, periods=3)
-    with open(place / "train.csv", "w", newline="") as handle:
-        writer = csv.writer(handle)
-        writer.writerow(["time (s)", "force (N)", "displacement (m)"])
-        writer.writerows(zip(np.arange(len(u)) / RATE, u, y, strict=True))
+    t = np.arange(len(u)) / RATE
+    write(place / "train.csv", {"time (s)": t, "force (N)": u, "displacement (m)": y})
     return place
 
 
@@ -39,8 +35,7 @@ def test_fit_predict_report_and_export(folder):
     assert any("steady state" in note for note in steady["notes"])
     rest = run("predict", out, folder / "train.csv", "--json").json()
     assert rest["rmse"] > 2 * steady["rmse"]  # the record does not begin at rest
-    with open(steady["file"], newline="") as handle:
-        rows = list(csv.DictReader(handle))
+    rows = read(steady["file"])
     assert len(rows) == 3 * 1024
     assert "predicted displacement (m)" in rows[0]
     drawn = run("sample", out, "--steps", 20, "--ensembles", 2, "--walkers", 14, "--json").json()
@@ -52,8 +47,7 @@ def test_fit_predict_report_and_export(folder):
     assert "draws by emcee" in page
     plan = run("design", out, "--json").json()
     assert len(plan["multisines"]) > 4
-    with open(plan["file"], newline="") as handle:
-        assert len(list(csv.reader(handle))) == 1 + 1024
+    assert len(read(plan["file"])) == 1024
     assert "hysteresis" in run("design", out).out
     assert run("export", out, "--c", out / "plant.h", "--runtime", out / "plant.json").code == 0
     made = run("export", out, "--to", "arduino", out / "plant", "--json").json()

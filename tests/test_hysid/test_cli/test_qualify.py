@@ -15,6 +15,8 @@ from tests.test_hysid.command import (
     F,
     T,
     X,
+    blocks,
+    put,
     refused,
     run,
     sponge,
@@ -30,12 +32,10 @@ def folder(tmp_path_factory) -> Path:
     """The shipped run, which is fitted, another of the same rig, and fits with and without `each`."""
     place = tmp_path_factory.mktemp("qualify")
     (place / "run.csv").write_bytes(SPONGE.read_bytes())
-    (place / "other.csv").write_text(text(sponge()))
-    (place / "half.csv").write_text(text([row[:2] for row in sponge()], (T, F)))
+    put(sponge(), place / "other.csv")
+    put(text([row[:2] for row in sponge()], (T, F)), place / "half.csv")
     assert run("fit", place / "run.csv", *COLUMNS, *PREISACH, "--out", place / "fit").code == 0
-    blocks = {"soft": sponge(), "thin": sponge(thickness=30.0)}
-    named = [[*row, block] for block, cells in blocks.items() for row in cells]
-    (place / "blocks.csv").write_text(text(named, (*HEADER, "block")))
+    put(blocks(), place / "blocks.csv")
     each = ("--each", "block", *LINE, "--out", place / "each")
     assert run("fit", place / "blocks.csv", *COLUMNS, *each).code == 0
     return place
@@ -106,10 +106,8 @@ def test_each_is_qualified_by_its_own_fit(folder):
     result = run("qualify", folder / "each", folder / "blocks.csv", "--json").json()
     assert list(result["each"]) == ["soft", "thin"]
     assert result["verdict"]["level"] == "CAUTION"
-    assert [(said["code"], said["text"][:15]) for said in result["verdict"]["reasons"]] == [
-        ("error", "soft: CAUTION. "),
-        ("error", "thin: CAUTION. "),
-    ]
+    said = [(one["code"], one["text"][:15]) for one in result["verdict"]["reasons"]]
+    assert said == [("error", "soft: CAUTION. "), ("error", "thin: CAUTION. ")]
     mean = np.mean([one["nrmse_percent"] for one in result["each"].values()])
     assert result["nrmse_percent"] == pytest.approx(mean)
     one = run("qualify", folder / "each", folder / "blocks.csv", "--where", "block=soft", "--json")
@@ -148,7 +146,7 @@ def test_bad_files_are_refused_in_a_line(folder, tmp_path, content, words):
 
 def test_a_fit_of_several_inputs_is_refused(folder, tmp_path):
     rows = [[*row, f"{2 * float(row[1]):g}"] for row in sponge()]
-    (tmp_path / "two.csv").write_text(text(rows, (*HEADER, "twice (N)")))
+    put(text(rows, (*HEADER, "twice (N)")), tmp_path / "two.csv")
     out = (*LINE, "--out", tmp_path / "two")
     fitted = run("fit", tmp_path / "two.csv", *COLUMNS, "--input", "twice (N)", *out)
     assert fitted.code == 0, fitted.err

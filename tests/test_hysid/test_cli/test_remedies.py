@@ -11,14 +11,14 @@ from typing import Any
 import pytest
 
 from tests.sources import trees
-from tests.test_hysid.command import COMMANDS, F, T, X, example, put, run, sponge, takes, text
+from tests.test_hysid.command import COMMANDS, F, T, X, example, put, run, takes, text
+from tests.test_hysid.test_cli.test_bad_inputs import COMMA, RESET, ROWS, cell
 from tests.thorough import rest_thorough
 
 OPTION = re.compile(r"(?<![\w-])--[a-z][a-z0-9-]*[a-z0-9](?!\w)")
 ELSEWHERE = re.compile(r"hysid ([a-z]+)( [^;,.)]*)?|pip \S+[^;,.)]*|rostopic [^;,.)]*")
 COLUMNS = ("--input", F, "--output", X)
 FAST = ("--model", "LinearSponge", "--noise", "gaussian", "--starts", 1)
-ROWS = sponge()
 
 pytestmark = pytest.mark.usefixtures("empty_folder")
 
@@ -76,7 +76,7 @@ def calls() -> dict[tuple[str, str], str]:
 
 def test_commands_in_messages_are_complete():
     """Each option is one of the command; and where arguments are given, none is missing."""
-    put(text(ROWS))  # which some of them name
+    put(ROWS)  # which some of them name
     faults, tried = [], 0
     for (name, said), place in calls().items():
         command, words = COMMANDS.get(name), shlex.split(said.replace("VALUE", "1"))
@@ -104,37 +104,25 @@ def test_examples_of_help_are_complete():
         takes(name, words[len(own) :])
 
 
-def changed(line: int, column: int, value: str) -> str:
-    rows = [list(row) for row in ROWS]
-    rows[line][column] = value
-    return text(rows)
-
-
 BAD = {
-    "decimal commas": text(ROWS).replace(",", ";").replace(".", ","),
-    "overload": changed(9, 2, "OVLD"),
-    "an output is missing": changed(9, 2, ""),
-    "an input is missing": changed(9, 1, ""),
-    "time goes back": text([*ROWS, *ROWS]),
-    "time stands still": changed(9, 0, ROWS[8][0]),
+    "decimal commas": COMMA, "overload": cell(X, "OVLD"), "an output is missing": cell(X, ""),
+    "an input is missing": cell(F, ""), "time goes back": RESET,
+    "time stands still": cell(T, ROWS[8][0], 9),
     "an unknown unit": text(ROWS, (T, F, "displacement (furlong!)", "cycle")),
     "a column is lost": text(ROWS, (T, "load (N)", X, "cycle")),
     "mass": text(ROWS, (T, "force (kg)", X, "cycle")),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", BAD)
 def test_each_option_that_is_recommended_is_one_of_the_command(name):
     put(BAD[name], "bad.csv")
-    put(text(ROWS), "good.csv")
+    put(ROWS, "good.csv")
     unit = "furlong!" if name == "an unknown unit" else ""
     output = f"displacement ({unit})" if unit else X
     columns = ("--input", "force (kg)" if name == "mass" else F, "--output", output, "--time", T)
-    for arguments in (
-        ("init", "bad.csv"),
-        ("check", "bad.csv", *columns),
-        ("fit", "bad.csv", *columns),
-    ):
+    columns = ("bad.csv", *columns)
+    for arguments in (("init", "bad.csv"), ("check", *columns), ("fit", *columns)):
         result = run(*arguments, *(FAST if arguments[0] == "fit" else ()))
         said = ELSEWHERE.sub("", result.err)
         have = options_of_command(COMMANDS[arguments[0]])
@@ -142,7 +130,7 @@ def test_each_option_that_is_recommended_is_one_of_the_command(name):
 
 
 def test_a_command_that_lacks_the_option_names_the_one_that_has_it():
-    assert run("fit", put(text(ROWS)), *COLUMNS, "--time", T, *FAST, "--out", "it").code == 0
+    assert run("fit", put(ROWS), *COLUMNS, "--time", T, *FAST, "--out", "it").code == 0
     lost = run("predict", "it", put(BAD["a column is lost"], "new.csv"))
     assert lost.code == 2
     assert "--input" not in lost.err
@@ -163,8 +151,7 @@ def printed(lines: str) -> list[list[str]]:
 def test_what_init_prints_runs():
     name = 'my "rig" (N)'
     put(text(ROWS, (T, '"my ""rig"" (N)"', X, "cycle")), "a b.csv")
-    said = run("init", "a b.csv")
-    found = printed(said.out)
+    found = printed(run("init", "a b.csv").out)
     assert [words[0] for words in found] == ["init", "fit"]
     assert any(name in words for words in found)
     for words in found:

@@ -41,8 +41,7 @@ def test_specimens_of_several_files_share_a_parameter(tmp_path):
     each = run("fit", one, *how[:-2], "--share", "K", "--each", "n", "--json").json()
     found = [fit["parameters"][0]["value"] for fit in each["each"].values()]
     assert found == pytest.approx([fits[0]["K"].value] * 2, rel=1e-6)
-    predicted = run("predict", tmp_path / "both", files[0])
-    assert "DIR/NAME" in predicted.err
+    assert "DIR/NAME" in run("predict", tmp_path / "both", files[0]).err
     again = (*how, "--overwrite", "--json")
     assert "conflicting-options" in run("fit", *files, *again).err
     assert "bad-option" in run("fit", *files, *again, "--share", "E1").err

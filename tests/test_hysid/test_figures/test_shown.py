@@ -120,8 +120,7 @@ def test_plots_are_figures():
     drawn = [record().plot(), fitted().plot(), posterior().plot(), grid.plot()]
     assert all(isinstance(figure, Figure) for figure in drawn)
     for figure in drawn[:2]:
-        assert figure.axes[0].get_xlabel() == "force (N)"
-        assert figure.axes[0].get_ylabel() == "x (mm)"
+        assert (figure.axes[0].get_xlabel(), figure.axes[0].get_ylabel()) == ("force (N)", "x (mm)")
     assert len(posterior(3).plot(["k<2>"]).axes) == 1
     refuses("unknown-parameter", lambda: posterior().plot(["gone"]))
 
@@ -186,8 +185,7 @@ def test_long_records_and_many_parameters_stay_small():
 def test_nothing_global_is_touched():
     before = dict(matplotlib.rcParams)
     with matplotlib.rc_context({"axes.facecolor": "red", "text.usetex": True}):
-        user = dict(matplotlib.rcParams)
-        first = record(NASTY)._repr_html_()
+        user, first = dict(matplotlib.rcParams), record(NASTY)._repr_html_()
         assert dict(matplotlib.rcParams) == user
     assert dict(matplotlib.rcParams) == before
     assert record(NASTY)._repr_html_() == first

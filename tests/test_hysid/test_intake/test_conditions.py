@@ -86,10 +86,8 @@ def found(folder, fitted) -> identify.FitResult:
 
 def test_a_condition_between_trained_ones_is_predicted(fitted, found):
     """Noise is 0.2 per cent of the range; without the temperature the gain alone leaves 16 per cent."""
-    assert fitted["selection"]["input"] == U
-    assert fitted["selection"]["condition"] == [C]
-    assert fitted["condition"]["values"] == list(TRAINED)
-    assert fitted["condition"]["unit"] == "K"
+    assert (fitted["selection"]["input"], fitted["selection"]["condition"]) == (U, [C])
+    assert (fitted["condition"]["values"], fitted["condition"]["unit"]) == (list(TRAINED), "K")
     assert fitted["metrics"]["test"]["nrmse_percent"] < 1.5
     without = [one for one in found.candidates if "temperature" not in one.name]
     assert min(one.score for one in without) > 3 * found.score
@@ -163,8 +161,7 @@ def test_both_inputs_of_one_run_are_told_apart_by_the_fit(found):
 @pytest.mark.thorough
 def test_a_condition_that_drifts_within_one_run_is_followed():
     """One run while the temperature rises: knots are its ends."""
-    columns = rig((280.0,))
-    u = columns[U]
+    u = rig((280.0,))[U]
     c = np.linspace(280.0, 320.0, len(u))
     grid = np.linspace(280.0, 320.0, 41)
     sampled = np.stack([dahl(u, at) for at in grid], 1)

@@ -44,11 +44,10 @@ def test_init_sees_the_hold_and_the_fit_its_time_constants():
     assert fit["model"] == "GeneralizedMaxwell of order 2"
     said = numbers(fit)
     # The ramp of 1 s is in the model: the strengths are those of a step.
-    assert said["tau1"] == pytest.approx(2.0, rel=0.05)
-    assert said["tau2"] == pytest.approx(40.0, rel=0.05)
-    assert said["E1"] == pytest.approx(1.0, rel=0.02)
-    assert said["E2"] == pytest.approx(4.0, rel=0.02)
-    assert said["E_inf"] == pytest.approx(0.5, rel=0.02)
+    assert [said["tau1"], said["tau2"]] == pytest.approx([2.0, 40.0], rel=0.05)
+    assert [said[name] for name in ("E1", "E2", "E_inf")] == pytest.approx(
+        [1.0, 4.0, 0.5], rel=0.02
+    )
     (note,) = (line for line in fit["data"]["history"] if "is held at" in line)
     assert "held at 5 from line 7 on: 601 rows. Time counts from there." in note
     (note,) = (line for line in fit["data"]["history"] if "way to the hold" in line)
@@ -69,8 +68,7 @@ def test_rows_even_in_log_time_hold_nothing_out():
 
 
 def test_cycles_are_no_hold():
-    found = run("init", put(text(sponge())), "--json").json()
-    assert "hold" not in found["selection"]
+    assert "hold" not in run("init", put(sponge()), "--json").json()["selection"]
     assert "hold" not in tomllib.loads(Path("run.toml").read_text("utf-8"))["selection"]
     refused(run("check", "run.csv", *SELECTED), "no-hold", "is not constant")
 

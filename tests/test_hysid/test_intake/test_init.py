@@ -140,8 +140,7 @@ def test_runs_are_sequences_and_specimens_get_a_fit_each():
     assert runs["group"] == ["run"]
     assert "each" not in runs
     each = guessed(specimens("specimen", ["a", "b"]), "--overwrite")["selection"]
-    assert each["each"] == "specimen"
-    assert each["test_cycles"] == 1
+    assert (each["each"], each["test_cycles"]) == ("specimen", 1)
     # One clock through all of them: nothing starts anew.
     assert "group" not in guessed(specimens("run", ["1", "2"], False), "--overwrite")["selection"]
     # A cycle's number is no sequence: its memory goes on.
@@ -156,8 +155,7 @@ def test_whole_sequences_of_middling_range_are_held_out():
     lines = ["trial,t (s),f (N),x (mm)"]
     for trial, depth in enumerate((4, 2, 3, 1, 2.5), 1):
         lines += [f"{trial},{k},{depth * u:.4f},{depth * u * u:.4f}" for k, u in enumerate(LOOP)]
-    found = guessed("\n".join(lines))
-    (held,) = found["selection"]["test_where"]
+    (held,) = guessed("\n".join(lines))["selection"]["test_where"]
     name, _, values = held.partition("=")
     assert name == "trial"
     assert "1" not in values.split(",")  # the widest stays, so no test is an extrapolation
@@ -226,8 +224,7 @@ def test_what_a_rig_held_in_each_run_is_a_condition(name, values):
             f"{k},{a:.3f},{b * float(value):.4f},{value}"
             for k, (a, b) in enumerate(zip(WAY, BENT + 1, strict=True))
         ]
-    found = guessed("\n".join(lines))["selection"]
-    assert found["condition"] == [name]
+    assert guessed("\n".join(lines))["selection"]["condition"] == [name]
     # The weight on an actuator is one as well.
     muscle = [line.replace("F (N)", "p (bar)").replace(name, "load (kg)") for line in lines]
     assert guessed("\n".join(muscle), "--overwrite")["selection"]["condition"] == ["load (kg)"]
@@ -259,10 +256,8 @@ def test_creep_has_a_step():
     assert usable(found)
     rested = text([["0", "0", "0"], *rows], ("t (s)", "strain", "stress (Pa)"))
     loaded = guessed(rested, "--overwrite")
-    assert (columns(loaded), loaded["selection"]["hold"]) == (
-        ("t (s)", "stress (Pa)", "strain"),
-        True,
-    )
+    assert columns(loaded) == ("t (s)", "stress (Pa)", "strain")
+    assert loaded["selection"]["hold"] is True
     assert usable(loaded)
     alone = put(text([row[:2] for row in rows], ("t (s)", "strain")), "alone.csv")
     refused(run("init", alone), "'strain'", "--step VALUE", "[cannot-decide]")
@@ -276,19 +271,13 @@ BAD: dict[str, tuple[str | bytes, tuple[str, ...]]] = {
     "empty": ("", ("the file is empty",)),
     "header only": (f"{T},{F},{X}\n", ("a header and no rows",)),
     "a picture": (b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR", ("binary data",)),
-    "no header": (
-        "0,1.5,2\n1,2.5,3\n2,3.5,5\n",
-        ("first line contains numbers", "Write a line above"),
-    ),
+    "no header": ("0,1.5,2\n1,2.5,3\n2,3.5,5\n", ("first line contains numbers", "Write a line above")),
     "no header, twice a number": ("0,0\n1,2\n2,3\n", ("first line contains numbers",)),
     "one column": ("force (N)\n1\n2\n3\n", ("force (N)", "side by side")),
     "words": ("a,b\nx,y\nz,w\nu,v\n", ("none", "side by side")),
-    "nothing moves": (
-        f"{T},{F},{X}\n" + "".join(f"{k},1,2\n" for k in range(9)),
-        ("side by side",),
-    ),
+    "nothing moves": (f"{T},{F},{X}\n" + "".join(f"{k},1,2\n" for k in range(9)), ("side by side",)),
     "prose": ("Dear colleague,\nplease find the data\nin the other file.\n", ("[",)),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", BAD)
@@ -354,8 +343,7 @@ def test_a_copy_of_a_column_is_no_pair(digits: int):
     made = (0.9 + force / 200, force, 2.5 + SMOOTH / 10, SMOOTH, force / 78.5)
     rows = [[f"{k / 10:g}", *(f"{c[k]:.{digits}g}" for c in made)] for k in range(len(SMOOTH))]
     names = (T, "force (V)", F, "displacement (V)", X, "stress (MPa)")
-    found = guessed(text(rows, names))
-    assert columns(found) == (T, X, F)
+    assert columns(guessed(text(rows, names))) == (T, X, F)
     two = guessed(text([row[:3] for row in rows], names[:3]), "--step", "1", name="two.csv")
     assert "input" not in two["selection"]
 

@@ -62,57 +62,49 @@ FILES = {
     "TRIOS, steps": File(
         TRIOS.format(rows(Y, U, TIME, sep=","), rows(Y, U, TIME, sep=",")),
         {"Stress": "Pa", "Shear rate": "1/s", "Step time": "min"},
-        "Step time", {"Shear rate", "Stress"}, rows=2 * N,
-    ),
+        "Step time", {"Shear rate", "Stress"}, rows=2 * N),
     "Kinexus": File(
         "Action Name;Time (sequence)(s);Shear stress(Pa);Shear rate(s-¹);Gap(mm)\n"
         + rows(["Ramp"] * N, TIME, Y, numbers(DRIVE, ".3E"), ONE, sep=";", comma=True)
         + rows(["Rest"] * N, numbers(T + 40), NONE, NONE, ONE, sep=";", comma=True),
         {"Time (sequence)(s)": "s", "Shear stress(Pa)": "Pa", "Shear rate(s-¹)": "s-¹"},
-        "Time (sequence)(s)", {"Shear rate(s-¹)", "Shear stress(Pa)"}, rows=2 * N,
-    ),
+        "Time (sequence)(s)", {"Shear rate(s-¹)", "Shear stress(Pa)"}, rows=2 * N),
     "MTS 793, German, transducers named by numbers": File(
         MTS_HEAD + "Datenerfassung\t\t\tZeit:\t320,0\ts\nDatum\tLaufzeit\tCh 1 Kraft Sollwert\tCh 1 Kraft"
         "\t1944 B\t1281068\nd\ts\tkN\tkN\tmm\tmm\n" + rows(ONE, TIME, U, U, Y, OTHER, comma=True)
         + "\nDatenerfassung\t\t\tZeit:\t320,0\ts\n"
         "Ch 1 Kraft\t1944 A\t1944 B\nkN\tmm\tmm\n0,8\t0,1\t0,2\n1,8\t1,1\t1,2\n",
         {"Laufzeit": "s", "Ch 1 Kraft": "kN", "1944 B": "mm", "1281068": "mm"},
-        "Laufzeit", {"Ch 1 Kraft", "1944 B"}, "latin-1",
-    ),
+        "Laufzeit", {"Ch 1 Kraft", "1944 B"}, "latin-1"),
     "Bluehill, Polish": File(
         'Test : Tempo 1;"15,0";mm/min\nPróbki : Długość;"25,0";mm\n\n'
         "Godzina;Przemieszczenie;Obciążenie\n(s);(mm);(N)\n"
         + rows(TIME, Y, U, sep=";", comma=True, quote='"'),
         {"Godzina": "s", "Przemieszczenie": "mm", "Obciążenie": "N"},
-        "Godzina", {"Przemieszczenie", "Obciążenie"}, "cp1250", sure="likely",
-    ),
+        "Godzina", {"Przemieszczenie", "Obciążenie"}, "cp1250", sure="likely"),
     "Quantum Design, moment and temperature": File(
         QUANTUM + "Comment,Time Stamp (sec),Temperature (K),Magnetic Field (Oe),Motor Current (amps),"
         "Moment (emu)\n"
         + rows(NONE, STAMP, numbers(5 + DRIVE), ["100.07"] * N, numbers(np.cos(9 * T)), Y,
                sep=","),
         {"Temperature (K)": "K", "Moment (emu)": "emu"},
-        "Time Stamp (sec)", {"Temperature (K)", "Moment (emu)"},
-    ),
+        "Time Stamp (sec)", {"Temperature (K)", "Moment (emu)"}),
     "Quantum Design, two fits of one moment": File(
         QUANTUM + "Time Stamp (sec),Magnetic Field (Oe),DC Moment Fixed Ctr (emu),DC Moment Free Ctr (emu),"
         "DC Fixed Fit,DC Free Fit\n"
         + rows(STAMP, U, Y, numbers(ANSWER + 0.01 * np.cos(9 * T)), numbers(0.8 + T / 1e3),
                numbers(0.9 + T / 1e3), sep=","),
         {"Magnetic Field (Oe)": "Oe", "DC Moment Free Ctr (emu)": "emu"},
-        "Time Stamp (sec)", {"Magnetic Field (Oe)", "DC Moment Free Ctr (emu)"},
-    ),
+        "Time Stamp (sec)", {"Magnetic Field (Oe)", "DC Moment Free Ctr (emu)"}),
     "several transducers": File(
         "Time (s),Load (kN),LVDT 7 (mm),LVDT 9 (mm)\n"
         + rows(TIME, U, numbers(ANSWER + 3 * np.cos(9 * T)), numbers(ANSWER + 3 * np.sin(9 * T)), sep=","),
-        {"LVDT 7 (mm)": "mm"}, "Time (s)", {"Load (kN)", "LVDT 7 (mm)"},
-    ),
+        {"LVDT 7 (mm)": "mm"}, "Time (s)", {"Load (kN)", "LVDT 7 (mm)"}),
     "MicroMag, reversal curves": File(
         FORC.format("Hybrid SI")
         + "\n".join(rows(U[k : k + 20], Y[k : k + 20], sep=",") for k in (0, 20, 40))
         + "\nMicroMag 2900/3900 Data File ends\n",
-        {"Field": "T", "Moment": "A m^2"}, None, {"Field", "Moment"},
-    ),
+        {"Field": "T", "Moment": "A m^2"}, None, {"Field", "Moment"}),
     "MicroMag, a loop": File(
         "MicroMag 2900/3900 Data File (Series 0016)\nDirect moment vs. field; Hysteresis loop\n\n"
         "Units of measure                 Hybrid SI\n\nSegment   Averaging   Initial   Field   Final\n"
@@ -121,12 +113,10 @@ FILES = {
         "   Field       Moment       Field       Moment\n    (T)         (Am²)         (T)       (Am²)\n"
         + rows(U[:30], Y[:30], U[:30], Y[:30], sep=",") + "\n"
         + rows(U[30:], Y[30:], U[30:], Y[30:], sep=",") + "\nMicroMag 2900/3900 Data File ends\n",
-        {"Field": "T", "Moment": "Am²", "Field 2": "T", "Moment 2": "Am²"}, None, {"Field", "Moment"},
-    ),
+        {"Field": "T", "Moment": "Am²", "Field 2": "T", "Moment 2": "Am²"}, None, {"Field", "Moment"}),
     "Model 2900": File(
         '"Model 2900 ASCII Data File",7,-1,+5.0E-01,+2.9E+02,1\n\n' + rows(U, Y, sep=","),
-        {"Field": "", "Moment": ""}, None, {"Field", "Moment"},
-    ),
+        {"Field": "", "Moment": ""}, None, {"Field", "Moment"}),
     "LVM without a clock": File(
         "LabVIEW Measurement\t\nSeparator\tTab\nDecimal_Separator\t,\nX_Columns\tNo\n"
         "***End_of_Header***\t\n\t\n"
@@ -134,34 +124,29 @@ FILES = {
         "X0\t0,0E+0\t0,0E+0\t\nDelta_X\t3,906250E-5\t3,9E-5\t\n***End_of_Header***\t\t\t\n"
         "X_Value\tExcitation (Trigger)\tResponse (Trigger)\tComment\n" + rows(NONE, U, Y, comma=True),
         {"X_Value": "s", "Excitation (Trigger)": "Newtons", "Response (Trigger)": "m/s^2"},
-        "X_Value", {"Excitation (Trigger)", "Response (Trigger)"},
-    ),
+        "X_Value", {"Excitation (Trigger)", "Response (Trigger)"}),
     "LVM, clocks of their own": File(
         "LabVIEW Measurement\t\nSeparator\tTab\nX_Columns\tMulti\n***End_of_Header***\t\n\t\n"
         "Channels\t2\t\t\nY_Unit_Label\tN\t\tmm\n***End_of_Header***\t\t\n"
         "X_Value\tForce\tX_Value\tPos\tComment\n"
         + rows(TIME, U, TIME[::2] + [""] * 30, Y[::2] + [""] * 30),
-        {"Force": "N", "Pos": "mm", "X_Value Force": "s"}, "X_Value Pos", {"Force", "Pos"},
-    ),
+        {"Force": "N", "Pos": "mm", "X_Value Force": "s"}, "X_Value Pos", {"Force", "Pos"}),
     "TRIOS, oscillation before flow": File(
         "Filename\tx\n[step]\nFrequency sweep - 1\nAngular frequency\tStep time\tStorage modulus"
         "\tLoss modulus\tOscillation strain\tOscillation stress\nrad/s\ts\tPa\tPa\t%\tPa\n"
         + rows(U, TIME, Y, U, Y, U)
         + "\n[step]\nFlow ramp - 2\nStress\tShear rate\tViscosity\tTime\nPa\t1/s\tPa.s\ts\n"
         + rows(Y[:30], U[:30], ONE[:30], TIME[:30]),
-        {"Stress": "Pa", "Shear rate": "1/s"}, "Time", {"Stress", "Shear rate"}, rows=30,
-    ),
+        {"Stress": "Pa", "Shear rate": "1/s"}, "Time", {"Stress", "Shear rate"}, rows=30),
     "no names": File(
         rows(numbers(T, ".3f"), U, numbers(np.sin(T)), numbers(ANSWER, ".2f"), numbers(2 * DRIVE)),
-        {f"column {k}": "" for k in range(1, 6)}, "column 1", {"column 2", "column 4"}, sure="guess",
-    ),
+        {f"column {k}": "" for k in range(1, 6)}, "column 1", {"column 2", "column 4"}, sure="guess"),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("name", FILES)
 def test_the_table_and_the_roles(name, tmp_path):
-    expected = FILES[name]
-    file = tmp_path / "run.txt"
+    expected, file = FILES[name], tmp_path / "run.txt"
     file.write_bytes(expected.content.encode(expected.encoding))
     told = run("init", file, "--json").json()
     units = {column["name"]: column["unit"] for column in told["columns"]}
@@ -176,8 +161,7 @@ def test_the_table_and_the_roles(name, tmp_path):
 
 def test_what_the_rig_commanded_is_the_input(tmp_path):
     """A ramp of either quantity, a staircase, and neither: then the one that leads."""
-    bent = DRIVE**2 / 15
-    stairs = np.repeat(np.arange(6.0), 10)
+    bent, stairs = DRIVE**2 / 15, np.repeat(np.arange(6.0), 10)
     slow = np.convolve(stairs, np.exp(-np.arange(60) / 4) / 4.5)[:N]
     for force, x, commanded, word in (
         (DRIVE, bent, "F (N)", "constant rate"),
@@ -223,8 +207,7 @@ def test_options_choose_the_table_and_bring_dialects(tmp_path, monkeypatch):
 
 def test_of_a_large_file_an_excerpt_is_read(tmp_path, monkeypatch):
     """Head, tail and pieces: a word in the tail is found, and the rows are estimated."""
-    file = tmp_path / "run.csv"
-    long = 60_000
+    file, long = tmp_path / "run.csv", 60_000
     t = 0.01 * np.arange(long)
     drive = np.abs((t % 20) - 10)
     lines = [

@@ -1,6 +1,5 @@
 """Moduli over frequency on the command line: init, fit, check, predict, report and a material card."""
 
-import csv
 from pathlib import Path
 from typing import Any
 
@@ -9,18 +8,11 @@ import pytest
 
 import hysid
 from hysteresis import GeneralizedMaxwell
-from tests.test_hysid.command import refused, run
+from tests.test_hysid.command import refused, run, write
 from tests.thorough import rest_thorough
 
 TRUTH = GeneralizedMaxwell(2.0, [30.0, 12.0], [0.05, 4.0])
 F = np.geomspace(0.01, 100.0, 30)
-
-
-def write(file: Path, columns: dict[str, Any], units: tuple[str, ...] = ()) -> Path:
-    with file.open("w", newline="") as handle:
-        rows = csv.writer(handle)
-        rows.writerows([columns, *([units] if units else []), *zip(*columns.values(), strict=True)])
-    return file
 
 
 def moduli(a: float = 1.0, seed: int = 0) -> np.ndarray:

@@ -1,30 +1,27 @@
 """Several inputs on the command line: combined in a fit, found again by what reads its folder."""
 
-import csv
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import hysid
-from tests.test_hysid.command import LINE, T, X, refused, run, sponge, text
+from tests.test_hysid.command import LINE, T, X, put, read, refused, run, sponge, text
 
 A, B, STILL = "near (mT)", "far (V)", "temperature (K)"
 HEADER = (T, A, B, STILL, X, "cycle")
 COLUMNS = ("--input", A, "--input", B, "--output", X, "--time", T)
-# The kind of the noise and far starts are nobody's question here.
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
     """Two channels of the force, one of which falls and bends, and one that stays."""
-    place = tmp_path_factory.mktemp("channels")
-    rows = []
+    place, rows = tmp_path_factory.mktemp("channels"), []
     for t, force, x, cycle in sponge():
         f = float(force)
         rows.append([t, f"{3 + 0.2 * f:.6g}", f"{np.exp(-0.1 * f):.6g}", "293", x, cycle])
-    (place / "run.csv").write_text(text(rows, HEADER))
-    (place / "inputs.csv").write_text(text([row[:3] for row in rows], HEADER[:3]))
+    put(text(rows, HEADER), place / "run.csv")
+    put(text([row[:3] for row in rows], HEADER[:3]), place / "inputs.csv")
     return place
 
 
@@ -35,8 +32,7 @@ def fitted(folder) -> dict:
 
 
 def test_a_fit_says_what_it_combined(folder, fitted):
-    assert fitted["channels"]["names"] == [A, B]
-    assert fitted["channels"]["units"] == ["mT", "V"]
+    assert (fitted["channels"]["names"], fitted["channels"]["units"]) == ([A, B], ["mT", "V"])
     assert fitted["data"]["input"] == {"name": "2 channels combined", "unit": "mm"}
     assert fitted["selection"]["input"] == [A, B]
     assert any("Combined 2 channels" in said for said in fitted["data"]["history"])
@@ -59,8 +55,7 @@ def test_predict_reads_all_channels(folder, fitted):
     found = run("predict", folder / "out", folder / "run.csv", "--json").json()
     assert found["rows"] == fitted["data"]["rows"]
     assert found["nrmse_percent"] < 8
-    with open(found["file"], newline="", encoding="utf-8") as handle:
-        assert next(csv.reader(handle))[1:3] == ["2 channels combined", X]
+    assert list(read(found["file"])[0])[1:3] == ["2 channels combined", X]
     alone = run("predict", folder / "out", folder / "inputs.csv", "--json").json()
     assert (alone["rows"], alone["rmse"]) == (found["rows"], None)
 

@@ -1,6 +1,5 @@
 """Creep and relaxation on the command line: --step instead of --input."""
 
-import csv
 import re
 from pathlib import Path
 from typing import Any
@@ -10,19 +9,12 @@ import pytest
 
 import hysid
 from hysteresis import GeneralizedKelvinVoigt, GeneralizedMaxwell
-from tests.test_hysid.command import run
+from tests.test_hysid.command import read, run, write
 
 CREEP = GeneralizedKelvinVoigt(2.0, [1.0, 4.0], [0.5, 80.0], 500.0)
 RELAXING = GeneralizedMaxwell(0.5, [1.0, 4.0], [0.4, 20.0])
 SECONDS, X, F = "time (s)", "displacement (mm)", "force (N)"
 CREEPS = ("--step", 5, "--input-unit", "N", "--output", X, "--time", SECONDS)
-
-
-def write(file: Path, *columns: tuple[str, Any]) -> Path:
-    names, values = zip(*columns, strict=True)
-    with file.open("w", newline="") as handle:
-        csv.writer(handle).writerows([names, *zip(*values, strict=True)])
-    return file
 
 
 @pytest.fixture(scope="module")
@@ -33,13 +25,12 @@ def folder(tmp_path_factory) -> Path:
     noise = 1 + 0.002 * rng.normal(size=(3, len(t)))
     x = 5 * np.asarray(CREEP.creep_compliance(t)) * noise[0]
     twice = np.repeat(np.arange(len(t)), 1 + (np.arange(len(t)) % 5 == 0))
-    write(place / "creep.csv", (SECONDS, t[twice]), (X, x[twice]))
+    write(place / "creep.csv", {SECONDS: t[twice], X: x[twice]})
     force = 0.5 * np.asarray(RELAXING.relaxation_modulus(t)) * noise[1]
-    write(place / "relaxation.csv", (SECONDS, t), (F, force))
-    names = np.repeat(["soft", "hard"], len(t))
-    both = np.append(x, x / 3)
-    write(place / "samples.csv", (SECONDS, np.tile(t, 2)), (X, both), ("sample", names))
-    write(place / "later.csv", (SECONDS, [100.0, 1000.0, 1010.0]))
+    write(place / "relaxation.csv", {SECONDS: t, F: force})
+    names, both = np.repeat(["soft", "hard"], len(t)), np.append(x, x / 3)
+    write(place / "samples.csv", {SECONDS: np.tile(t, 2), X: both, "sample": names})
+    write(place / "later.csv", {SECONDS: [100.0, 1000.0, 1010.0]})
     return place
 
 
@@ -81,8 +72,7 @@ def test_report_shows_curve_spectrum_and_range(creep: dict[str, Any], folder: Pa
 
 def test_predict_gives_the_range(creep: dict[str, Any], folder: Path):
     found = run("predict", folder / "out", folder / "creep.csv", "--json").json()
-    with open(found["file"], newline="") as handle:
-        rows = list(csv.DictReader(handle))
+    rows = read(found["file"])
     assert len(rows) == 240
     assert found["nrmse_percent"] < 5
     late = [row for row in rows if row["status"] != "OK"]
@@ -98,8 +88,7 @@ def test_predict_at_times_alone(creep: dict[str, Any], folder: Path):
     """Counted from the step, though they begin late."""
     found = run("predict", folder / "out", folder / "later.csv", "--json").json()
     assert found["rmse"] is None
-    with open(found["file"], newline="") as handle:
-        first, *rest = csv.DictReader(handle)
+    first, *rest = read(found["file"])
     for row in (first, *rest):
         truth = 5 * float(CREEP.creep_compliance(float(row["since the step"])))
         assert float(row["low"]) < truth < float(row["high"])
@@ -113,20 +102,16 @@ Y = 1 + np.log(T)
 @pytest.mark.parametrize(("t", "y", "options", "code"), [
     (T, Y, ("--step", 1, "--input", "y", "--time", "t"), "conflicting-options"),
     (T, Y, ("--time", "t"), "conflicting-options"),
-    (T, Y, ("--step", 0, "--time", "t"), "not-a-step"),
     (T, Y, ("--step", "nan", "--time", "t"), "not-a-step"),
     (T, Y, ("--step", 1), "no-time"),
     (T, Y, ("--step", -1, "--time", "t"), "not-a-step"),
-    (T[:7], Y[:7], ("--step", 1, "--time", "t"), "too-few-rows"),
     (T[::-1], Y, ("--step", 1, "--time", "t"), "time-backwards"),
-    (T - 20.0, Y, ("--step", 1, "--time", "t"), "not-a-step"),
-    (T, 0 * Y + 2, ("--step", 1, "--time", "t"), "no-excitation"),
     (T, Y, ("--step", 1, "--time", "t", "--group", "y"), "not-a-step"),
     (T, Y, ("--step", 1, "--time", "t", "--model", "Burgers"), "bad-option"),
     (T, Y, ("--step", 1, "--time", "t", "--test-cycles", 1), "too-few-cycles"),
 ])  # fmt: skip
 def test_bad_steps_are_answered(tmp_path: Path, t: Any, y: Any, options: Any, code: str):
-    file = write(tmp_path / "a.csv", ("t", t), ("y", y))
+    file = write(tmp_path / "a.csv", {"t": t, "y": y})
     said = run("fit", file, "--output", "y", *options, "--out", tmp_path / "out")
     assert (said.code, said.out) == (2, "")
     assert f"[{code}]" in said.err

@@ -12,7 +12,7 @@ from hysteresis import Preisach, Record
 from hysteresis.preisach import GridDensity
 from identify import FitResult, load, predictive, sample
 from identify.internal import predict
-from tests.test_hysid.command import run
+from tests.test_hysid.command import put, run, text
 from tests.test_hysid.test_reporting.test_report import Page
 
 FORCE, PATH, TIME = "force (N)", "path (mm)", "time (s)"
@@ -28,15 +28,13 @@ def quantity(x: float, unit: str) -> str:
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A Preisach fit to loops, and a held-out loop half as large again, where the model alone saturates."""
-    place = tmp_path_factory.mktemp("loops")
-    time = np.arange(0, 5, 0.02)
+    place, time = tmp_path_factory.mktemp("loops"), np.arange(0, 5, 0.02)
     force = np.where(time < 4, 10.0, 15.0) * (1 - np.cos(2 * np.pi * time)) / 2
     relays = np.tril(np.random.default_rng(0).uniform(0, 1, (8, 8)))
     truth = Preisach(GridDensity(0.0, 15.0, relays / 20), reversible=np.full(8, 0.5))
     path = predict(truth, Record.from_arrays(force, force, time))
-    table = np.column_stack([time, force, path]).tolist()
-    rows = [",".join(f"{x:.6f}" for x in row) for row in table]
-    (place / "run.csv").write_text("\n".join([f"{TIME},{FORCE},{PATH}", *rows]))
+    rows = np.column_stack([time, force, path]).round(6)
+    put(text(rows, (TIME, FORCE, PATH)), place / "run.csv")
     columns = ("--input", FORCE, "--output", PATH, "--time", TIME)
     said = run("fit", place / "run.csv", *columns, "--model", "Preisach", "--test-cycles", 1,
                "--clocks", "keep", "--out", place / "fit")  # fmt: skip

@@ -238,9 +238,7 @@ def test_of_a_long_record_some_rows_are_sent_through_the_compensator(preisach: P
 
 
 @pytest.mark.parametrize(
-    "case",
-    rest_thorough(constructed_cases(), lambda case: case.name == "at bound"),
-    ids=lambda case: case.name,
+    "case", rest_thorough(constructed_cases(), lambda case: case.name == "at bound")
 )
 def test_what_cannot_be_believed_is_shown_everywhere(case, tmp_path: Path) -> None:
     assert all(shown(case, tmp_path))

@@ -35,8 +35,7 @@ def test_one_object_on_stdout_and_the_same_in_the_folder(made):
     assert all(fits(row, ROW) and isinstance(row["within"], bool) for row in document["rows"])
     assert all(fits(finding, FINDING) for finding in document["findings"])
     assert "4 of 4" in result.err
-    written = set(tree(out))
-    assert written == {"reproduction.json", *document["files"].values()}
+    assert set(tree(out)) == {"reproduction.json", *document["files"].values()}
     table = (out / "table.txt").read_text()
     for row in document["rows"]:
         line = next(line for line in table.splitlines() if line.startswith(f"{row['what']}  "))

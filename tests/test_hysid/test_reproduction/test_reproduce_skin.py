@@ -47,8 +47,7 @@ def document(tmp_path_factory):
         patch.setattr("hysid.reproduction._skin.SESSIONS", 2)
         patch.setattr("hysid.reproduction._skin_paper.SkinPair", LinePair)
         patch.setattr("hysid.reproduction._skin_paper.PAIRS", 1)
-        out = tmp_path_factory.mktemp("skin")
-        said = []
+        out, said = tmp_path_factory.mktemp("skin"), []
         made = reproduce("kim2018", out, rigs=2, seed=SEED, ours=False, epochs=1, say=said.append)
     assert any("2 of 2" in line for line in said)
     return made, out
@@ -95,8 +94,7 @@ def test_a_peak_is_found_once_and_told_how_late():
     found = np.stack([np.roll(4 * bump, 2) + 1.5 * later, 0 * bump], 1)
     first, second, third = peaks(truth, found)
     assert (first.location, first.force, first.found) == ("B", 4.0, 4.0)
-    assert first.late == pytest.approx(2 * DT)
-    assert first.time == pytest.approx(61 * DT)
+    assert (first.late, first.time) == pytest.approx((2 * DT, 61 * DT))
     assert np.isnan([second.found, third.found]).all()  # 1.5 is not half of 4, and D sees nothing
 
 

@@ -1,6 +1,5 @@
 """`hysid microchannel train-pairs`: the shipped skin of two places, saved, run again, and without JAX."""
 
-import csv
 import json
 from pathlib import Path
 
@@ -8,7 +7,7 @@ import numpy as np
 import pytest
 
 from compensate.runtime import FileError, load
-from tests.test_hysid.command import refused, run
+from tests.test_hysid.command import put, read, refused, run
 
 DATA = Path(__file__).parents[3] / "datasets" / "skin-two-places.csv"
 INPUTS = ("--input", "layer 1 (V)", "--input", "layer 2 (V)", "--time", "time (s)")
@@ -35,12 +34,10 @@ def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_what_was_learnt_runs_over_a_file_and_without_jax(trained: Path):
     lines = DATA.read_text().splitlines()
     both = [line for line in lines[1:] if line.split(",")[0] == "14"]
-    file = trained.parent / "new.csv"
-    file.write_text("\n".join([lines[0], *both]) + "\n")
+    file = put("\n".join([lines[0], *both]) + "\n", trained.parent / "new.csv")
     found = run("microchannel", "estimate", trained, file, "--json").json()
     assert found["rows"] == len(both)
-    with Path(found["file"]).open() as handle:
-        told = list(csv.DictReader(handle))
+    told = read(found["file"])
     value = np.array([[float(row["force B (N)"]), float(row["force D (N)"])] for row in told])
     truth = np.array([line.split(",")[3:5] for line in both], float)
     assert np.sqrt(np.mean((value - truth) ** 2)) < 0.5

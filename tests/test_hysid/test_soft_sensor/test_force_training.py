@@ -16,8 +16,7 @@ FAST = {"updates": 150, "members": 2, "skip": 0.0}
 
 def sensor(seed: int, channels: int = 1, count: int = 80, offset: float = 0.3) -> ForceRecord:
     """A press of a sensor that lags its force by a play of half a newton."""
-    random = np.random.default_rng(seed)
-    t = 0.05 * np.arange(count)
+    random, t = np.random.default_rng(seed), 0.05 * np.arange(count)
     F = random.uniform(3, 6) * np.sin(np.pi * np.arange(count) / count) ** 2
     z, play = 0.0, []
     for force in F:
@@ -67,8 +66,7 @@ def test_several_channels_are_learnt_and_watched():
     y = y.copy()
     y[10, 1], y[20, 0] = np.nan, 99.0
     estimate = found.estimator.simulate(t, y)
-    assert estimate.status[10] == Status.INVALID
-    assert estimate.status[20] == Status.EXTRAPOLATED
+    assert (estimate.status[10], estimate.status[20]) == (Status.INVALID, Status.EXTRAPOLATED)
     assert np.isfinite(np.asarray(estimate.value)).all()
 
 
@@ -140,8 +138,7 @@ def test_what_is_held_out_is_whole():
     own = held_out_parts(data, 2, groups=list("aabbaa"))
     assert [int(own[rows.start]) for rows in data.sequences()] == [0, 0, 1, 1, 0, 0]
     one = gather([long_record()])
-    assert one.presses == 6
-    assert len(one.rests) == 6
+    assert (one.presses, len(one.rests)) == (6, 6)
     part = held_out_parts(one, 3, 0.34)
     assert (part[: int(0.34 * len(part))] == -1).all()
     for k in range(3):

@@ -10,6 +10,7 @@ import pytest
 
 from compensate.runtime import load
 from hysid.soft_sensor._sensor import load_sensor
+from tests.test_hysid import command
 from tests.test_hysid.command import Result, answered, example, refused, run
 
 TIME, ONE, TWO, FORCE, PLACE, X = (
@@ -44,15 +45,14 @@ def presses(places: str, seed: int = 0) -> Rows:
 
 
 def put(file: Path, rows: Rows, header: tuple[str, ...] = HEADER) -> Path:
-    with file.open("w", newline="") as handle:
+    with file.open("w", newline="") as handle:  # cells with commas in them are quoted
         csv.writer(handle).writerows([header, *rows])
     return file
 
 
 def read(file: str | Path) -> dict[str, np.ndarray]:
-    with Path(file).open(newline="") as handle:
-        header, *rows = csv.reader(handle)
-    return dict(zip(header, np.array(rows).T, strict=True))
+    rows = command.read(file)
+    return {name: np.array([row[name] for row in rows]) for name in rows[0]}
 
 
 class Trained:
@@ -83,8 +83,7 @@ def test_a_sensor_is_learnt_and_judged(trained: Trained):
     found = trained.done.json()
     assert found == json.loads((trained.out / "training.json").read_text())
     assert found["inputs"] == [{"name": ONE, "unit": "V"}, {"name": TWO, "unit": "V"}]
-    assert found["rows_train"] == 12 * ROWS
-    assert found["rows_test"] == 6 * ROWS
+    assert (found["rows_train"], found["rows_test"]) == (12 * ROWS, 6 * ROWS)
     assert set(found["sha256"]) == {str(trained.session), str(trained.other)}
     train, test = found["metrics"]["train"], found["metrics"]["test"]
     for part in (train, test):
@@ -92,8 +91,7 @@ def test_a_sensor_is_learnt_and_judged(trained: Trained):
         assert part["place"]["accuracy"] > 0.9
         assert part["position"]["mean_error"] < 5
         table = part["place"]["confusion"]
-        assert table["places"] == ["A", "C", "E"]
-        assert table["estimates"] == ["A", "C", "E", "none"]
+        assert (table["places"], table["estimates"]) == (["A", "C", "E"], ["A", "C", "E", "none"])
         assert np.sum(table["counts"]) == part["place"]["rows"]
     assert found["force"]["held_out_rmse_by_kind"] == {"network": found["force"]["held_out_rmse"]}
     assert found["runtime"]["file"] == "runtime.json"

@@ -104,7 +104,7 @@ def _listening() -> Iterator[tuple[str, list[dict[str, str]]]]:
             """Say nothing."""
 
     server = HTTPServer(("127.0.0.1", 0), Curious)
-    thread = threading.Thread(target=server.serve_forever)
+    thread = threading.Thread(target=server.serve_forever, args=(0.01,))
     thread.start()
     try:
         yield f"127.0.0.1:{server.server_port}", heard

@@ -63,19 +63,8 @@ PATHS = (
     "/static/uplot", "/static/loop/x", "/api/look%00",
 )  # fmt: skip
 METHODS = (
-    "GET",
-    "POST",
-    "PUT",
-    "DELETE",
-    "PATCH",
-    "OPTIONS",
-    "TRACE",
-    "HEAD",
-    "CONNECT",
-    "get",
-    "FOO",
-    "A" * 50,
-)
+    "GET", "POST", "PUT", "DELETE", "PATCH", "OPTIONS", "TRACE", "HEAD", "CONNECT", "get", "FOO", "A" * 50,
+)  # fmt: skip
 HEADERS = (
     "Range: bytes=", "Range: bytes=9-1", "Range: bytes=0-0,2-3,x", "Range: x", "Range: bytes=-" + "9" * 30,
     "If-Range: x", "If-None-Match: *", "If-Modified-Since: x", "If-Modified-Since: Thu, 99 Foo 0000",

@@ -4,6 +4,7 @@ import json
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from http.client import HTTPConnection
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -38,6 +39,13 @@ def studio_of(*files: Path) -> Iterator[Any]:
     finally:
         ready.studio.jobs.close()
         ready.listening.close()
+
+
+@contextmanager
+def entering(folder: Path) -> Iterator[tuple[Prepared, Callable[..., "Answer"]]]:
+    """A studio of a folder, and how somebody in a session asks it."""
+    with serving([folder]) as ready:
+        yield ready, partial(ask, ready.address, X_Hysid=entered(ready.address))
 
 
 class Answer(NamedTuple):

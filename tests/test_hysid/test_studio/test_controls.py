@@ -16,7 +16,7 @@ import identify
 from hysid.studio._requests import on_page, worded
 from hysteresis import Burgers, Record
 from hysteresis.rigs import SpongeRig
-from tests.refusals import raises
+from tests.refusals import refuses
 from tests.sources import trees
 from tests.test_hysid.test_studio.served import studio_of
 
@@ -117,5 +117,4 @@ def test_sliders_move_the_figures_that_they_name(studio):
     assert stiff[STIFFNESS] == pytest.approx(2 * before[STIFFNESS], rel=0.1)
     assert stiff[WIDTH] == pytest.approx(before[WIDTH], rel=1e-3)
     for wrong in ({"offset": 1.0}, {STIFFNESS: 0.0}, {WIDTH: -1.0}, {WIDTH: 1e300}):
-        with raises("unknown-parameter"):
-            studio.fits.redrawn(place, {}, wrong)
+        refuses("unknown-parameter", lambda wrong=wrong: studio.fits.redrawn(place, {}, wrong))

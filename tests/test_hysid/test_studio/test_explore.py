@@ -79,8 +79,7 @@ def test_the_script_draws_and_sends_what_is_chosen(browser):
     page.mouse.move(box["x"] + 0.9 * box["width"], box["y"] + 30)
     page.mouse.up()
     low, high, edges = page.evaluate("window.state.chosen")
-    assert low == pytest.approx(300, abs=5)
-    assert high == pytest.approx(540, abs=5)
+    assert (low, high) == pytest.approx((300, 540), abs=5)
     assert edges is None
     page.locator(".plot").first.press("+")
     assert page.evaluate("window.asked.view") is not None
@@ -105,8 +104,7 @@ def shown(of: hysid.Record, **asked: Any) -> tuple[np.ndarray, np.ndarray, bool]
 @settings(max_examples=10)
 @given(st.integers(2, 40_000), st.integers(0, 3))
 def test_no_peak_of_a_view_is_lost(n: int, seed: int):
-    one = record(n, seed)
-    rows = slice(max(n // 5 - 1, 0), n)
+    one, rows = record(n, seed), slice(max(n // 5 - 1, 0), n)
     time, _, _ = shown(one, view=[one.time[n // 5], None])
     assert np.all(np.diff(time[3]) > 0)
     for column, seen in ((one.input, time[1]), (one.output, time[2])):

@@ -5,6 +5,9 @@ Skipped without Playwright or Chromium, which CHROMIUM names where it is not on 
 
 import re
 import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -30,16 +33,22 @@ DROP = """([name, text]) => {
 }"""
 
 
-def opened(browser: Any, address: str, faults: list[str]) -> Any:
-    """A page of a new visitor; what it complains of, or asks of another host, is added to `faults`."""
+@contextmanager
+def opened(browser: Any, file: Path, at: str = "", but: str = "no fault") -> Iterator[Any]:
+    """A studio's page of a new visitor, at a part of it; it complains of nothing, `but` of what has these
+    words, and asks no other host."""
+    faults: list[str] = []
     context = browser.new_context(viewport={"width": 1280, "height": 900}, reduced_motion="reduce")
     context.set_default_timeout(PATIENCE)
     page = context.new_page()
     page.on("pageerror", lambda error: faults.append(str(error)))
     page.on("console", lambda said: faults.append(said.text) if said.type == "error" else None)
     page.on("request", lambda asked: faults.append(asked.url) if foreign(asked.url) else None)
-    page.goto(address)
-    return page
+    with serving([file]) as ready:
+        page.goto(ready.address + at)
+        yield page, ready
+        context.close()
+    assert [fault for fault in faults if but not in fault] == []
 
 
 def foreign(url: str) -> bool:
@@ -58,9 +67,7 @@ def serious(page: Any) -> list[tuple[str, str]]:
 
 @pytest.mark.thorough
 def test_from_a_dropped_file_to_a_downloaded_header(browser, tmp_path):
-    faults: list[str] = []
-    with serving([tmp_path]) as ready:
-        page = opened(browser, ready.address, faults)
+    with opened(browser, tmp_path) as (page, ready):
         page.evaluate(DROP, ["run.csv", SPONGE.read_text()])
         page.get_by_role("heading", name="run.csv").wait_for()
         page.get_by_text("My own choice").click()
@@ -81,8 +88,7 @@ def test_from_a_dropped_file_to_a_downloaded_header(browser, tmp_path):
         page.get_by_label("Draw the loop of straight line").check()
         page.get_by_text("straight line, on the training rows").wait_for()
         page.get_by_text("What if").click()
-        slider = page.get_by_label(re.compile("^compliance"))
-        slider.focus()
+        page.get_by_label(re.compile("^compliance")).focus()
         page.keyboard.press("ArrowRight")
         page.get_by_text("with the sliders").wait_for()
         page.get_by_role("button", name="Export the compensator").click()
@@ -95,8 +101,6 @@ def test_from_a_dropped_file_to_a_downloaded_header(browser, tmp_path):
         page.set_viewport_size({"width": 390, "height": 844})
         page.wait_for_timeout(300)
         assert page.evaluate("document.documentElement.scrollWidth") <= 390
-        page.context.close()
-    assert faults == []
     assert run("report", tmp_path / "run").code == 0
     for colours in ("light", "dark"):
         page = browser.new_page(color_scheme=colours, viewport={"width": 390, "height": 844})
@@ -106,10 +110,8 @@ def test_from_a_dropped_file_to_a_downloaded_header(browser, tmp_path):
 
 
 def test_rows_are_chosen_by_mouse_and_by_keyboard(browser, tmp_path):
-    faults: list[str] = []
     shutil.copy(SPONGE, tmp_path / "run.csv")
-    with serving([tmp_path / "run.csv"]) as ready:
-        page = opened(browser, ready.address, faults)
+    with opened(browser, tmp_path / "run.csv") as (page, _):
         plot = page.locator(".plot .u-over").first
         plot.wait_for()
         box = plot.bounding_box()
@@ -121,10 +123,8 @@ def test_rows_are_chosen_by_mouse_and_by_keyboard(browser, tmp_path):
         page.get_by_text("Excluded lines: ").wait_for()
         told = re.search(r'exclude_lines = \["(\d+)-(\d+)"', (tmp_path / "run.toml").read_text())
         first, last = map(int, told.groups())
-        assert (abs(first - 12) <= 1, abs(last - 31) <= 1) == (
-            True,
-            True,
-        )  # of 101 rows over the width
+        assert abs(first - 12) <= 1  # of 101 rows over the width
+        assert abs(last - 31) <= 1
         page.get_by_role("button", name="Choose rows by their times").press("Enter")
         page.keyboard.type("480")
         page.keyboard.press("Tab")
@@ -133,8 +133,6 @@ def test_rows_are_chosen_by_mouse_and_by_keyboard(browser, tmp_path):
         assert 'test_lines = ["82-102"]' in (tmp_path / "run.toml").read_text()
         page.get_by_role("button", name="Exchange input and output").click()
         page.get_by_text("displacement (mm) → force (N)").wait_for()
-        page.context.close()
-    assert faults == []
 
 
 def test_a_report_is_alive_where_scripts_run_and_a_picture_elsewhere(browser, tmp_path):
@@ -144,10 +142,8 @@ def test_a_report_is_alive_where_scripts_run_and_a_picture_elsewhere(browser, tm
     (tmp_path / "other.html").write_text("<script>window.hacked = 1</script>")
     with serving([tmp_path]) as ready:
         address = ready.address.split("?")[0]
-        for where in (
-            (tmp_path / "report.html").as_uri(),
-            address + ready.sessions.link("report.html"),
-        ):
+        served = address + ready.sessions.link("report.html")
+        for where in ((tmp_path / "report.html").as_uri(), served):
             page = browser.new_page()
             page.on("pageerror", lambda error: faults.append(str(error)))
             page.goto(where)
@@ -184,14 +180,12 @@ def test_a_report_is_alive_where_scripts_run_and_a_picture_elsewhere(browser, tm
 
 
 def test_a_hostile_file_is_shown_as_text(browser, tmp_path):
-    faults: list[str] = []
     evil = '<img src=x onerror="window.hacked=1">'
     rows = "".join(f"{k},{abs(k % 20 - 10)},{abs(k % 20 - 10) * 2 + k % 3}\n" for k in range(100))
     header = f'time (s),"{evil.replace(chr(34), chr(34) * 2)} (N)",</script><b>x (mm)\n'
     (tmp_path / "<svg onload=hacked=1>.csv").write_text(header + rows)
     (tmp_path / "noise.csv").write_bytes(bytes(range(256)) * 40)
-    with serving([tmp_path]) as ready:
-        page = opened(browser, ready.address, faults)
+    with opened(browser, tmp_path, but="422") as (page, _):
         page.get_by_role("button", name="<svg onload").click()
         cells = [page.get_by_role(role, name=evil) for role in ("cell", "rowheader")]
         cells[0].or_(cells[1]).first.wait_for()
@@ -203,5 +197,3 @@ def test_a_hostile_file_is_shown_as_text(browser, tmp_path):
         assert page.get_by_role("button", name="Fit", exact=True).is_disabled()
         # There is nothing to look at.
         assert page.get_by_role("button", name="Zoom in").count() == 0
-        page.context.close()
-    assert [fault for fault in faults if "422" not in fault] == []

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.test_hysid.command import SPONGE, run
-from tests.test_hysid.test_studio.served import serving
+from tests.test_hysid.command import SPONGE, put, run
 from tests.test_hysid.test_studio.test_page import opened, serious
 
 OPTION = re.compile(r"(?<![\w-])--[a-z]")
@@ -44,13 +43,9 @@ def there(fitted: Path, tmp_path: Path) -> Path:
 
 @pytest.fixture
 def page(browser: Any, there: Path) -> Iterator[Any]:
-    faults: list[str] = []
-    with serving([there]) as ready:
-        shown = opened(browser, f"{ready.address}#run.csv", faults)
+    with opened(browser, there, "#run.csv", but="422") as (shown, _):
         shown.locator("#compensator-title").wait_for()
         yield shown
-        shown.context.close()
-    assert [fault for fault in faults if "422" not in fault] == []
 
 
 def words_of(page: Any) -> str:
@@ -111,9 +106,7 @@ def test_a_file_that_cannot_be_decided_is_a_question(browser, tmp_path):
         "time (s),T1 (degC),T2 (degC)\n"
         + "".join(f"{k},{20 + np.sin(k / 20):.3f},{21 + np.cos(k / 9):.3f}\n" for k in range(300))
     )
-    faults: list[str] = []
-    with serving([tmp_path]) as ready:
-        page = opened(browser, f"{ready.address}#four.csv", faults)
+    with opened(browser, tmp_path, "#four.csv") as (page, _):
         page.get_by_label("Role of a", exact=True).wait_for()
         assert page.get_by_role("button", name="Fit", exact=True).is_disabled()
         assert not OPTION.search(words_of(page))
@@ -137,8 +130,6 @@ def test_a_file_that_cannot_be_decided_is_a_question(browser, tmp_path):
         page.get_by_label("Unit of T1 (degC)").wait_for()
         page.get_by_label("Role of T2 (degC)").select_option("output")
         page.locator(".plot .u-over").first.wait_for()
-        page.context.close()
-    assert faults == []
 
 
 def test_the_model_is_one_of_three_choices_and_sliders_are_those_of_the_loop(page, there):
@@ -147,8 +138,7 @@ def test_the_model_is_one_of_three_choices_and_sliders_are_those_of_the_loop(pag
     assert fit.get_by_role("checkbox").count() > 10
     fit.get_by_text("A model with named constants").click()
     page.get_by_text("A fit of other choices").wait_for()
-    assert fit.get_by_role("radio").count() == 3
-    assert fit.get_by_role("checkbox").count() == 0
+    assert (fit.get_by_role("radio").count(), fit.get_by_role("checkbox").count()) == (3, 0)
     assert 'model = "LinearSponge,Burgers,FoamCurve,BoucWen"' in (there / "run.toml").read_text()
     page.get_by_text("A fit of other choices").click()
     page.get_by_text("What if … ?").click()
@@ -160,20 +150,15 @@ def test_the_model_is_one_of_three_choices_and_sliders_are_those_of_the_loop(pag
 
 
 def test_units_typed_by_hand_are_on_the_axes(browser, tmp_path):
-    faults: list[str] = []
-    text = SPONGE.read_text().replace("force (N)", "force")
-    (tmp_path / "run.csv").write_text(text)
-    with serving([tmp_path / "run.csv"]) as ready:
-        page = opened(browser, ready.address, faults)
+    file = put(SPONGE.read_text().replace("force (N)", "force"), tmp_path / "run.csv")
+    with opened(browser, file) as (page, _):
         for name, unit, label in (
-            ("force", "kN", "force (kN)"),
-            ("displacement (mm)", "m", "displacement (m)"),
+            ("force", "kN", "force"),
+            ("displacement (mm)", "m", "displacement"),
         ):
             page.get_by_label(f"Unit of {name}").fill(unit)
             page.keyboard.press("Tab")
-            page.locator(f'.plot[aria-label*="{label}"]').first.wait_for()
-        page.context.close()
-    assert faults == []
+            page.locator(f'.plot[aria-label*="{label} ({unit})"]').first.wait_for()
 
 
 def test_every_state_is_accessible_in_both_colours_and_widths(page):

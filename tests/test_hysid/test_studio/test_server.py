@@ -19,7 +19,7 @@ from tests.refusals import raises
 from tests.test_hysid.command import COLUMNS, ENVIRONMENT, LINE, SPONGE, run
 from tests.test_hysid.test_studio.attempts import lost_changes, snapshot, usable_elsewhere
 from tests.test_hysid.test_studio.malformed import READ, tried
-from tests.test_hysid.test_studio.served import ask, entered, serving, studio_of
+from tests.test_hysid.test_studio.served import ask, entered, entering, serving, studio_of
 
 
 @pytest.fixture
@@ -50,8 +50,7 @@ def test_a_wrong_request_is_answered_with_words(fitted):
     (fitted / "loop").symlink_to(fitted / "loop")
     with serving([fitted]) as ready:
         found = tried(ready, 300)
-    assert found.faults == []
-    assert found.failed == 0
+    assert (found.faults, found.failed) == ([], 0)
     assert found.statuses[400] > found.statuses[200] > 10  # some are good all the same
 
 
@@ -177,37 +176,32 @@ def test_without_a_session_there_is_the_page_alone(folder):
 
 def test_a_link_is_good_for_its_file_alone(folder):
     (folder / "report.html").write_text("<script>1</script>")
-    with serving([folder]) as ready:
-        secret = entered(ready.address)
-        links = {
-            name: ask(ready.address, f"/api/link?name={name}", X_Hysid=secret).document["address"]
-            for name in ("run.csv", "report.html")
-        }
-        shown = ask(ready.address, f"/{links['report.html']}")
+    with entering(folder) as (ready, visit):
+        report = visit("/api/link?name=report.html").document["address"]
+        shown = ask(ready.address, f"/{report}")
         assert "sandbox" in shown.headers["content-security-policy"]
-        taken = ask(ready.address, f"/{links['run.csv']}")
+        taken = ask(ready.address, "/" + visit("/api/link?name=run.csv").document["address"])
         assert taken.body == SPONGE.read_bytes()
         assert "attachment" in taken.headers["content-disposition"]
-        key = links["report.html"].partition("?")[2]
+        key = report.partition("?")[2]
         for path in (f"/files/run.csv?{key}", f"/files/report.html/?{key}", f"/api/state?{key}"):
             assert ask(ready.address, path).status == 403
-        assert ask(ready.address, "/api/link?name=../x", X_Hysid=secret).status == 422
+        assert visit("/api/link?name=../x").status == 422
 
 
 def test_get_changes_nothing_on_the_disk(fitted):
     (fitted / "run.toml").unlink(missing_ok=True)
-    with serving([fitted]) as ready:
-        secret = entered(ready.address)
+    with entering(fitted) as (ready, visit):
         before = snapshot(fitted)
         query = "name=run.csv&first=2&last=9&value=&file=run.csv"
         for name in READ:
-            assert ask(ready.address, f"/api/{name}?{query}", X_Hysid=secret).status in (200, 422)
-        link = ask(ready.address, "/api/link?name=run", X_Hysid=secret).document["address"]
+            assert visit(f"/api/{name}?{query}").status in (200, 422)
+        link = visit("/api/link?name=run").document["address"]
         assert ask(ready.address, f"/{link}&download=1").body[:2] == b"PK"
         for name in ("look", "change", "again", "brush", "start", "compare", "upload"):
-            assert ask(ready.address, f"/api/{name}?{query}", X_Hysid=secret).status == 405
+            assert visit(f"/api/{name}?{query}").status == 405
         assert snapshot(fitted) == before
-        assert ask(ready.address, "/api/look", {"name": "run.csv"}, X_Hysid=secret).status == 200
+        assert visit("/api/look", {"name": "run.csv"}).status == 200
     assert snapshot(fitted).keys() - before.keys() == {"run.toml"}
 
 
@@ -222,13 +216,10 @@ def test_links_that_lead_out_of_the_folder_are_not_read(fitted, linked):
         outside.write_text('[selection]\noutput = "SECRET"\n')
     place.symlink_to(outside)
     before = snapshot(fitted.parent)
-    with serving([fitted]) as ready:
-        secret = entered(ready.address)
-        state = ask(ready.address, "/api/state", X_Hysid=secret).document
-        posts = {
-            "look": {}, "change": {"fit": {"seed": 1}}, "again": {},
-            "start": {"kind": "report"},
-        }  # fmt: skip
+    with entering(fitted) as (_, visit):
+        state = visit("/api/state").document
+        change, start = {"fit": {"seed": 1}}, {"kind": "report"}
+        posts = {"look": {}, "change": change, "again": {}, "start": start}
         asks = [(name, {"name": "run.csv"} | body) for name, body in posts.items()]
         asks.append(("summary?name=run.csv", None))
         if linked != "run.toml":  # what needs no configuration
@@ -236,9 +227,9 @@ def test_links_that_lead_out_of_the_folder_are_not_read(fitted, linked):
             asks += [(f"{name}?name=run.csv", None) for name in ("curves", "posterior")]
             asks.append(("compare", {"names": ["run.csv"]}))
         for name, body in asks:
-            answer = ask(ready.address, f"/api/{name}", body, X_Hysid=secret)
+            answer = visit(f"/api/{name}", body)
             assert answer.document["error"]["code"] in ("outside-folder", "file-not-found"), name
-        assert ask(ready.address, f"/api/link?name={linked}", X_Hysid=secret).status == 422
+        assert visit(f"/api/link?name={linked}").status == 422
     after = snapshot(fitted.parent)
     changed = {name for name in {*before, *after} if before.get(name) != after.get(name)}
     assert changed <= {f"inner/{name}" for name in ("run.toml", "run.toml.bak") if name != linked}
@@ -247,13 +238,11 @@ def test_links_that_lead_out_of_the_folder_are_not_read(fitted, linked):
 
 def test_a_configuration_names_no_dialects_outside_of_the_folder(folder):
     (folder.parent / "secret.toml").write_text("")
-    with serving([folder]) as ready:
-        secret = entered(ready.address)
+    with entering(folder) as (_, visit):
         asked = {"name": "run.csv", "selection": {"dialects": "../secret.toml"}}
-        ask(ready.address, "/api/look", {"name": "run.csv"}, X_Hysid=secret)
-        look = ask(ready.address, "/api/change", asked, X_Hysid=secret)
-        assert look.document["fault"]["code"] == "outside-folder"
-        judged = ask(ready.address, "/api/judged?name=run.csv", X_Hysid=secret)
+        visit("/api/look", {"name": "run.csv"})
+        assert visit("/api/change", asked).document["fault"]["code"] == "outside-folder"
+        judged = visit("/api/judged?name=run.csv")
         assert judged.document["fault"]["code"] == "outside-folder"
 
 
@@ -262,14 +251,11 @@ def test_bodies_and_connections_have_limits(folder, monkeypatch):
     monkeypatch.setattr(_server, "PATIENCE", 1.0)
     monkeypatch.setattr(_server, "MOST", 4)
     monkeypatch.setattr("hysid.studio._app.LARGEST", 1000)
-    with serving([folder]) as ready:
-        secret = entered(ready.address)
+    with entering(folder) as (ready, visit):
         host, port = urlsplit(ready.address).netloc.split(":")
-        large = {"name": "x" * 2_000_000}
-        assert ask(ready.address, "/api/look", large, X_Hysid=secret).status == 413
-        assert ask(ready.address, "/api/look", {"name": "x" * 2000}, X_Hysid=secret).status == 400
-        large = ask(ready.address, "/api/upload?name=a.csv", "x" * 2000, X_Hysid=secret)
-        assert large.status == 413
+        assert visit("/api/look", {"name": "x" * 2_000_000}).status == 413
+        assert visit("/api/look", {"name": "x" * 2000}).status == 400
+        assert visit("/api/upload?name=a.csv", "x" * 2000).status == 413
         assert not list(folder.glob("a*"))
         with socket.create_connection((host, int(port)), timeout=20) as slow:
             head = f"POST /api/enter HTTP/1.1\r\nHost: {host}:{port}\r\nContent-Length: 9\r\n\r\n"
@@ -284,12 +270,11 @@ def test_bodies_and_connections_have_limits(folder, monkeypatch):
 
 
 def test_uploads_of_one_name_at_the_same_time_are_all_kept(folder):
-    with serving([folder]) as ready:
-        secret = entered(ready.address)
+    with entering(folder) as (_, visit):
 
         def upload(k: int) -> str:
             path = f"/api/upload?name={quote('漢' * 100)}.csv"
-            return ask(ready.address, path, "x" * (100_000 + k), X_Hysid=secret).document["name"]
+            return visit(path, "x" * (100_000 + k)).document["name"]
 
         with ThreadPoolExecutor(10) as pool:
             names = list(pool.map(upload, range(10)))
@@ -317,8 +302,7 @@ def test_a_large_folder_is_not_packed(folder, monkeypatch):
     monkeypatch.setattr("hysid.studio._folder.LARGEST_ARCHIVE", 100)
     (folder / "large").mkdir()
     (folder / "large" / "it.csv").write_bytes(bytes(1000))
-    with serving([folder]) as ready:
-        secret = entered(ready.address)
-        link = ask(ready.address, "/api/link?name=large", X_Hysid=secret).document["address"]
+    with entering(folder) as (ready, visit):
+        link = visit("/api/link?name=large").document["address"]
         answer = ask(ready.address, f"/{link}&download=1")
     assert "too large" in answer.document["error"]["message"]

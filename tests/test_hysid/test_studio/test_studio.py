@@ -22,7 +22,7 @@ from hysid.intake._selection import Selection
 from hysteresis import InputError
 from tests.refusals import raises, refuses
 from tests.test_hysid.command import COLUMNS, SPONGE, refused, run, takes
-from tests.test_hysid.test_studio.served import ask, entered, serving, studio_of
+from tests.test_hysid.test_studio.served import ask, entering, studio_of
 
 
 @pytest.fixture
@@ -87,8 +87,7 @@ def test_uploads_get_a_free_name_in_the_folder(studio, tmp_path: Path, name: str
 
 
 def test_a_configuration_is_the_one_of_init_and_changes_leave_the_rest_alone(studio, tmp_path):
-    look = studio.look("run.csv")
-    config = tmp_path / "run.toml"
+    look, config = studio.look("run.csv"), tmp_path / "run.toml"
     other = tmp_path / "other.toml"
     assert run("init", tmp_path / "run.csv", "--out", other).code == 0
     assert config.read_text() == other.read_text()
@@ -100,11 +99,8 @@ def test_a_configuration_is_the_one_of_init_and_changes_leave_the_rest_alone(stu
     assert "# mine" in text
     assert "E1 = {start = 2.0}" in text
     tables = tomllib.loads(text)
-    assert tables["selection"] == {
-        "input": "force (N)",
-        "output": "displacement (mm)",
-        "test_cycles": 2,
-    }
+    columns = {"input": "force (N)", "output": "displacement (mm)"}
+    assert tables["selection"] == columns | {"test_cycles": 2}
     assert tables["fit"]["purpose"] == "constants"
 
 
@@ -249,10 +245,9 @@ def test_every_command_of_the_page_is_one_of_the_command_line(studio, tmp_path, 
     (tmp_path / "run").mkdir()
     (tmp_path / "run" / "fit.json").touch()
     given: list[list[str]] = []
+    started = SimpleNamespace(document={})
     monkeypatch.setattr(
-        studio.jobs,
-        "start",
-        lambda kind, name, words, *_: given.append(list(words)) or SimpleNamespace(document={}),
+        studio.jobs, "start", lambda kind, name, words, *_: given.append(list(words)) or started
     )
     monkeypatch.chdir(tmp_path)
     targets = studio.state()["targets"]
@@ -276,9 +271,8 @@ def test_a_folder_is_sent_as_zip_without_what_links_lead_to(tmp_path):
     (folder / "src" / "a.h").write_text("int a;")
     (tmp_path / "secret").write_text("secret")
     (folder / "link").symlink_to(tmp_path / "secret")
-    with serving([tmp_path]) as ready:
-        session = entered(ready.address)
-        link = ask(ready.address, "/api/link?name=made", X_Hysid=session).document["address"]
+    with entering(tmp_path) as (ready, visit):
+        link = visit("/api/link?name=made").document["address"]
         archive = zipfile.ZipFile(io.BytesIO(ask(ready.address, f"/{link}&download=1").body))
     assert archive.namelist() == ["made/src/a.h"]
 
