@@ -25,6 +25,7 @@ from hysteresis._escape import (
     toml_string,
     visible,
 )
+from tests.c_harness import ran
 
 HOSTILE = (
     "*/ int planted = system(\"true\"); /*", "/*raw*/", "// force", "a*", "*", "/", "*/", "**//**//",
@@ -81,13 +82,8 @@ def test_a_compiler_reads_them_back(compiler: str, tmp_path: Path):
     lines += [f"{head}const char *name(int k);", "const char *name(int k) { return names[k]; }"]
     source, library = tmp_path / "names.c", tmp_path / "names.so"
     source.write_text("\n".join(lines) + "\n", "utf-8")
-    command = [
-        compiler, *language, "-Wall", "-Wextra", "-Wcomment", "-Wtrigraphs", "-Werror",
-        "-shared",
-    ]  # fmt: skip
-    command += ["-fPIC", str(source), "-o", str(library)]
-    done = subprocess.run(command, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
+    warnings = ("-Wall", "-Wextra", "-Wcomment", "-Wtrigraphs", "-Werror")
+    ran(compiler, *language, *warnings, "-shared", "-fPIC", source, "-o", library)
     function = ctypes.CDLL(str(library)).name
     function.restype = ctypes.c_char_p
     found = [function(k) for k in range(len(plain))]
@@ -114,8 +110,7 @@ class Tags(HTMLParser):
 
 @given(names)
 def test_markup_is_text(name: str):
-    text = markup(name)
-    page = Tags()
+    text, page = markup(name), Tags()
     page.feed(f'<p title="{text}">{text}</p>')
     page.close()
     assert page.tags == ["p"]

@@ -30,9 +30,7 @@ def begun(problem: Problem, seed: int) -> tuple[AbstractModel, np.ndarray, np.nd
 
 
 @pytest.mark.parametrize(  # the search for the state of relays takes half a minute
-    "problem",
-    rest_thorough(PROBLEMS, lambda p: p.name in KINDS - {"preisach-up"}),
-    ids=lambda p: p.name,
+    "problem", rest_thorough(PROBLEMS, lambda p: p.name in KINDS - {"preisach-up"})
 )
 def test_known_rows_are_worth_the_true_state(problem: Problem):
     errors = []
@@ -61,8 +59,7 @@ def test_rows_without_an_output_say_nothing_and_drive():
 
 def test_a_model_with_rates_needs_the_times():
     model, _, u, y = begun(BY_NAME["maxwell"], 0)
-    with pytest.raises(InputError, match="time"):
-        model.state_from(None, u, y)
+    refuses("no-time", lambda: model.state_from(None, u, y), "time")
 
 
 NAMES = (

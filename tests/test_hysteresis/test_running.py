@@ -35,8 +35,7 @@ COMPILED = ("sum", "bouc-wen", "series")
 
 
 def some_compiled(problems: Sequence[Problem]) -> Any:
-    some = rest_thorough(problems, lambda p: p.name in COMPILED)
-    return pytest.mark.parametrize("problem", some, ids=lambda p: p.name)
+    return pytest.mark.parametrize("problem", rest_thorough(problems, lambda p: p.name in COMPILED))
 
 
 def numbers(model: AbstractModel) -> Numbers:
@@ -134,15 +133,10 @@ def _freed(tree: dict[str, Any]) -> dict[str, Any]:
     return found | ({"parts": [_freed(one) for one in tree["parts"]]} if "parts" in tree else {})
 
 
-@pytest.mark.parametrize(
-    ("problem", "way"),
-    rest_thorough(
-        [(p, way) for p in FORWARDS for way in ("compiled", "without_numba")],
-        lambda pair: (
-            pair[0].name not in VARIANTS and (pair[1] == "compiled") == (pair[0].name in COMPILED)
-        ),
-    ),
-)
+@pytest.mark.parametrize(("problem", "way"), rest_thorough(
+    [(p, way) for p in FORWARDS for way in ("compiled", "without_numba")],
+    lambda pair: pair[0].name not in VARIANTS and (pair[1] == "compiled") == (pair[0].name in COMPILED),
+))  # fmt: skip
 def test_columns_are_the_derivatives(problem: Problem, way: str, request: pytest.FixtureRequest):
     """Against central differences: by four combinations of all numbers, and by the input."""
     request.getfixturevalue(way)

@@ -8,13 +8,7 @@ import numpy as np
 import pytest
 
 from compensate import Status, invert
-from hysteresis import (
-    AbstractModel,
-    AbstractSteppedModel,
-    Scalar,
-    parameter,
-    register,
-)
+from hysteresis import AbstractModel, AbstractSteppedModel, Scalar, parameter, register
 from hysteresis.testing import check_model
 
 

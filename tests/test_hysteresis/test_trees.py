@@ -1,5 +1,6 @@
 """Every model's tree of laws: run forwards it is the model, and JAX traces and differentiates it."""
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -24,27 +25,17 @@ from hysteresis.laws._tree import node_of
 from hysteresis.preisach import GaussianDensity, GridDensity
 from hysteresis.trees import plain
 from tests import compositions
-from tests.problems import (
-    PROBLEMS,
-    Problem,
-    clock,
-    random_histories,
-    variants_thorough,
-    weights,
-)
+from tests.problems import PROBLEMS, Problem, clock, random_histories, variants_thorough, weights
 from tests.refusals import refuses
 
 LOW, HIGH, ROWS = -1.0, 2.0, 60
 
 
-def _conditioned(scale: float, axis: str):
-    def make(rng: np.random.Generator) -> Conditioned:
-        curves = [MonotoneCurve.even(LOW - k, HIGH + k, rng.uniform(0.1, 1.0, 4)) for k in range(3)]
-        models = [Series([one, Burgers(*rng.uniform(1, 40, 4))]) for one in curves]
-        turned = [Scaled(one, scale * rng.uniform(0.5, 2)) if scale else one for one in models]
-        return Conditioned(turned, np.array([1.0, 2.0, 5.0]), axis=axis)
-
-    return make
+def _conditioned(rng: np.random.Generator, scale: float = 0.0, axis: str = "linear") -> Conditioned:
+    curves = [MonotoneCurve.even(LOW - k, HIGH + k, rng.uniform(0.1, 1.0, 4)) for k in range(3)]
+    models = [Series([one, Burgers(*rng.uniform(1, 40, 4))]) for one in curves]
+    turned = [Scaled(one, scale * rng.uniform(0.5, 2)) if scale else one for one in models]
+    return Conditioned(turned, np.array([1.0, 2.0, 5.0]), axis=axis)
 
 
 def _demagnetised(rng: np.random.Generator) -> Preisach:
@@ -67,9 +58,10 @@ def _without_range(rng: np.random.Generator) -> Sum:
 
 
 MORE = {
-    "conditioned": _conditioned(0.0, "linear"), "conditioned-log": _conditioned(1.0, "logarithmic"),
-    "conditioned-falling": _conditioned(-1.0, "reciprocal"), "demagnetised": _demagnetised,
-    "curves": _curves, "without-range": _without_range,
+    "conditioned": _conditioned, "demagnetised": _demagnetised, "curves": _curves,
+    "conditioned-log": partial(_conditioned, scale=1.0, axis="logarithmic"),
+    "conditioned-falling": partial(_conditioned, scale=-1.0, axis="reciprocal"),
+    "without-range": _without_range,
     "recovering": lambda rng: Softening(LOW, HIGH, rng.uniform(0.1, 0.5, (3, 3)), 3.0, leading=False),
     "maxwell-leading": compositions.nonlinear_maxwell,
     "duhem-oscillator": _duhem_oscillator,
@@ -78,7 +70,7 @@ OTHERS = [
     Problem(name, make, LOW, HIGH, frozenset(), compositions.held) for name, make in MORE.items()
 ]
 TREES = [*PROBLEMS, *OTHERS]
-every = pytest.mark.parametrize("problem", variants_thorough(TREES), ids=lambda p: p.name)
+every = pytest.mark.parametrize("problem", variants_thorough(TREES))
 
 
 @every

@@ -85,7 +85,6 @@ def test_interpolation_is_exact_for_what_is_limited_in_band():
     (lambda: plant(BoucWenForce(alpha=4e4, n=1.5)), "bad-parts"),
     (lambda: plant(hysteresis.BoucWen(4e4, 0.3, 3e-4)), "bad-parts"),
     (lambda: plant(substeps=0), "bad-option"),
-    (lambda: plant().simulate(None, FORCE), "no-time"),
     (lambda: DuhemForce([1.0, 1.0], [1.0, 1.0]), "length-mismatch"),
     (lambda: GeneralizedPlays([0.1], [1.0], [[1.0]]), "length-mismatch"),
     (lambda: GeneralizedPlays([-0.1], [1.0], [[1.0, 2.0]]), "parameter-out-of-bounds"),

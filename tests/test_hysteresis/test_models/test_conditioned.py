@@ -174,11 +174,8 @@ def rig(**options: Any) -> Record:
     t = 0.1 * np.arange(240)
     s = 0.5 - 0.5 * np.cos(2 * np.pi * t / 4.0)
     columns = {"a (mT)": 3 * s, "b (V)": 1 - s**2, "run": np.repeat([1.0, 2.0], 120)}
-    arguments: dict[str, Any] = {
-        "columns": columns,
-        "channels": {"a (mT)": "mT", "b (V)": "V"},
-        "groups": columns["run"],
-    }
+    channels = {"a (mT)": "mT", "b (V)": "V"}
+    arguments: dict[str, Any] = {"columns": columns, "channels": channels, "groups": columns["run"]}
     arguments |= options
     return Record.from_arrays(None, 10 * s, t, **arguments)
 

@@ -95,9 +95,8 @@ def test_what_is_refused(code: str, words: str, change: dict[str, Any]):
         PrandtlIshlinskii(**{**good, **change})
 
 
-def test_times_are_needed_and_checked_where_the_rate_matters():
+def test_times_are_checked_where_the_rate_matters():
     model, u = draw(0, rates=True), np.zeros(3)
-    refuses("no-time", lambda: model.simulate(None, u))
     refuses("time-backwards", lambda: model.simulate([0.0, 1.0, 1.0], u))
     model.prepare([0.0, 1.0, 0.5], u, starts=(0, 2))
 

@@ -12,12 +12,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from compensate import invert
-from hysteresis import (
-    Burgers,
-    GeneralizedKelvinVoigt,
-    GeneralizedMaxwell,
-    StandardLinearSolid,
-)
+from hysteresis import Burgers, GeneralizedKelvinVoigt, GeneralizedMaxwell, StandardLinearSolid
 from tests.problems import SAMPLES, clock, histories
 from tests.refusals import refuses
 from tests.thorough import rest_thorough
@@ -92,10 +87,8 @@ def stiff(model: Any, t: np.ndarray, load: np.ndarray) -> np.ndarray:
         # x: the strains of the dashpots.
         rates = lambda u, x: (u - x) / tau  # noqa: E731
         answer = lambda u, x: float(model.E_inf) * u + E @ (u - x)  # noqa: E731
-    x, found = (
-        np.zeros(BRANCHES + isinstance(model, GeneralizedKelvinVoigt)),
-        [answer(load[0], 0 * E)],
-    )
+    x = np.zeros(BRANCHES + isinstance(model, GeneralizedKelvinVoigt))
+    found = [answer(load[0], 0 * E)]
     for a, b, ua, ub in zip(t[:-1], t[1:], load[:-1], load[1:], strict=True):
         law = lambda s, x, a=a, b=b, ua=ua, ub=ub: rates(ua + (ub - ua) * (s - a) / (b - a), x)  # noqa: E731
         x = solve_ivp(law, (a, b), x, method="Radau", rtol=1e-9, atol=1e-12).y[:, -1]
@@ -157,8 +150,7 @@ def test_an_even_clock_is_one_number(hold: str):
 
 def spectral_radius(model: Any, dt: float) -> float:
     """Of the step of (load, branches), run against the chain with no input."""
-    n = model.chain().all_rates.size
-    states = jnp.eye(n + 1)
+    states = jnp.eye(model.chain().all_rates.size + 1)
     rest = model.init(0.0)
 
     def move(state: jax.Array) -> jax.Array:
@@ -172,22 +164,15 @@ def spectral_radius(model: Any, dt: float) -> float:
 def test_largest_stable_step(seed: int):
     E, tau, *_ = numbers(seed)
     held = {"leading": True, "hold": "constant"}
-    for model in (
-        kelvin_voigt(seed, **held),
-        GeneralizedKelvinVoigt(3 * E.sum(), E, E * tau, **held),
-    ):
+    stiff = GeneralizedKelvinVoigt(3 * E.sum(), E, E * tau, **held)
+    for model in (kelvin_voigt(seed, **held), stiff):
         limit = model.largest_stable_step()
         assert spectral_radius(model, (1 - 1e-6) * limit) <= 1 + 1e-11
         assert spectral_radius(model, (1 + 1e-6) * limit) > 1
     # Delayed parts stiffer in sum than the spring can never throw it over; relaxation never does.
     stiffest = GeneralizedKelvinVoigt(0.9 / (1 / E).sum(), E, E * tau, **held)
-    relaxing = maxwell(seed, leading=False, hold="constant")
-    for model in (
-        stiffest,
-        relaxing,
-        kelvin_voigt(seed, leading=True),
-        maxwell(seed, leading=False),
-    ):
+    relaxing = maxwell(seed, leading=False, hold="constant"), maxwell(seed, leading=False)
+    for model in (stiffest, *relaxing, kelvin_voigt(seed, leading=True)):
         assert model.largest_stable_step() == np.inf
         assert max(spectral_radius(model, dt) for dt in (1e-3, 0.1, 10.0, 1e3)) <= 1 + 1e-11
 
@@ -199,7 +184,6 @@ def test_largest_stable_step(seed: int):
     (lambda: GeneralizedKelvinVoigt(np.inf, [1.0], [1.0], leading=True), "not-invertible"),
     (lambda: GeneralizedMaxwell(-1.0, [1.0], [1.0]), "parameter-out-of-bounds"),
     (lambda: GeneralizedMaxwell(1.0, [1.0], [np.nan]), "parameter-out-of-bounds"),
-    (lambda: GeneralizedMaxwell(1.0, [1.0], [1.0]).simulate(None, [1.0]), "no-time"),
     (lambda: StandardLinearSolid(1, 1, 1).simulate([0], [1, 2]), "length-mismatch"),
     (lambda: invert(StandardLinearSolid(1, 1, 1)).simulate([0], [1, 2]), "length-mismatch"),
 ])  # fmt: skip
@@ -232,8 +216,7 @@ def test_it_is_the_chain_of_one_branch(p: Element, seed: int, leading: bool, hol
 def test_steps_too_small_to_divide_by_are_exact(decade: float, p: Element):
     """The series for small steps joins the formula: creep of a ramp at any step."""
     dt = 10.0**decade * p[3] / p[2]
-    t = dt * np.arange(SAMPLES)
-    model = Burgers(*p)
+    t, model = dt * np.arange(SAMPLES), Burgers(*p)
     E1, eta1, E2, eta2 = p
     tau = eta2 / E2
     x = t / tau

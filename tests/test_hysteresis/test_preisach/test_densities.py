@@ -106,11 +106,8 @@ def test_gradients_against_central_differences(name: str):
 
 UNIFORM_NODES = (0.0, 0.1, 0.15, 0.6, 0.7, 1.0)
 WIDTHS = np.diff(UNIFORM_NODES)
-UNIFORM: dict[str, Any] = {
-    "warped": GridDensity(
-        0.0, 1.0, np.outer(WIDTHS, WIDTHS) * (1 - np.eye(5) / 2), nodes=UNIFORM_NODES
-    )
-}
+AREAS = np.outer(WIDTHS, WIDTHS) * (1 - np.eye(5) / 2)
+UNIFORM: dict[str, Any] = {"warped": GridDensity(0.0, 1.0, AREAS, nodes=UNIFORM_NODES)}
 UNIFORM["sum"] = SumDensity(2 * [UNIFORM["warped"]])
 
 

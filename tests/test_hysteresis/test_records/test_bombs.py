@@ -50,9 +50,7 @@ NAMES = ",".join(f"c{k}" for k in range(10_001))
      ("line 30002", "'b'", "characters")),
     (f"{NAMES}\n{','.join('1' * 10_001)}\n", "too-many-columns", ("10,001", "10,000")),
 ])  # fmt: skip
-def test_cells_and_columns_have_an_end(
-    tmp_path: Path, content: str, code: str, words: tuple[str, ...]
-):
+def test_cells_and_columns_have_an_end(tmp_path: Path, content: str, code: str, words):
     (tmp_path / "run.csv").write_text(content)
     refused(tmp_path / "run.csv", code, *words)
 
@@ -95,11 +93,8 @@ def test_samples_that_a_file_does_not_hold(tmp_path: Path):
         assert perf_counter() - begin < 5.0
 
 
-CELLS = [
-    (0, 0, "force"),
-    (0, 1, "x"),
-    *((k, c, float(k + c)) for k in range(1, 21) for c in (0, 1)),
-]
+NUMBERS = [(k, c, float(k + c)) for k in range(1, 21) for c in (0, 1)]
+CELLS = [(0, 0, "force"), (0, 1, "x"), *NUMBERS]
 
 FAR = '\n<row r="1000000000"><c r="A1000000000"><v>1</v></c></row>\n'
 

@@ -6,10 +6,7 @@ import numpy as np
 import pytest
 
 from hysteresis import InputError, read_csv, read_table
-
-T = 0.5 * np.arange(12)
-X = np.abs((np.arange(12) % 8) - 4.0) / 4
-F = 3 * X**2 + 0.125
+from tests.test_hysteresis.test_records.test_importers import F, T, X
 
 
 def rows(*columns: np.ndarray, sep: str = "\t") -> str:

@@ -230,12 +230,9 @@ def test_tdms(table):
     step = {"wf_increment": 0.5, "wf_start_offset": 0.0}
     with nptdms.TdmsWriter(packed) as writer:
         for group in ("run 1", "run 2"):
-            writer.write_segment(
-                [
-                    nptdms.ChannelObject(group, "force", F, {"unit_string": "N", **step}),
-                    nptdms.ChannelObject(group, "position", X, {"unit_string": "mm", **step}),
-                ]
-            )
+            force = nptdms.ChannelObject(group, "force", F, {"unit_string": "N", **step})
+            position = nptdms.ChannelObject(group, "position", X, {"unit_string": "mm", **step})
+            writer.write_segment([force, position])
     found = table(packed.getvalue(), "run.tdms")
     assert list(found.columns) == ["group", "time", "force", "position"]
     assert found.units == {"time": "s", "force": "N", "position": "mm"}
@@ -341,7 +338,6 @@ def test_an_input_on_its_own_clock_is_moved_to_the_output(table):
     np.testing.assert_allclose(record.input[inner], np.tile(2 * late, 2)[inner], atol=1e-9)
     np.testing.assert_allclose(record.input[~inner], 2 * T[-1])
     assert any("clock" in note for note in record.history)
-    with pytest.raises(InputError, match="--time COL"):
-        read_csv(found, "u", "y", input_time="t_u")
+    refuses("bad-option", lambda: read_csv(found, "u", "y", input_time="t_u"), "--time COL")
     with pytest.raises(InputError, match="go back at different rows"):
         read_csv(table(text.replace("b,0.000", "b,9.000")), "u", "y", time="t_y", input_time="t_u")

@@ -64,8 +64,7 @@ def test_a_viscous_loop_has_the_figures_of_its_equation(stiffness, damping, size
 def test_a_load_that_drives_has_the_same_energy_and_damping():
     angle, lag = angles(2), 0.3
     table = record_of(5 * np.sin(angle), 2 * np.sin(angle - lag), ("N", "mm")).loops()
-    assert table["energy lost"].unit == "N * mm"
-    assert table["stiffness"].unit == "N / mm"
+    assert (table["energy lost"].unit, table["stiffness"].unit) == ("N * mm", "N / mm")
     assert one(table, "energy lost") == pytest.approx(np.pi * 10 * np.sin(lag), rel=1e-6)
     assert one(table, "loss factor") == pytest.approx(np.tan(lag), rel=1e-5)
 
@@ -215,11 +214,9 @@ def test_rows_that_do_not_count_empty_their_loops():
     record = record_of(x, 2 * x + np.cos(angles(3, 200)))
     rows = np.arange(len(x))
     table = record.exclude((rows > 210) & (rows < 260)).loops()
-    told = np.isfinite(table["energy lost"].value)
-    assert told.tolist() == [True, False, True]
+    assert np.isfinite(table["energy lost"].value).tolist() == [True, False, True]
     assert "count" in table["energy lost"].reason[1]
-    whole = record.loops()
-    few = record.exclude(rows % 50 == 7).loops()
+    whole, few = record.loops(), record.exclude(rows % 50 == 7).loops()
     assert few["energy lost"].value == pytest.approx(whole["energy lost"].value, rel=1e-3)
 
 
@@ -230,13 +227,11 @@ def test_every_run_has_its_loops_and_softening_is_from_loop_to_loop():
     force = (3 - 0.3 * number) * (x + 1) + 0.2 * np.cos(angle)
     both = record_of(np.tile(x, 2), np.tile(force, 2), groups=np.repeat(["a", "b"], len(x)))
     table = both.loops()
-    assert table.run.tolist() == ["a"] * 3 + ["b"] * 3
-    assert table.cycle.tolist() == [1, 2, 3, 1, 2, 3]
+    assert (table.run.tolist(), table.cycle.tolist()) == (["a"] * 3 + ["b"] * 3, [1, 2, 3, 1, 2, 3])
     assert table["softening"].value[[1, 2]] == pytest.approx([10, 100 / 9], abs=0.3)
     assert np.isnan(table["softening"].value[[0, 3]]).all()
     told = {row.name: row for row in table.summary}["stiffness"]
-    assert told.first == pytest.approx(3, rel=0.02)
-    assert told.later == pytest.approx(2.55, rel=0.02)
+    assert (told.first, told.later) == pytest.approx((3, 2.55), rel=0.02)
     assert told.scatter == pytest.approx(np.std(table["stiffness"].value, ddof=1))
     assert json.dumps(table.document())
     assert len(table.columns()["stiffness (N / mm)"]) == 6

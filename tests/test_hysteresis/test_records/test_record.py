@@ -24,11 +24,8 @@ def rig(n_cycles: int = 4, samples: int = 25, lag: float = 0.2, **names: Any) ->
 
 
 def test_length_mismatch_names_both():
-    refuses(
-        "length-mismatch",
-        lambda: Record.from_arrays(np.zeros(200), np.zeros(199), np.arange(200.0)),
-        "time has 200 values, output 199",
-    )
+    odd = (np.zeros(200), np.zeros(199), np.arange(200.0))
+    refuses("length-mismatch", lambda: Record.from_arrays(*odd), "time has 200 values, output 199")
 
 
 def test_nan_input_needs_interpolation_and_nan_output_may_be_masked():
@@ -37,8 +34,7 @@ def test_nan_input_needs_interpolation_and_nan_output_may_be_masked():
     words = ("3 NaN in output", "rows 4 to 6 (4 ms)", 'nan="omit"', "--nan omit")
     refuses("nan-output", lambda: Record.from_arrays(u, y, t), *words)
     omitted = Record.from_arrays(u, y, t, nan="omit")
-    assert omitted.mask.sum() == 7
-    assert len(omitted) == 10
+    assert (omitted.mask.sum(), len(omitted)) == (7, 10)
     filled = Record.from_arrays(u, y, t, nan="interpolate")
     assert np.allclose(filled.output, u)
     assert "Filled 3 NaN" in filled.history[-1]
@@ -51,11 +47,9 @@ def test_nan_input_needs_interpolation_and_nan_output_may_be_masked():
 def test_clock_faults_name_their_lines():
     t = np.arange(10.0)
     t[5] = t[4]
+    found = {"source": "a.csv", "line": np.arange(2, 12)}
     refuses(
-        "time-repeated",
-        lambda: Record.from_arrays(t, t, t, source="a.csv", line=np.arange(2, 12)),
-        "lines 6 to 7",
-        "average",
+        "time-repeated", lambda: Record.from_arrays(t, t, t, **found), "lines 6 to 7", "average"
     )
     two = np.tile(np.arange(5.0), 2)
     refuses("time-backwards", lambda: Record.from_arrays(two, two, two), "row 6", "segments")
@@ -88,8 +82,7 @@ def test_interleaved_groups_are_gathered_in_order_of_appearance():
     x, columns = np.arange(6.0), {"k": np.arange(6)}
     record = Record.from_arrays(x, x, groups=list("babaab"), columns=columns)
     assert record.labels == ("b", "a")
-    assert record.input.tolist() == [0, 2, 5, 1, 3, 4]
-    assert record.line.tolist() == [1, 3, 6, 2, 4, 5]
+    assert (record.input.tolist(), record.line.tolist()) == ([0, 2, 5, 1, 3, 4], [1, 3, 6, 2, 4, 5])
     assert record.columns["k"].tolist() == [0, 2, 5, 1, 3, 4]
     assert "interleaved" in record.history[0]
     assert [(x, s.start, s.stop) for x, s in record.sequences()] == [("b", 0, 3), ("a", 3, 6)]
@@ -101,8 +94,7 @@ def test_split_cycles_holds_out_the_last_of_each_sequence():
     assert record.n_cycles == 8
     train, test = record.split_cycles(1)
     assert not np.any(train.mask & test.mask)
-    assert set(train.cycle[train.mask]) == {1, 2, 3}
-    assert set(test.cycle[test.mask]) == {4}
+    assert (set(train.cycle[train.mask]), set(test.cycle[test.mask])) == ({1, 2, 3}, {4})
     assert len(train) == len(test) == len(record)
     assert len(train.history) == len(record.history) + 1
     refuses("too-few-cycles", lambda: record.split_cycles(4), "'a' has 4", "1 more", "--test-tail")
@@ -127,10 +119,8 @@ def test_split_groups_and_take_sequences():
     u = np.arange(9.0)
     record = Record.from_arrays(u, u, u, groups=np.repeat(["a", "b", "c"], 3))
     train, test = record.split_groups(["b"])
-    assert train.labels == ("a", "c")
-    assert test.labels == ("b",)
-    assert train.starts.tolist() == [0, 3]
-    assert test.time.tolist() == [3, 4, 5]
+    assert (train.labels, test.labels) == (("a", "c"), ("b",))
+    assert (train.starts.tolist(), test.time.tolist()) == ([0, 3], [3, 4, 5])
     assert record.split_groups(lambda x: x == "b")[1].digest() == test.digest()
     refuses("bad-condition", lambda: record.take_sequences(["d"]), "'d'")
     refuses("no-rows", lambda: record.split_groups(["a", "b", "c"]))
@@ -242,13 +232,8 @@ def test_a_zero_that_jumps_is_told_from_a_snap_that_comes_back():
     y = 2 * u + np.sin(t) + 0.02 * np.random.default_rng(0).normal(size=len(t))
     snapping = y + 6 * (u > 7)
     tared = y - 13.0 * (np.arange(len(t)) >= 231)
-    codes = {}
-    for name, x in {
-        "none": y,
-        "snap": snapping,
-        "tare": tared,
-        "both": snapping + tared - y,
-    }.items():
+    codes, outputs = {}, {"none": y, "snap": snapping, "tare": tared, "both": snapping + tared - y}
+    for name, x in outputs.items():
         found = check_identifiable(Record.from_arrays(u, x, t, time_unit="s"))
         codes[name] = [note.code for note in found]
         if name in ("tare", "both"):

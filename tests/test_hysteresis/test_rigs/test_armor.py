@@ -158,8 +158,7 @@ def test_a_plate_sags_as_navier_says():
 
 
 def test_a_skin_by_geometry_gives_and_takes_with_time():
-    rig = ChannelGeometryRig(seed=1)
-    force = np.zeros((400, 5))
+    rig, force = ChannelGeometryRig(seed=1), np.zeros((400, 5))
     force[:200, 2] = 5.0
     held = rig.follow(force, dt=0.02)[:, 0]
     assert held[199] > held[20] > 0
