@@ -19,8 +19,7 @@ def pressed(K: float, b: float, seed: int, noise: float = 0.3) -> tuple[Record, 
     d = d + np.random.default_rng(seed).normal(0, noise, len(F))
     named = {"input_unit": "N", "output_unit": "mm"}
     named |= {"input_name": "force", "output_name": "displacement"}
-    record = Record.from_arrays(F, d, **named)
-    return record.split_cycles(1)
+    return Record.from_arrays(F, d, **named).split_cycles(1)
 
 
 def line(train: Record, test: Record, slope: float | None = None) -> FitResult:
@@ -45,20 +44,11 @@ def line(train: Record, test: Record, slope: float | None = None) -> FitResult:
         listed = (listed[0]._replace(status="fixed"), *listed[1:])
     blocks = np.array(block_errors(residuals[train.mask]))
     fit = FitResult(
-        name="LinearSponge",
-        model=model,
-        parameters=listed,
-        covariance=covariance,
+        name="LinearSponge", model=model, parameters=listed, covariance=covariance,
         residuals=np.where(train.mask, residuals, np.nan),
-        metrics={"train": metrics(train.output, train.output + residuals, train.mask)},
-        success=True,
-        score=100 * float(np.sqrt(blocks.mean()) / np.ptp(train.output[train.mask])),
-        noise=noise,
-        train=train,
-        test=test,
-        blocks=blocks,
-        used=train.mask,
-        noise_model=NoiseModel(noise.sigma),
-    )
+        metrics={"train": metrics(train.output, train.output + residuals, train.mask)}, success=True,
+        score=100 * float(np.sqrt(blocks.mean()) / np.ptp(train.output[train.mask])), noise=noise,
+        train=train, test=test, blocks=blocks, used=train.mask, noise_model=NoiseModel(noise.sigma),
+    )  # fmt: skip
     figures = metrics(test.output, fit.predict(test), test.mask)
     return replace(fit, metrics={**fit.metrics, "test": figures})

@@ -57,8 +57,7 @@ def test_linear_systems_have_the_posterior_of_linear_algebra():
     data = readings(Linear, 0)
     found = calibrate(START, data, {"matrix": 0.3, "offset": 1.0})
     # Columns of the design: four of the matrix, one of the offset; noise 0.02, prior 0.3 and 1.
-    design = np.zeros((60, 5))
-    u = np.asarray(data.u)
+    design, u = np.zeros((60, 5)), np.asarray(data.u)
     design[::2, 0:2], design[1::2, 2:4], design[:, 4] = u, u, 1.0
     prior = np.diag([0.3**-2] * 4 + [1.0])
     precision = design.T @ design / 0.02**2 + prior

@@ -19,18 +19,12 @@ CHANNELS = {"rises": "mT", "falls": "V", "bends": "1"}
 
 
 def rig(
-    noise: float = 1e-3,
-    runs: int = 1,
-    settling: float = 0.0,
-    seed: int = 0,
-    names: tuple[str, ...] = tuple(CHANNELS),
-    more: dict[str, np.ndarray] | None = None,
-) -> Record:
+    noise: float = 1e-3, runs: int = 1, settling: float = 0.0, seed: int = 0,
+    names: tuple[str, ...] = tuple(CHANNELS), more: dict[str, np.ndarray] | None = None,
+) -> Record:  # fmt: skip
     """A load, and three channels of which two have loops that cancel; `settling` spoils first cycles."""
-    rng = np.random.default_rng(seed)
-    n = CYCLES * SAMPLES + 1
-    t = 0.05 * np.arange(n)
-    phase = 2 * np.pi * np.arange(n) / SAMPLES
+    rng, n = np.random.default_rng(seed), CYCLES * SAMPLES + 1
+    t, phase = 0.05 * np.arange(n), 2 * np.pi * np.arange(n) / SAMPLES
     load, loop = 5 - 5 * np.cos(phase), np.sin(phase)
     fading = settling * np.exp(-np.arange(n) / SAMPLES)
     columns = {
@@ -118,14 +112,12 @@ def test_first_cycles_of_a_sample_that_settles_are_left_out():
 
 def test_what_cannot_be_fitted_is_refused():
     n = len(rig())
-    still = {"a": np.zeros(n), "b": np.ones(n)}
-    few = np.arange(n) < 2
+    still, few = {"a": np.zeros(n), "b": np.ones(n)}, np.arange(n) < 2
     for record, code in (
         (rig(names=("a", "b"), more=still), "constant-input"),
         (replace(rig(), mask=few), "too-few-rows"),
     ):
-        with raises(code):
-            line(record)
+        refuses(code, lambda record=record: line(record))
 
 
 def line(record: Record, **options: Any) -> Any:

@@ -14,21 +14,17 @@ LOOPS, ROWS, STEP = 4, 400, 0.1
 SLOPE, BEND, LAG, ZERO = 2.0, 0.004, 0.4, 1.5
 
 
-def run(
-    hold: int = 0, drift: float = 0.0, warmer: float = 0.0, noise: float = 0.0, loops: int = LOOPS
-) -> tuple[np.ndarray, ...]:
+def run(hold=0, drift=0.0, warmer=0.0, noise=0.0, loops=LOOPS) -> tuple[np.ndarray, ...]:
     """Force from 0 to 20 N in straight legs; branches 2 LAG apart in the middle, bent as x (20 - x)."""
     way = np.arange(loops * ROWS + 1) / ROWS % 1
-    force = 20 * (1 - np.abs(2 * way - 1))
-    rising = way < 0.5
+    force, rising = 20 * (1 - np.abs(2 * way - 1)), way < 0.5
     if hold:
         level = np.repeat([20.0, 0.0], hold)
         ramp = np.linspace(0, 20, ROWS // 2)
         force = np.concatenate([force, ramp, level[:hold], ramp[::-1], level[hold:]])
         up = np.ones(len(ramp) + hold, bool)
         rising = np.concatenate([rising, up, ~up])
-    t = STEP * np.arange(len(force))
-    shape = force * (20 - force) / 100
+    t, shape = STEP * np.arange(len(force)), force * (20 - force) / 100
     signal = SLOPE * force + BEND * 100 * shape - np.where(rising, LAG, -LAG) * shape
     signal = signal * (1 + 1e-3 * warmer) + ZERO + 0.05 * warmer + drift * t
     if hold:

@@ -46,8 +46,7 @@ def gaussian_curve(b: float, u: np.ndarray) -> Forc:
 
 def quadratic(rng: np.random.Generator, noise: float = 0.0) -> tuple[tuple[Forc, ...], float]:
     """Curves of a quadratic surface at uneven places, and its rho."""
-    a = rng.normal(size=6)
-    curves = []
+    a, curves = rng.normal(size=6), []
     for b in np.cumsum(rng.uniform(0.5, 1.5, 30)):
         u = b + np.append(0.0, np.cumsum(rng.uniform(0.5, 1.5, 40)))
         y = a[0] + a[1] * b + a[2] * b**2 + a[3] * u + a[4] * u**2 + a[5] * b * u
@@ -119,8 +118,7 @@ def test_standard_errors_are_calibrated():
 
 def curves_of(seed: int) -> tuple[Forc, ...]:
     """Any curves at all: nine, uneven, noisy, ending anywhere."""
-    rng = np.random.default_rng(seed)
-    curves = []
+    rng, curves = np.random.default_rng(seed), []
     for b in np.cumsum(rng.uniform(0.5, 1.5, 9)):
         u = b + np.append(0.0, np.cumsum(rng.uniform(0.2, 0.6, int(rng.integers(10, 30)))))
         curves.append(Forc(float(b), u, rng.normal(size=u.shape) + rng.normal() * u))
@@ -172,10 +170,8 @@ def with_ties() -> tuple[Forc, ...]:
     ("too-few-curves", lambda: everett_surface(curves_of(0)[:1])),
     ("not-increasing", lambda: forc_diagram(with_ties(), 3)),
     ("not-increasing", lambda: everett_surface(curves_of(0)[::-1])),
-    (
-        "too-few-rows",
-        lambda: forc_diagram(tuple(Forc(c.reversal, *np.array(c[1:])[:, :6]) for c in curves_of(0))),
-    ),
+    ("too-few-rows",
+     lambda: forc_diagram(tuple(Forc(c.reversal, *np.array(c[1:])[:, :6]) for c in curves_of(0)))),
     ("too-few-curves", lambda: forc_curves(Record.from_arrays(np.arange(5.0)[::-1], np.zeros(5)))),
 ])  # fmt: skip
 def test_bad_input_is_answered(code: str, call):

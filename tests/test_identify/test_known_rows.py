@@ -16,13 +16,16 @@ KNOWN, LENGTH, SEQUENCES = 20, 60, 5
 CREEP = with_units(StandardLinearSolid(2.0, 1.0, 30.0), None, (0.0, 3.0))
 
 
+def walk(random: np.random.Generator, rows: int, leg: int) -> np.ndarray:
+    """An input that turns after every so many rows."""
+    turns = random.uniform(0, 3, rows // leg + 2)
+    return np.interp(np.arange(rows) / leg, np.arange(len(turns)), turns)
+
+
 def cut_from_one_history(seed: int = 0) -> Record:
     """Sequences that begin where the one before ended, with names and clocks of their own."""
-    random = np.random.default_rng(seed)
-    rows = SEQUENCES * LENGTH
-    turns = random.uniform(0, 3, rows // 12 + 2)
-    u = np.interp(np.arange(rows) / 12, np.arange(len(turns)), turns)
-    t = 0.5 * np.arange(rows)
+    random, rows = np.random.default_rng(seed), SEQUENCES * LENGTH
+    u, t = walk(random, rows, 12), 0.5 * np.arange(rows)
     y = np.asarray(CREEP.simulate(t, u))
     y = y + 0.005 * np.std(y) * random.normal(size=rows)
     return Record.from_arrays(
@@ -55,10 +58,8 @@ def test_known_rows_tell_where_a_sequence_begins(fit: identify.FitResult):
 
 def cut_from_loops(seed: int = 0, sequences: int = 20) -> Record:
     """Friction with eddies, whose sequences begin in the middle of a history that nobody has seen."""
-    random = np.random.default_rng(seed)
-    rows = sequences * LENGTH
-    turns = random.uniform(0, 3, rows // 8 + 2)
-    u = np.interp(np.arange(rows) / 8, np.arange(len(turns)), turns)
+    random, rows = np.random.default_rng(seed), sequences * LENGTH
+    u = walk(random, rows, 8)
     law = PrandtlIshlinskii([0.2, 0.5, 1.2], [1.0, 1.0, 1.0], 0.5)
     y = np.asarray(law.simulate(None, u)) + 2 * np.gradient(u)
     return Record.from_arrays(

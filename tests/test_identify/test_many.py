@@ -22,8 +22,7 @@ SPONGE = LinearSponge(0.3, 0.0)
 
 def sponge(seed: int, rows: int = 120) -> Record:
     """Three cycles of a noisy line."""
-    random = np.random.default_rng(seed)
-    t = np.linspace(0, 3, rows)
+    random, t = np.random.default_rng(seed), np.linspace(0, 3, rows)
     u = 10 - 10 * np.cos(2 * np.pi * t)
     y = random.uniform(0.2, 0.5) * u + random.normal() + 0.05 * random.normal(size=rows)
     return Record.from_arrays(u, y, time=t, source=f"run {seed}")
@@ -36,8 +35,7 @@ def near(value: Any, off: float) -> Any:
 
 
 def creeping(seed: int) -> Record:
-    random = np.random.default_rng(seed)
-    t = np.linspace(0, 60, 150)
+    random, t = np.random.default_rng(seed), np.linspace(0, 60, 150)
     u = 5 - 5 * np.cos(2 * np.pi * t / 15)
     truth = Burgers(2 + random.uniform(), 90.0, 3.0, 12.0 + random.uniform())
     y = np.asarray(truth.simulate(t, u)) + 0.01 * random.normal(size=len(t))
@@ -161,8 +159,7 @@ def processes(count: int = 2) -> ProcessPoolExecutor:
 @pytest.mark.thorough
 def test_a_pool_that_broke_is_made_anew(one_fit):
     batch = spread(processes, one_fit, "once")
-    assert batch.failed == {}
-    assert list(batch.fits) == [f"run {k}" for k in range(6)]
+    assert (batch.failed, list(batch.fits)) == ({}, [f"run {k}" for k in range(6)])
     assert batch.fits["run 3"].parameters[:2] == identify.load(one_fit).parameters[:2]
 
 

@@ -19,12 +19,9 @@ ROWS = 40
 inner = st.floats(-0.95, 0.95)
 
 
-def some_rows(
-    random: np.random.Generator, rows: int = ROWS, gap: bool = True
-) -> tuple[Any, np.ndarray]:
+def some_rows(random: np.random.Generator, rows=ROWS, gap=True) -> tuple[Any, np.ndarray]:
     """Rows in three stretches, one of them after a gap, and the stretch of each (-1: does not count)."""
-    u = random.normal(size=rows)
-    used = np.ones(rows, bool)
+    u, used = random.normal(size=rows), np.ones(rows, bool)
     stretch = np.zeros(rows, int)
     if gap:
         used[10:13] = False
@@ -54,8 +51,7 @@ def test_the_likelihood_is_that_of_the_dense_covariance(phi, theta, growth, seed
     random = np.random.default_rng(seed)
     rows, stretch = some_rows(random)
     noise = NoiseModel(1.7, growth=growth, input_sigma=0.3, phi=phi, theta=theta)
-    r = random.normal(size=ROWS)
-    counted = stretch >= 0
+    r, counted = random.normal(size=ROWS), stretch >= 0
     expected = scipy.stats.multivariate_normal(
         np.zeros(counted.sum()), dense(noise, rows, stretch), allow_singular=True
     ).logpdf(r[counted])
@@ -67,8 +63,7 @@ def test_whitening_is_linear_and_whitens() -> None:
     """Residuals of its own covariance become independent ones of unit variance."""
     random = np.random.default_rng(2)
     rows, stretch = some_rows(random)
-    noise = NoiseModel(0.8, phi=0.7, theta=-0.3)
-    counted = stretch >= 0
+    noise, counted = NoiseModel(0.8, phi=0.7, theta=-0.3), stretch >= 0
     W = np.asarray(jax.vmap(lambda e: noise.whitened(e, rows))(jnp.eye(ROWS))).T
     W = W[np.ix_(counted, counted)]
     covariance = W @ dense(noise, rows, stretch) @ W.T
@@ -100,14 +95,16 @@ def test_evidence_finds_the_kind_of_noise(kind: str) -> None:
     assert known == wanted.get(kind, set())
 
 
+U = np.tile(np.concatenate([np.linspace(0, 1, 50), np.linspace(1, 0, 50)]), 4)
+BENT = 2 * U + 0.3 * U**2 + 0.002 * np.random.default_rng(5).normal(size=400)
+CURVE = Record.from_arrays(U, BENT)
+
+
 def test_a_misfit_is_not_taken_for_noise() -> None:
     """A smooth function of the input, the same in every cycle, is no noise, however it is coloured."""
-    random = np.random.default_rng(5)
-    u = np.tile(np.concatenate([np.linspace(0, 1, 50), np.linspace(1, 0, 50)]), 4)
-    y = 2 * u + 0.3 * u**2 + 0.002 * random.normal(size=400)
-    result = fit(Record.from_arrays(u, y), LinearSponge(1.0, 0.0, -np.inf), conditioning="keep")
+    result = fit(CURVE, LinearSponge(1.0, 0.0, -np.inf), conditioning="keep")
     assert result.noise_model is None
-    K, b = np.polyfit(u, y, 1)
+    K, b = np.polyfit(U, BENT, 1)
     assert (float(result.model.K), float(result.model.b)) == pytest.approx((K, b), rel=1e-6)
     assert result.noise.correlation_time > 10
 
@@ -130,12 +127,9 @@ def test_a_misfit_is_integrated_over() -> None:
 
 def test_an_asked_misfit_widens_what_it_hides() -> None:
     """A curve fitted with a line: the slope's error reaches the slopes of its parts."""
-    random = np.random.default_rng(5)
-    u = np.tile(np.concatenate([np.linspace(0, 1, 50), np.linspace(1, 0, 50)]), 4)
-    y = 2 * u + 0.3 * u**2 + 0.002 * random.normal(size=400)
-    record, line = Record.from_arrays(u, y), LinearSponge(1.0, 0.0, -np.inf)
+    line = LinearSponge(1.0, 0.0, -np.inf)
     plain, honest = (
-        fit(record, line, conditioning="keep", noise=noise)
+        fit(CURVE, line, conditioning="keep", noise=noise)
         for noise in ("gaussian", "gaussian+misfit")
     )
     errors = [{p.name: p.stderr for p in f.parameters}["K"] for f in (plain, honest)]

@@ -23,8 +23,7 @@ def ratcheting(sign: float, creep: float) -> Record:
 @pytest.mark.parametrize("creep", [-2.0, 0.0, 2.0])
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 def test_creep_from_cycle_to_cycle_turns_no_sign(sign: float, creep: float):
-    record = ratcheting(sign, creep)
-    assert output_falls(record) == (sign < 0)
+    assert output_falls(ratcheting(sign, creep)) == (sign < 0)
 
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
@@ -51,8 +50,7 @@ def test_an_input_that_goes_one_way_tells_deformation_from_load(units, relaxes):
     y = np.asarray(solid.simulate(t, u)) + np.random.default_rng(0).normal(0, 1e-3, len(t))
     given = Record.from_arrays(u, y, t, input_unit=units[0], output_unit=units[1])
     asked = {("mm/mm", "MPa"): True, ("N", "mm"): False}.get(units, relaxes)
-    start = registered(StandardLinearSolid).start(given)
-    assert start.leading is asked
+    assert registered(StandardLinearSolid).start(given).leading is asked
     if asked is relaxes:
         found = fit(given, "StandardLinearSolid", starts=2, noise="gaussian")
         assert found.metrics["train"].rmse < 1.2e-3  # that of the noise
@@ -61,8 +59,7 @@ def test_an_input_that_goes_one_way_tells_deformation_from_load(units, relaxes):
 @pytest.mark.parametrize("phi", [0.5, 0.9])
 def test_coloured_noise_counts_for_less(phi: float) -> None:
     """AR(1): the correlation time is (1 + phi) / (1 - phi)."""
-    random = np.random.default_rng(1)
-    sequences = []
+    random, sequences = np.random.default_rng(1), []
     for _ in range(40):
         x, r = np.zeros(4000), random.normal(size=4000)
         x[0] = r[0] / np.sqrt(1 - phi**2)
@@ -97,10 +94,8 @@ def cycles(n: int) -> Record:
 
 def test_the_last_cycle_is_held_out_and_the_first_may_be_conditioning() -> None:
     cut = parts(cycles(4))
-    assert cut.folds == (((0, 1, 2), (3,)),)
-    assert cut.conditioning == 0
-    assert cut.conditioned.folds == (((1, 2), (3,)),)
-    assert cut.conditioned.fitted == (1, 2, 3)
+    assert (cut.folds, cut.conditioning) == ((((0, 1, 2), (3,)),), 0)
+    assert (cut.conditioned.folds, cut.conditioned.fitted) == ((((1, 2), (3,)),), (1, 2, 3))
     assert parts(cycles(4), keep_conditioning=True).conditioning is None
     assert parts(cycles(2)).conditioning is None
 

@@ -11,9 +11,9 @@ from scipy.optimize import curve_fit
 import hysid
 import hysteresis
 import identify
-from hysteresis import InputError, Note, Record
+from hysteresis import Note, Record
 from hysteresis.curves import PolynomialCurve
-from tests.refusals import raises
+from tests.refusals import raises, refuses
 from tests.thorough import rest_thorough
 
 U = np.tile(np.concatenate([np.linspace(0, 2, 30), np.linspace(2, 0, 30)]), 3)
@@ -68,8 +68,7 @@ def test_rows_of_a_huge_sigma_have_no_influence(rows, wrong):
 
 @pytest.mark.parametrize("value", ["0", "-1", "", "inf"])
 def test_a_sigma_that_is_none_is_refused_with_its_line(tmp_path: Path, value):
-    path = tmp_path / "rig.csv"
-    cells = ["0.1"] * 30
+    path, cells = tmp_path / "rig.csv", ["0.1"] * 30
     cells[7] = value
     path.write_text("force,x,s\n" + "".join(f"{k},{k},{s}\n" for k, s in enumerate(cells)))
     code = "not-finite" if value == "inf" else "bad-deviation"
@@ -78,8 +77,7 @@ def test_a_sigma_that_is_none_is_refused_with_its_line(tmp_path: Path, value):
 
 
 def test_a_sigma_survives_whatever_is_done_to_a_record(tmp_path: Path):
-    y = np.concatenate([U, U])
-    groups = np.repeat(["a", "b"], U.size)
+    y, groups = np.concatenate([U, U]), np.repeat(["a", "b"], U.size)
     sigma = 1 + np.arange(y.size) / 100
     record = Record.from_arrays(y, 2 * y, 0.1 * np.arange(y.size), groups, sigma=sigma)
     assert record.take_rows(5, 50).sigma == pytest.approx(sigma[5:50])
@@ -127,20 +125,14 @@ def test_predicted_bands_are_as_wide_as_each_rows_sigma():
 
 
 def test_an_oscillator_refuses_sigma():
-    with pytest.raises(InputError, match="sigma"):
-        identify.fit(made(), "Oscillator")
+    refuses("bad-option", lambda: identify.fit(made(), "Oscillator"), "sigma")
 
 
 def test_moduli_are_weighted_by_their_sigma(tmp_path: Path):
     w = np.geomspace(0.01, 100, 40)
-    modulus = 1 + 2j * w / (1 + 1j * w)
-    wrong = np.arange(w.size) % 4 == 1
-    columns = (
-        w / (2 * np.pi),
-        modulus.real * (1 + 0.2 * wrong),
-        modulus.imag,
-        np.where(wrong, 5.0, 0.01),
-    )
+    modulus, wrong = 1 + 2j * w / (1 + 1j * w), np.arange(w.size) % 4 == 1
+    storage, sigma = modulus.real * (1 + 0.2 * wrong), np.where(wrong, 5.0, 0.01)
+    columns = (w / (2 * np.pi), storage, modulus.imag, sigma)
     path = tmp_path / "sweep.csv"
     np.savetxt(
         path, np.column_stack(columns), delimiter=",", header="f (Hz),G1 (Pa),G2 (Pa),s",
@@ -150,6 +142,5 @@ def test_moduli_are_weighted_by_their_sigma(tmp_path: Path):
     for name in ("", "s"):
         columns = {"frequency": "f (Hz)", "output": "G1 (Pa)", "loss": "G2 (Pa)"}
         read = hysid.records(path, **columns, sigma=name or None)
-        found = identify.fit_step(read[""][0], terms=1)
-        off[name] = abs(found["tau1"].value - 1)
+        off[name] = abs(identify.fit_step(read[""][0], terms=1)["tau1"].value - 1)
     assert off["s"] < 0.01 * off[""]

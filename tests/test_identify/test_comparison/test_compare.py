@@ -26,8 +26,7 @@ def model(name: str, blocks: np.ndarray) -> Compared:
 
 def test_equal_models_are_told_apart_one_time_in_twenty() -> None:
     """Blocks of thirty rows: 2,000 pairs, so 0.05 to three times 0.005; the t is not quite one."""
-    random = np.random.default_rng(0)
-    a, b = random.chisquare(30, (2, 2000, 10))
+    a, b = np.random.default_rng(0).chisquare(30, (2, 2000, 10))
     clear = []
     for one, other in zip(a, b, strict=True):
         pair = Comparison((model("a", one), model("b", other)), "held-out", ()).pairs[0]
@@ -154,8 +153,7 @@ def test_what_cannot_be_compared_is_refused() -> None:
     K, *others = after.parameters
     in_metres = replace(after, parameters=(K._replace(unit="m / N"), *others))
     assert change(before, in_metres).left_out["K"] == "in m / N and mm / N"
-    with pytest.raises(InputError, match="same rows"):
-        change(before, before)
+    refuses("given-twice", lambda: change(before, before), "same rows")
     refuses("bad-option", lambda: change(before, after, margin=5), "below 1")
     with pytest.raises(InputError, match="2 fits but 1 posteriors"):
         change(before, after, posteriors=[None])
@@ -175,9 +173,7 @@ def cells(low: float, high: float, count: int) -> tuple[np.ndarray, np.ndarray]:
     return x, x * np.log(high / low) / count
 
 
-def by_quadrature(
-    z: np.ndarray, V: np.ndarray, prior: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def by_quadrature(z: np.ndarray, V: np.ndarray, prior: np.ndarray) -> tuple[np.ndarray, ...]:
     """Weights of every pair of taus, those taus, and mean and covariance of mu given them: two numbers."""
     (a, wa), (b, wb) = (cells(1e-3, 300 * p, 90) for p in prior)
     tau = np.stack(np.meshgrid(a, b, indexing="ij"), -1).reshape(-1, 2)
@@ -233,14 +229,12 @@ def test_specimens_are_drawn_to_the_mean_as_far_as_their_data_leave_open() -> No
     K, b = found.parameters
     assert (K.name, K.unit, b.unit) == ("K", "mm / N", "mm")
     assert found.left_out == {"threshold": "fixed"}
-    assert found.new.shape == (4000, 2)
-    assert found.specimens.shape == (4000, 4, 2)
+    assert (found.new.shape, found.specimens.shape) == ((4000, 2), (4000, 4, 2))
     assert found.words[0].startswith("K: mean 1.2")
     assert found.words[-1] == "Not pooled: threshold (fixed)."
     assert K.new.low < K.mean.low < K.mean.value < K.mean.high < K.new.high
     # The other way round the draws are others; 4,000 of them, and the interval's ends its tails.
-    mixed = pool(fits[::-1], ["b", "K"])
-    other_b, other_K = mixed.parameters
+    other_b, other_K = pool(fits[::-1], ["b", "K"]).parameters
     width = K.mean.high - K.mean.low
     assert other_K.mean.value == pytest.approx(K.mean.value, abs=0.05 * width)
     assert other_K.specimens[0].value == pytest.approx(K.specimens[-1].value, abs=0.05 * width)

@@ -52,8 +52,7 @@ def test_white_noise_has_every_p_value_as_often(phi: float | None) -> None:
     p = []
     for seed in range(300):
         r = coloured(np.random.default_rng(seed), phi or 0.0)
-        found = whiteness(with_residuals(r, triangle(), noise))
-        p.append(found.p_value)
+        p.append(whiteness(with_residuals(r, triangle(), noise)).p_value)
     # phi is given and not fitted, so one degree of freedom is taken too many: p is a little low.
     lags = 20
     if phi is not None:

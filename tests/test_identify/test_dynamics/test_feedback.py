@@ -107,8 +107,7 @@ def test_modes_of_a_linear_system_are_found():
 def test_a_fit_explains_what_modes_alone_leave():
     tests = oscillator_tests()
     fit = fit_feedback(tests, groups=1)
-    assert fit.left_out == (1,)
-    assert fit.held_out == (2, 5, 8)
+    assert (fit.left_out, fit.held_out) == ((1,), (2, 5, 8))
     assert np.allclose(fit.levels, [0.5, 1.0, 2.0], rtol=1e-6)
     assert max(fit.errors) < 0.12
     assert np.mean(fit.errors) < 0.25 * np.mean(fit.linear_errors)
@@ -122,8 +121,7 @@ def test_a_fit_explains_what_modes_alone_leave():
 
 def test_even_odd_and_noise_are_told_apart():
     """u^2 of odd lines lies in even lines alone; so many periods show the noise."""
-    u = multisine(5, 1.0, range(1, 100, 2))
-    rng = np.random.default_rng(0)
+    u, rng = multisine(5, 1.0, range(1, 100, 2)), np.random.default_rng(0)
     square = 0.1 * (u**2 - (u**2).mean())
     y = u + square + 0.01 * rng.normal(size=(64, PERIOD, 1))
     (row,) = distortion([PeriodicTest(u, y, DT)], bands=1)
@@ -161,8 +159,7 @@ def test_one_realisation_of_a_sharp_resonance_says_that_it_is_smoothed():
 
 
 def test_nothing_stays_nothing():
-    model = mass_and_stop(0.3, 1.5)
-    none = np.zeros((PERIOD, 1))
+    model, none = mass_and_stop(0.3, 1.5), np.zeros((PERIOD, 1))
     assert not model.steady(none, DT).any()
     assert not model.simulate(none, DT).any()
     # A step of the input is answered after its row, not on it.

@@ -40,8 +40,7 @@ def true_steady() -> tuple[np.ndarray, np.ndarray]:
 
 def test_a_class_that_is_known_is_found_without_start_values():
     fit = found()
-    assert fit.name == "Oscillator(BoucWen)"
-    assert fit.detail.kind == "motion"
+    assert (fit.name, fit.detail.kind) == ("Oscillator(BoucWen)", "motion")
     assert fit.detail.chi2 == pytest.approx(1.0, abs=0.1)
     for parameter, wanted in zip(fit.parameters, TRUTH, strict=True):
         assert abs(parameter.value - wanted) < 4 * parameter.stderr, parameter.name
@@ -87,8 +86,7 @@ def short() -> identify.FitResult:
 
 def test_a_short_record_without_a_period_gets_its_state_too():
     fit = short()
-    assert type(fit.detail).__name__ == "Motion"
-    assert fit.detail.recorded.period == 0
+    assert (type(fit.detail).__name__, fit.detail.recorded.period) == ("Motion", 0)
     assert fit.detail.chi2 == pytest.approx(1.0, abs=0.25)
     assert fit.noise.sigma == pytest.approx(NOISE, rel=0.1)
 
@@ -208,8 +206,7 @@ def test_clocks_and_forces_that_cannot_be_used_are_refused():
         ({"input": np.ones(len(record()))}, "constant-input"),
         ({"time": None}, "no-time"),
     ):
-        with raises(code):
-            identify.fit(replace(record(), **change), "Oscillator")
+        refuses(code, lambda change=change: identify.fit(replace(record(), **change), "Oscillator"))
 
 
 def test_a_resonance_that_is_not_excited_is_said_to_be():

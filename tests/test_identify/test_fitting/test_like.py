@@ -9,14 +9,7 @@ import numpy as np
 import pytest
 
 from compensate import invert
-from hysteresis import (
-    LinearSponge,
-    Mixture,
-    MonotoneCurve,
-    PrandtlIshlinskii,
-    Record,
-    Sum,
-)
+from hysteresis import LinearSponge, Mixture, MonotoneCurve, PrandtlIshlinskii, Record, Sum
 from identify import FitResult, fit, load, save
 from tests.refusals import refuses
 from tests.test_hysid.command import run
@@ -77,16 +70,14 @@ def test_many_cycles_are_ranked_like_every_model() -> None:
 
 @pytest.mark.thorough
 def test_specimens_that_do_not_tell_each_other_are_left_out() -> None:
-    random = np.random.default_rng(3)
-    records = []
+    random, records = np.random.default_rng(3), []
     for _ in range(3):
         one = pressed(1.0, 1.0)
         turned = np.where(one.cycle <= 1, one.output, random.uniform(-2, 2) * one.output)
         units = {"input_unit": "mm", "output_unit": "N"}
         records.append(Record.from_arrays(one.input, turned, one.time, **units))
     fits = [fit(one, "LinearSponge") for one in records]
-    few = pressed(1.2, 1.4).take_rows(0, 60)
-    found = fit(few, "LinearSponge", like=fits)
+    found = fit(pressed(1.2, 1.4).take_rows(0, 60), "LinearSponge", like=fits)
     assert not isinstance(found.model, Mixture)
     assert "[not-comparable]" in found.skipped["mixture of 3 earlier fits"]
 

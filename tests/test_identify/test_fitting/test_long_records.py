@@ -52,11 +52,9 @@ def test_a_long_record_is_fitted_on_fewer_rows_along_the_same_path() -> None:
 
 @pytest.mark.thorough
 def test_noise_of_the_input_is_no_path() -> None:
-    found = fit(pressed(noise=0.05), "Burgers", noise="gaussian")
-    assert len(found.train) < 0.6 * MOST
+    assert len(fit(pressed(noise=0.05), "Burgers", noise="gaussian").train) < 0.6 * MOST
 
 
 @pytest.mark.thorough
 def test_a_record_that_turns_within_a_few_rows_stays_whole() -> None:
-    found = fit(pressed(turns=ROWS // 4), "Burgers", noise="gaussian")
-    assert len(found.train) == ROWS
+    assert len(fit(pressed(turns=ROWS // 4), "Burgers", noise="gaussian").train) == ROWS

@@ -69,13 +69,11 @@ def test_the_density_of_a_record_is_found(fitted: FitResult):
         (found,) = (p for p in fitted.parameters if p.name == f"density.{name}")
         assert abs(found.value - getattr(TRUTH.density, name)) < 4 * found.stderr
         assert float(getattr(density, name)) == found.value
-    test = fitted.metrics["test"]
-    assert test.nrmse_percent < 0.2
+    assert fitted.metrics["test"].nrmse_percent < 0.2
 
 
 def test_it_is_kept(fitted: FitResult, tmp_path: Path):
-    again = load(save(fitted, tmp_path / "fit"))
-    u = minor_loops()
+    again, u = load(save(fitted, tmp_path / "fit")), minor_loops()
     y = np.asarray(again.model.simulate(None, u))
     np.testing.assert_array_equal(y, fitted.model.simulate(None, u))
 

@@ -29,8 +29,7 @@ def specimens(spread: float = 0.0) -> list[Record]:
 
 @pytest.mark.parametrize("spread", rest_thorough([1.0, 0.0], 1))
 def test_parameters_and_errors_are_those_of_another_solver(spread):
-    records = specimens(spread)
-    start = Burgers(1.0, 10.0, 1.0, 3.0)
+    records, start = specimens(spread), Burgers(1.0, 10.0, 1.0, 3.0)
     found = identify.fit_shared(records, start, share=["E1"], starts=2, parameters=KNOWN)
 
     def residuals(z: np.ndarray) -> np.ndarray:

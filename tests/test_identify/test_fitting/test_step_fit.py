@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import identify
-from hysteresis import GeneralizedKelvinVoigt, GeneralizedMaxwell, InputError, Record
+from hysteresis import GeneralizedKelvinVoigt, GeneralizedMaxwell, Record
 from identify import fit_step
 from identify.internal import kind_of, told_by_the_change
 from tests.refusals import refuses
@@ -182,5 +182,4 @@ def test_kind_is_told_by_what_is_held_and_else_by_the_change():
                 said = told_by_the_change(held, kind)
                 assert [note.code for note in said] == ["kind-by-change"] * (units[1] in "1V")
                 continue
-            with pytest.raises(InputError, match="neither creep"):
-                kind_of(held)
+            refuses("not-a-step", lambda held=held: kind_of(held), "neither creep")

@@ -16,8 +16,7 @@ NOISE = 0.002
 
 def creeping_and_rubbing(seed: int = 0, samples: int = 500) -> Record:
     """A sensor whose creep leads its input and whose friction lags: no parts of one orientation do both."""
-    rng = np.random.default_rng(seed)
-    t = 0.1 * np.arange(samples)
+    rng, t = np.random.default_rng(seed), 0.1 * np.arange(samples)
     turns = np.cumsum(np.append(0, rng.uniform(2, 8, 40)))
     heights = np.where(np.arange(41) % 2, rng.uniform(0.4, 1, 41), rng.uniform(0, 0.4, 41))
     slow, seat, y = 0.0, 0.0, []

@@ -58,8 +58,7 @@ def test_a_leading_fit_can_always_be_inverted() -> None:
     u, random = history(3), np.random.default_rng(0)
     y = np.array(truth.simulate(None, u))
     y += random.normal(0, 0.01 * np.ptp(y), len(y))
-    record = Record.from_arrays(u, y)
-    model = fit(record, "Preisach").model
+    model = fit(Record.from_arrays(u, y), "Preisach").model
     assert model.leading
     assert float(model.least_slope().min()) >= -1e-12
     clean = model.simulate(None, u)

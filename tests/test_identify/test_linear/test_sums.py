@@ -63,8 +63,7 @@ def test_told_is_the_variance_that_data_take_away() -> None:
 def test_a_design_tells_the_rest() -> None:
     record = record_of([0.0, 1.0, 0.0])
     assert identifiability(record, CELLS).share < 0.3  # the diagonal and a bit
-    found = design(record, CELLS)
-    used = np.tri(CELLS, dtype=bool)
+    found, used = design(record, CELLS), np.tri(CELLS, dtype=bool)
     assert found.after.told[used].min() >= 0.5
     # The promise is kept by a record that follows the turns.
     u = np.concatenate([record.input, found.input(2 * CELLS)])

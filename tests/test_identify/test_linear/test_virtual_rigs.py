@@ -57,18 +57,12 @@ def block(u: np.ndarray) -> np.ndarray:
 HEIGHTS = [1.0, 0.5, 0.8, 0.3, 0.65, 0.9]
 
 
-@pytest.mark.parametrize(
-    ("rig", "trained", "tested", "part", "bar"),
-    rest_thorough(
-        [
-            (block, [1.0] * 7, [1.0] * 4, "drift", 0.9),
-            (damper, HEIGHTS, [0.75, 0.55], "stops", 1.05),
-            (velostat, HEIGHTS, [0.7, 0.95], "", 0.5),
-            (memory_alloy, HEIGHTS, [0.85, 0.7], "relays", 0.5),
-        ],
-        2,
-    ),
-)
+@pytest.mark.parametrize(("rig", "trained", "tested", "part", "bar"), rest_thorough([
+    (block, [1.0] * 7, [1.0] * 4, "drift", 0.9),
+    (damper, HEIGHTS, [0.75, 0.55], "stops", 1.05),
+    (velostat, HEIGHTS, [0.7, 0.95], "", 0.5),
+    (memory_alloy, HEIGHTS, [0.85, 0.7], "relays", 0.5),
+], 2))  # fmt: skip
 def test_a_rig_is_learnt_beyond_the_best_baseline(rig, trained, tested, part, bar):
     """The damper is what ridge regression on stops is made for: there it is enough to be as good. The block
     goes on softening: what explains its rows is in no prediction, and the verdict says that errors grow."""

@@ -23,15 +23,9 @@ def density(points: np.ndarray) -> np.ndarray:
 
 
 def drawn(
-    file: Path | None,
-    *,
-    steps: int | None = STEPS,
-    resume: bool = False,
-    every: float = 1e9,
-    identity: dict[str, str] = OWN,
-    progress=lambda *_: None,
-    said: list[str] | None = None,
-) -> Any:
+    file: Path | None, *, steps: int | None = STEPS, resume: bool = False, every: float = 1e9,
+    identity: dict[str, str] = OWN, progress=lambda *_: None, said: list[str] | None = None,
+) -> Any:  # fmt: skip
     first = np.random.default_rng(0).normal(size=(3, 8, 2))
     kept = Checkpoint(file, identity, resume, every, [] if said is None else said)
     place, root = np.zeros(2), np.eye(2)
@@ -39,7 +33,7 @@ def drawn(
 
 
 def interrupting(at: int):
-    def progress(done: int, total: int, text: str) -> None:
+    def progress(done: int, *_: object) -> None:
         if done >= at:
             raise KeyboardInterrupt
 

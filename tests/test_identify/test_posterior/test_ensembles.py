@@ -26,8 +26,7 @@ def draw(density, steps=None, most=20_000, scale=1.0, seed=0, progress=lambda *_
 
 
 def test_autocorrelation_times_are_emcees() -> None:
-    random = np.random.default_rng(0)
-    x = random.normal(size=(2, 3000, 5, 2))
+    x = np.random.default_rng(0).normal(size=(2, 3000, 5, 2))
     for k in range(1, 3000):
         x[:, k] += [0.5, 0.9] * x[:, k - 1]
     found = autocorrelation_times(x)
@@ -52,8 +51,7 @@ def test_two_modes_are_seen_whether_walkers_change_between_them_or_not() -> None
 
 
 def test_rhat_tells_ensembles_that_disagree() -> None:
-    random = np.random.default_rng(0)
-    same = random.normal(size=(4, 2000))
+    same = np.random.default_rng(0).normal(size=(4, 2000))
     # sd of R-hat for independent draws is about 1 / draws.
     assert rhat(same) < 1.005
     assert rhat(same + np.arange(4)[:, None] * 0.5) > 1.05

@@ -18,8 +18,7 @@ def test_bands_hold_as_many_new_readings_as_they_say() -> None:
     """Held-out cycles of 10 lines: 10 x 39 rows, of which those below first contact are noise alone too."""
     inside, effective = [], []
     for seed in range(10):
-        fit = line(*pressed(1.5, 2.0, seed))
-        found = predictive(fit)
+        found = predictive(line(*pressed(1.5, 2.0, seed)))
         inside.append(found.coverage)
         effective.append(found.effective)
         assert list(found.cycles) == ["cycle 6"]
@@ -37,8 +36,7 @@ def test_bands_hold_as_many_new_readings_as_they_say() -> None:
 def test_bands_widen_with_noise_that_grows_and_lie_inside_each_other() -> None:
     fit = line(*pressed(1.5, 2.0, 0, noise=0.02))
     more = 1 + 0.05 * np.random.default_rng(1).normal(size=len(fit.train))
-    train = replace(fit.train, output=fit.train.output * more)
-    grown = line(train, fit.test)
+    grown = line(replace(fit.train, output=fit.train.output * more), fit.test)
     found = predictive(replace(grown, noise_model=NoiseModel(0.1, growth=0.05)))
     for inner, outer in ((0, 1), (1, 2)):
         assert (found.low[outer] < found.low[inner]).all()
@@ -69,8 +67,7 @@ def test_coverage_is_said_with_what_it_is_worth() -> None:
     assert "would be no surprise" in found.said
     assert "These rows were fitted" in predictive(replace(fit, test=None)).said
     # A held-out cycle that lies elsewhere.
-    moved = replace(fit.test, output=fit.test.output + 2.0)
-    off = predictive(replace(fit, test=moved))
+    off = predictive(replace(fit, test=replace(fit.test, output=fit.test.output + 2.0)))
     assert "too narrow" in off.said
     assert off.coverage[1] == pytest.approx(0.0, abs=0.1)
 

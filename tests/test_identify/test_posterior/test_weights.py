@@ -22,8 +22,7 @@ def correlations(phi: float) -> np.ndarray:
 
 def test_the_marginal_likelihood_is_that_of_the_dense_gaussian() -> None:
     """Differences between points, because the offset's flat prior leaves a constant open."""
-    random = np.random.default_rng(1)
-    place = np.linspace(0, 1, 80)
+    random, place = np.random.default_rng(1), np.linspace(0, 1, 80)
     A = np.column_stack([np.ones(80), *(np.cos(k * np.pi * place) for k in range(1, 9))])
     K = np.diag([1e-9, *np.arange(1.0, 9.0) ** 2])
     y = A @ random.normal(size=9) * 0.1 + 0.05 * random.normal(size=80)
