@@ -235,9 +235,11 @@ def test_results_are_not_written_over_unless_asked():
 
 def test_a_folder_that_cannot_be_made_is_said_before_the_fit():
     put(CLEAN)
+    put(CLEAN, "two.csv")
     before = tree(Path())
-    for folder, code in (("run.csv", "not-a-folder"), ("run.csv/deep/down", "cannot-write")):
-        refused(run("fit", "run.csv", *COLUMNS, *FIT[:-2], "--out", folder), "run.csv", f"[{code}]")
+    each = ("run.csv", "would-overwrite"), ("two.csv", "not-a-folder"), ("two.csv/deep", "cannot-write")
+    for folder, code in each:
+        refused(run("fit", "run.csv", *COLUMNS, *FIT[:-2], "--out", folder), folder[:7], f"[{code}]")
     assert tree(Path()) == before
 
 
