@@ -237,9 +237,15 @@ def test_a_folder_that_cannot_be_made_is_said_before_the_fit():
     put(CLEAN)
     put(CLEAN, "two.csv")
     before = tree(Path())
-    each = ("run.csv", "would-overwrite"), ("two.csv", "not-a-folder"), ("two.csv/deep", "cannot-write")
+    each = (
+        ("run.csv", "would-overwrite"),
+        ("two.csv", "not-a-folder"),
+        ("two.csv/deep", "cannot-write"),
+    )
     for folder, code in each:
-        refused(run("fit", "run.csv", *COLUMNS, *FIT[:-2], "--out", folder), folder[:7], f"[{code}]")
+        refused(
+            run("fit", "run.csv", *COLUMNS, *FIT[:-2], "--out", folder), folder[:7], f"[{code}]"
+        )
     assert tree(Path()) == before
 
 
