@@ -131,7 +131,8 @@ def _grows(fit: FitResult, each: list[list[_Loop]], found: Reasons) -> None:
 def _sizes(fit: FitResult, held: list[_Loop], found: Reasons) -> None:
     """Held-out loops of a size that no trained loop has."""
     train = fit.train
-    trained = _trained(train, fit.used)
+    own = _loops_of_cycles(train, fit.used, np.zeros(len(train)))
+    trained = [*(loop.span for loops in own for loop in loops), *_outer(train, fit.used)]
     others = [x for x in held if all(abs(x.span - span) > KIND * span for span in trained)]
     if not others or not trained:
         return
@@ -149,8 +150,8 @@ def _sizes(fit: FitResult, held: list[_Loop], found: Reasons) -> None:
     where.append(Note("other-loops", text, values))
 
 
-def _trained(record: Record, used: np.ndarray) -> list[float]:
-    """Ranges of the cycles of the used rows, and of those that hold smaller ones."""
+def _outer(record: Record, used: np.ndarray) -> list[float]:
+    """Ranges of the cycles of the used rows that hold smaller ones."""
     found: list[float] = []
     for _, rows in record.sequences():
         u = record.input[rows][used[rows]]
