@@ -61,6 +61,9 @@ COARSE = 20
 RADII = np.geomspace(0.01, 0.5, 10)
 """Of stop operators beside other columns, in parts of an input's range."""
 
+PRIOR_STRENGTHS = tuple((1 / 10.0 ** np.arange(1, 6)).tolist())
+"""Tried, the strongest first: in squares of the output's range, or of a standardised column."""
+
 MUCH = 1.5
 """Times: from there on a figure is much larger than another of its kind."""
 

@@ -10,8 +10,7 @@ from jaxtyping import Float
 from hysteresis import Record
 from hysteresis.numerics import _recurrence as input_memory
 
-from .._levels import RADII
-from ..linear._cross_validation import STRENGTHS
+from .._levels import PRIOR_STRENGTHS, RADII
 from ..records._clocks import slow_times
 from ._input_memory import OncePerInput
 
@@ -145,4 +144,6 @@ def ridges(train: Record, columns: tuple[str, ...]) -> tuple[LinearBaseline, ...
 
     memory = "lags, stops and slow states" if times else "lags and stops"
     design = OncePerInput(made, columns)
-    return tuple(LinearBaseline(f"ridge on {memory}", design, penalty) for penalty in STRENGTHS)
+    return tuple(
+        LinearBaseline(f"ridge on {memory}", design, penalty) for penalty in PRIOR_STRENGTHS
+    )

@@ -11,7 +11,7 @@ from hysteresis import Record
 from hysteresis.preisach import Initial
 from hysteresis.records._change import change
 
-from .._levels import AT_ONCE, ENOUGH_ROWS, HELD, MANY_ROWS
+from .._levels import AT_ONCE, ENOUGH_ROWS, HELD, MANY_ROWS, PRIOR_STRENGTHS
 from ..records._clocks import (
     amplitudes_differ,
     longest_sequence,
@@ -48,7 +48,6 @@ from ._composition_parts import (
     memory_blocks,
     memory_of,
 )
-from ._cross_validation import STRENGTHS as PRIOR_STRENGTHS
 from ._cross_validation import (
     Choice,
     Equations,

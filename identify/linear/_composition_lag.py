@@ -11,13 +11,12 @@ from jaxtyping import Bool
 from hysteresis import Note, Record
 from hysteresis.preisach import Initial
 
-from .._levels import ENOUGH_ROWS, WORTH
+from .._levels import ENOUGH_ROWS, PRIOR_STRENGTHS, WORTH
 from ..records._clocks import least_at, shifted
 from ..records._folds import Parts
 from ..records._folds import parts as parts_of
 from ._composition_fit import Problem, Tried, best_prior, fitted_rows, path_of, unknowns_for
 from ._composition_parts import CURVE, MAXWELL, RELAYS, STRENGTHS, Memory, memory_of
-from ._cross_validation import STRENGTHS as PRIOR_STRENGTHS
 
 MEMORIES = ((CURVE, MAXWELL, STRENGTHS), (CURVE, RELAYS))
 """What a lag is found with: a curve with relaxing branches, and one with relays."""

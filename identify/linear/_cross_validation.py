@@ -11,9 +11,6 @@ from typing import Generic, NamedTuple, TypeAlias, TypeVar
 import numpy as np
 from jaxtyping import Bool, Float
 
-STRENGTHS = tuple((1 / 10.0 ** np.arange(1, 6)).tolist())
-"""Prior strengths tried, the strongest first; in squares of the output's range."""
-
 Problem = TypeVar("Problem")
 
 

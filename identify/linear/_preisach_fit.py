@@ -14,12 +14,12 @@ from jaxtyping import Bool, Float
 from hysteresis import Record
 from hysteresis.preisach import Initial
 
-from .._levels import COARSE, WORTH
+from .._levels import COARSE, PRIOR_STRENGTHS, WORTH
 from ..noise._model import noise_behind, spread_over_rows
 from ..records._folds import Parts, best_of, block_errors, earned, simplest
 from ..records._new_record import located
 from ..records._orientation import output_falls
-from ._cross_validation import STRENGTHS, Choice, NormalEquations, total
+from ._cross_validation import Choice, NormalEquations, total
 from ._linear_fit import KnownSums, LinearFit
 from ._nnls import nonnegative_least_squares
 from ._preisach_design_matrix import DesignBlock, design_blocks, gathered, normal_equations
@@ -338,7 +338,7 @@ def fit_preisach(
     choices = [
         choice
         for shape in shapes
-        for choice in tried(PreisachProblem(record, merged, shape), STRENGTHS)
+        for choice in tried(PreisachProblem(record, merged, shape), PRIOR_STRENGTHS)
     ]
     best = _best(choices)
     shape = best.problem.meaning
@@ -365,7 +365,7 @@ def fit_preisach(
     # Where no cell is half as wide as an even one, the next even grid does the same.
     if finer and 2 * coarse * np.diff(nodes).min() < high - low:
         problem = PreisachProblem(record, merged, shape._replace(nodes=nodes))
-        steep = tried(problem, STRENGTHS)
+        steep = tried(problem, PRIOR_STRENGTHS)
         if _best(steep).blocks.mean() < (1 - WORTH) * best.blocks.mean():
             choices = path(steep, lambda n: steep_nodes(u, y, n))
             best = _best(choices)

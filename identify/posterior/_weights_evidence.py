@@ -25,8 +25,7 @@ import scipy.linalg
 import scipy.optimize
 from jaxtyping import Float
 
-from .._levels import FACTOR, ROUNDING, SURE
-from ..linear._cross_validation import STRENGTHS as PRIOR_STRENGTHS
+from .._levels import FACTOR, PRIOR_STRENGTHS, ROUNDING, SURE
 
 # Sums over rows from which the normal equations under AR(1) noise follow for any correlation.
 
