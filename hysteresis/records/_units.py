@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 from .._errors import InputError
 from .._format import LIMITS, LONGEST, SAID, is_within_grammar
+from .._quantities import conversion
 from .._verdict import Note
 
 UNITS = {quantity: units.split() for quantity, units in SAID["units"].items()}
@@ -141,6 +142,11 @@ def column_unit(
     if unit in MASSES and of_force:
         problem = f"{unit} is mass, not force."
         mend = f"{option} with {MASSES[unit]} (1 gf is 0.00981 N)."
+        raise InputError("wrong-unit", problem, place=place, fix=mend)
+    own = named_unit(name, None, in_row)
+    if own is not None and conversion(own, unit) not in (None, 1.0):
+        problem = f"The file has it in {own}, not in {unit}: values are not converted."
+        mend = f"leave {option} out; correct the file where its unit is wrong."
         raise InputError("wrong-unit", problem, place=place, fix=mend)
     return unit, notes
 

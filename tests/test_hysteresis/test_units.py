@@ -127,6 +127,17 @@ def test_a_bomb_in_a_header_is_named(tmp_path: Path):
         read_csv(file, input="force (10**10**10)", output="x (mm)")
 
 
+@pytest.mark.parametrize(
+    "asked", [{"input_unit": "kN"}, {"output_unit": "um"}, {"time_unit": "ms"}]
+)
+def test_a_unit_that_the_file_has_otherwise_is_refused(tmp_path: Path, asked: dict[str, str]):
+    file = tmp_path / "run.csv"
+    file.write_text("t (s),force (N),x (mm)\n0,1,2\n1,2,3\n2,3,4\n")
+    assert read_csv(file, "force (N)", "x (mm)", time="t (s)", output_unit="mm").output_unit == "mm"
+    with raises("wrong-unit", "values are not converted", "correct the file"):
+        read_csv(file, "force (N)", "x (mm)", time="t (s)", **asked)
+
+
 @given(st.text(st.sampled_from("mN s1290.*/^()+-µ²e"), max_size=40))
 def test_whatever_is_let_through_is_parsed_at_once(unit: str):
     """Names may be unknown to pint; nothing goes wrong, and nothing takes long."""
