@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
@@ -72,7 +73,7 @@ class LinearFit(Generic[Unknowns]):
     known: KnownSums | None = None
     last: tuple[Record, Float[np.ndarray, " samples"]] | None = field(default=None, repr=False)
 
-    @property
+    @cached_property
     def model(self) -> AbstractModel:
         """The model of the unknowns."""
         return self.meaning.model(self.unknowns)
