@@ -237,7 +237,12 @@ def _held(task: Task, document: dict[str, Any], folder: Path) -> float | None:
     if task.part != "test":
         return None
     fits = (identify.load(folder / one) for one in folders_of(folder, document).values())
-    return 100 * float(np.mean([identify.predictive(fit).coverage[BAND] for fit in fits]))
+    try:
+        return 100 * float(np.mean([identify.predictive(fit).coverage[BAND] for fit in fits]))
+    except InputError as error:
+        if error.code != "no-posterior":
+            raise
+        return None
 
 
 def _verdicts(task: Task, document: dict[str, Any]) -> tuple[Judged, ...]:
