@@ -107,7 +107,7 @@ def clipped(record: AbstractRecord) -> list[Clipped]:
 
 def suspicions(record: AbstractRecord) -> list[Note]:
     """What is probably wrong with the readings, each a sentence with its fix and its code."""
-    found = []
+    found = [note for note in record.history if note.code == "other-unit"]
     for role, rows, limit in clipped(record):
         runs = _runs(record, rows)
         longest = max(runs, key=len)

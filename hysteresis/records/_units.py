@@ -7,7 +7,7 @@ from typing import NamedTuple
 from .._errors import InputError
 from .._format import LIMITS, LONGEST, SAID, is_within_grammar
 from .._quantities import conversion
-from .._verdict import Note
+from .._verdict import Note, warning
 
 UNITS = {quantity: units.split() for quantity, units in SAID["units"].items()}
 RIG_UNITS, _QUALIFIERS = (SAID["other"][name].split() for name in ("written", "qualifiers"))
@@ -145,9 +145,10 @@ def column_unit(
         raise InputError("wrong-unit", problem, place=place, fix=mend)
     own = named_unit(name, None, in_row)
     if own is not None and conversion(own, unit) not in (None, 1.0):
-        problem = f"The file has it in {own}, not in {unit}: values are not converted."
-        mend = f"leave {option} out; correct the file where its unit is wrong."
-        raise InputError("wrong-unit", problem, place=place, fix=mend)
+        said = (
+            f"Column {name!r} is in {own} by the file and taken as {unit}: no value is converted;"
+        )
+        notes.append(warning("other-unit", f"{said} give {own}, or correct the file."))
     return unit, notes
 
 

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import identify
 from compensate import Quantity, export_runtime, invert
 from compensate.internal import BackwardsModel, ForceEstimator
 from compensate.microchannel import export_force
@@ -130,12 +131,16 @@ def test_a_bomb_in_a_header_is_named(tmp_path: Path):
 @pytest.mark.parametrize(
     "asked", [{"input_unit": "kN"}, {"output_unit": "um"}, {"time_unit": "ms"}]
 )
-def test_a_unit_that_the_file_has_otherwise_is_refused(tmp_path: Path, asked: dict[str, str]):
+def test_a_unit_that_the_file_has_otherwise_is_a_warning(tmp_path: Path, asked: dict[str, str]):
     file = tmp_path / "run.csv"
-    file.write_text("t (s),force (N),x (mm)\n0,1,2\n1,2,3\n2,3,4\n")
-    assert read_csv(file, "force (N)", "x (mm)", time="t (s)", output_unit="mm").output_unit == "mm"
-    with raises("wrong-unit", "values are not converted", "correct the file"):
-        read_csv(file, "force (N)", "x (mm)", time="t (s)", **asked)
+    rows = (f"{k},{np.sin(k)},{2 * np.sin(k)}" for k in range(40))
+    file.write_text("\n".join(["t (s),force (N),x (mm)", *rows]))
+    same = read_csv(file, "force (N)", "x (mm)", time="t (s)", output_unit="mm")
+    assert "other-unit" not in [note.code for note in same.history]
+    other = read_csv(file, "force (N)", "x (mm)", time="t (s)", **asked)
+    verdict = identify.fit(other, "LinearSponge").verdict
+    (said,) = (note for note in verdict.reasons if note.code == "other-unit")
+    assert "no value is converted" in said
 
 
 @given(st.text(st.sampled_from("mN s1290.*/^()+-µ²e"), max_size=40))
