@@ -298,25 +298,22 @@ def _history(u: Rows, lags: Float[np.ndarray, " lags"], more: Sequence[Rows] = (
 
 
 def _beside(of: Rows, terms: list[Rows], y: Rows) -> tuple[float, float] | None:
-    """How much of `of` is in the output beside some terms, by ridge regression; the rms of what is left,
-    over the part of `of` that the terms leave.
+    """How much of `of` is in the output beside some terms, by ridge regression; the rms of what is left.
 
     With few rows the first ten terms have to do; None where even those are too many.
     """
     kept = [of, *(terms if len(y) > 2 * len(terms) else terms[:_FEWEST])]
     if len(y) < 2 * len(kept):
         return None
-    matrix = np.column_stack(kept[1:])
+    matrix = np.column_stack(kept)
     scale = np.sqrt((matrix**2).mean(0))
     scale[scale == 0] = 1.0
     matrix /= scale
-    ridge = 1e-2 * np.sqrt(len(y)) * np.eye(len(scale))
-    both = np.column_stack([of, y - y.mean()])
-    right = np.vstack([both, np.zeros((len(scale), 2))])
+    ridge = np.diag([0.0, *[1e-2 * np.sqrt(len(y))] * (len(kept) - 1)])
+    wanted = y - y.mean()
+    right = np.r_[wanted, np.zeros(len(kept))]
     weights = np.linalg.lstsq(np.vstack([matrix, ridge]), right, rcond=None)[0]
-    own, left = (both - matrix @ weights).T
-    much = float(of @ left / (of @ own))
-    return much, float(np.std(left - much * own) * np.std(of) / np.std(own))
+    return float(weights[0] / scale[0]), float(np.std(wanted - matrix @ weights))
 
 
 REST, STAYS = 0.02, 0.1
@@ -328,8 +325,7 @@ def zero_drift(record: AbstractRecord) -> ZeroDrift | None:
 
     A line in time beside a function of the input's history, over three cycles at least. Its slopes over all
     rows, over the first and over the last three fifths have one sign, and the flattest, which is told, is
-    a drift by more than what the function leaves unexplained, +- 2 standard deviations, over the part of
-    the time that it leaves, too: where loops grow, most of the time follows from them. Where the least
+    a drift by more than what the function leaves unexplained, +- 2 standard deviations. Where the least
     readings stay what they were, to a tenth of that, the input drifts, not the output.
     """
     most = int(np.argmax(record.cycle_counts))

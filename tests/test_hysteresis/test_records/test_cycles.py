@@ -244,18 +244,6 @@ def test_small_loops_on_either_branch_move_no_zero(seed: int, radius: float):
     assert not said(u, y + 0.01 * np.random.default_rng(seed).normal(size=len(u)))
 
 
-@given(SEEDS, st.booleans())
-def test_loops_that_grow_or_shrink_are_no_drift(seed: int, shrink: bool):
-    """What follows from their sizes resembles what follows from the time."""
-    x = np.linspace(0, 1, 1200)
-    height = 1 - 0.85 * x if shrink else 0.15 + 0.85 * x
-    u = height * (0.5 - 0.5 * np.cos(18 * np.pi * x))
-    force, y = u + 0.25 * play(u, 0.08), np.zeros(len(u))
-    for k in range(1, len(u)):
-        y[k] = y[k - 1] + (force[k] - y[k - 1]) / 6
-    assert not said(u, y + 0.002 * np.random.default_rng(seed).normal(size=len(u)))
-
-
 @given(SEEDS, st.floats(0.15, 0.7), st.booleans(), st.sampled_from([0.0, 1.5]))
 def test_lost_contact_is_placed(seed: int, place: float, regained: bool, zero: float):
     """The zero is the first reading, or 0."""
