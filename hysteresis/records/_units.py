@@ -145,10 +145,8 @@ def column_unit(
         raise InputError("wrong-unit", problem, place=place, fix=mend)
     own = named_unit(name, None, in_row)
     if own is not None and conversion(own, unit) not in (None, 1.0):
-        said = (
-            f"Column {name!r} is in {own} by the file and taken as {unit}: no value is converted;"
-        )
-        notes.append(warning("other-unit", f"{said} give {own}, or correct the file."))
+        said = f"Column {name!r} is in {own} by the file and taken as {unit}: no value is converted"
+        notes.append(warning("other-unit", f"{said}; give {own}, or correct the file."))
     return unit, notes
 
 

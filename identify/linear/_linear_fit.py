@@ -79,6 +79,13 @@ class LinearFit(Generic[Unknowns]):
         return self.meaning.model(self.unknowns)
 
     @property
+    def shift(self) -> Float[np.ndarray, " sums"]:
+        """How far a weaker prior moves the sums, over scale; 0 where that is not known."""
+        count = len(self.meaning.totals)
+        known = None if self.known is None else self.known.shift
+        return np.zeros(count) if known is None else known[:count]
+
+    @property
     def held_out(self) -> float:
         """The mean squared held-out error, in the output's unit squared."""
         return float(self.blocks.mean()) * self.meaning.scale**2
@@ -143,12 +150,9 @@ class LinearFit(Generic[Unknowns]):
         the data leave much open the signs push the draws to one side, and the error has to reach there.
         """
         sums, scale = self.meaning.totals, self.meaning.scale
-        values = sums @ in_units(self.meaning, self.unknowns)
+        values = sums @ in_units(self.meaning, self.unknowns) + scale * self.shift
         if self.known is not None:
-            covariance, _, shift = self.known
-            if shift is not None:
-                values = values + scale * shift[: len(values)]
-            return values, scale**2 * covariance[: len(values), : len(values)]
+            return values, scale**2 * self.known.covariance[: len(values), : len(values)]
         deviations = scale * (self.draws(noise, count, random) - self.unknowns) @ sums.T
         return values, deviations.T @ deviations / count
 

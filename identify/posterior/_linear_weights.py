@@ -43,13 +43,15 @@ class WeightsDesign(NamedTuple):
     """What a posterior of weights needs of a fit; outputs over `scale`.
 
     - `basis`: of the normal matrix and the prior K. `sums`: of the rows (A U, y).
-    - `names`, `totals` (sums, unknowns): sums of the unknowns that mean something, over `scale`.
+    - `names`, `totals` (sums, unknowns): sums of the unknowns that mean something, over `scale`; draws of
+      them are displaced by their `shift`, as those of the fit are.
     """
 
     basis: Basis
     sums: NeighbourSums
     names: tuple[str, ...]
     totals: Float[np.ndarray, "sums unknowns"]
+    shift: Float[np.ndarray, " sums"]
 
 
 def weights_design(
@@ -68,11 +70,13 @@ def weights_design(
             fix="fit the record again.",
         )
     if isinstance(meaning, GridUnknowns):
-        return _of_grid(meaning, record, used)
+        return _of_grid(meaning, linear.shift, record, used)
     return _of_composition(meaning, record, used)
 
 
-def _of_grid(meaning: GridUnknowns, record: Record, used: np.ndarray) -> WeightsDesign:
+def _of_grid(
+    meaning: GridUnknowns, shift: np.ndarray, record: Record, used: np.ndarray
+) -> WeightsDesign:
     whole = Parts(np.where(used, 0, -1), (), None, "nothing held out")
     problem = PreisachProblem(record, whole, meaning)
     H, _ = problem.total((0,)).means
@@ -86,7 +90,7 @@ def _of_grid(meaning: GridUnknowns, record: Record, used: np.ndarray) -> Weights
             yield problem.weights[block.rows][here, None] * both
 
     sums = neighbour_sums(blocks(), runs(record.starts, used))
-    return WeightsDesign(basis, sums, SUMS, meaning.totals)
+    return WeightsDesign(basis, sums, SUMS, meaning.totals, shift)
 
 
 def _of_composition(
@@ -111,7 +115,8 @@ def _of_composition(
     U = basis.directions[:, : basis.known]
     blocks = (np.hstack([A @ U, y[here, None]]) for here, A in _columns(meaning, record, rows))
     sums = neighbour_sums(blocks, runs(record.starts, used))
-    return WeightsDesign(basis, sums, names, np.kron(np.eye(knots), totals))
+    wide = np.kron(np.eye(knots), totals)
+    return WeightsDesign(basis, sums, names, wide, np.zeros(len(wide)))
 
 
 def _columns(
@@ -259,8 +264,7 @@ class _Given:
 
     - `determined`: which of the design's sums the data know rather than the prior, at the likeliest noise
       and strength. At most half of the variance c'G c is the prior's, c'G (H - H_d) G c, with G the inverse
-      of H and H_d the H without the prior; or, of `SUMS`, its deviation is
-      less than `PART` of the prior's.
+      of H and H_d the H without the prior; or, of `SUMS`, its deviation is less than `PART` of the prior's.
     """
 
     def __init__(
@@ -283,11 +287,7 @@ class _Given:
         held = design.totals[self.determined]
         firmly = FIRM / np.maximum(variance[self.determined], 1e-300)
         self._held = (held.T * firmly) @ held
-        known = linear.known
-        shift = (
-            np.zeros(len(design.totals)) if known is None or known.shift is None else known.shift
-        )
-        self._shift = (held.T * firmly) @ shift[: len(design.totals)][self.determined]
+        self._shift = (held.T * firmly) @ design.shift[self.determined]
 
     def drawn(
         self, point: Float[np.ndarray, " 3"], random: np.random.Generator
