@@ -3,9 +3,12 @@
 Strain over magnetic or electric field has a valley on each branch, where magnetisation or polarisation goes
 through zero. Behind the valley the state has the other sign, which the branch tells: so the root of the
 height over the valley, with that sign, is an output that rises with the input, and a composition fits it.
+The composition in turn tells the sign where a branch has no valley, or several by noise: with its signs one
+is fitted again, as long as it predicts held-out outputs better.
 """
 
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -15,11 +18,14 @@ from jaxtyping import Float
 from hysteresis import InputError, Record, Series
 from hysteresis._format import quantity
 from hysteresis.curves import PolynomialCurve
+from hysteresis.preisach import Initial
 from hysteresis.records._cycles import default_dead_band, turning_points
 
 from .._levels import PART
+from ..linear._composition import CompositionUnknowns
 from ..linear._composition_fit import Tried, fitted, path_of
-from ..records._folds import held_out_errors
+from ..linear._linear_fit import LinearFit
+from ..records._folds import Parts, held_out_errors
 from ..records._new_record import predict
 from ..records._orientation import orientations
 from ..results._detail import FoldedState, folded
@@ -63,6 +69,15 @@ class _Way(NamedTuple):
     valley: bool
 
 
+class _Folded(NamedTuple):
+    """A composition of the state, what it gives for each row, its fold, and its held-out errors."""
+
+    linear: LinearFit[CompositionUnknowns]
+    inner: Float[np.ndarray, " samples"]
+    curve: PolynomialCurve
+    blocks: Float[np.ndarray, " blocks"]
+
+
 class ButterflyCandidate(Candidate):
     """A composition behind a fold; `"auto"` tries it where most branches have a valley or a peak."""
 
@@ -82,18 +97,11 @@ class ButterflyCandidate(Candidate):
                 else "a butterfly that depends on a condition is not fitted.",
                 fix="fit --model auto.",
             )
-        open_loops = replace(record, output=state.state, output_unit="1", output_name="state")
-        # An error of the output is so many times that of the state: the output says little at the fold.
-        weights = np.maximum(np.abs(state.state), FOLD) * record.weights
-        weights /= np.sqrt(np.mean(weights[record.mask] ** 2))
-        initial = state_of(options.initial)
-        choice = path_of(open_loops, parts, orientations(open_loops), initial, weights)[-1]
-        linear = fitted([choice])[0]
-        blocks = held_out(choice, record)
-        inner = linear.outputs(record)
-        inner = predict(linear.model, record) if inner is None else inner
-        used = np.isin(parts.label, parts.all)
-        curve = folding(inner[used], record.output[used], record.weights[used])
+        composed = partial(_composed, record, parts, state_of(options.initial))
+        found, again = None, composed(state.state)
+        while found is None or again.blocks.mean() < found.blocks.mean():
+            found, again = again, composed(np.copysign(state.state, again.inner))
+        linear, inner, curve, blocks = found
         judged = evidence(record, parts, folded(curve, inner), float(blocks.mean()))
         kind = "peak" if state.peak else "valley"
         note = (
@@ -117,6 +125,23 @@ class ButterflyCandidate(Candidate):
             **data.shown,
         )
         return [Trial(fit)]
+
+
+def _composed(
+    record: Record, parts: Parts, initial: Initial, state: Float[np.ndarray, " samples"]
+) -> _Folded:
+    """A composition of these states, and the curve that folds what it gives."""
+    open_loops = replace(record, output=state, output_unit="1", output_name="state")
+    # An error of the output is so many times that of the state: the output says little at the fold.
+    weights = np.maximum(np.abs(state), FOLD) * record.weights
+    weights /= np.sqrt(np.mean(weights[record.mask] ** 2))
+    choice = path_of(open_loops, parts, orientations(open_loops), initial, weights)[-1]
+    linear = fitted([choice])[0]
+    inner = linear.outputs(record)
+    inner = predict(linear.model, record) if inner is None else inner
+    used = np.isin(parts.label, parts.all)
+    curve = folding(inner[used], record.output[used], record.weights[used])
+    return _Folded(linear, inner, curve, held_out(choice, record))
 
 
 def unfolded(record: Record) -> Unfolded | None:
@@ -155,7 +180,7 @@ def _ways(record: Record, y: Float[np.ndarray, " samples"]) -> list[_Way]:
         for begin, end in pairwise(ends.tolist()):
             last = end + (end == here.stop - 1)
             rows = begin + np.flatnonzero(record.mask[begin:last])
-            if len(rows) < 3:
+            if not len(rows):
                 continue
             lowest = int(rows[np.argmin(y[rows])])
             sides = rows[rows <= lowest], rows[rows >= lowest]
