@@ -7,7 +7,7 @@ import numpy as np
 from hysteresis import InputError
 from hysteresis._show import aligned
 from hysteresis.internal import conversion
-from hysteresis.records._table import Table
+from hysteresis.records._table import Table, rows_read
 from identify import distortion, periodic_test
 from identify.dynamics._measured_motion import even_clock
 from identify.internal import PeriodicTest
@@ -63,7 +63,7 @@ def _tests(asked: Distortion) -> list[PeriodicTest]:
             f"{record.time_name!r} is in {unit}, which is not a unit of time.",
             fix="name a column of times (--time COL), or give the step (--dt SECONDS).",
         )
-    rows = np.searchsorted(table.line, record.line)
+    rows = rows_read(table, record)
     u = np.column_stack([record.columns[name] for name in record.channels] or [record.input])
     y = np.column_stack([_whole(table, name, rows) for name in asked.output])
     found = []

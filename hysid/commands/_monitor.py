@@ -16,6 +16,7 @@ from compensate.recalibration._adaptive import AdaptiveCompensator, Advice, Reca
 from hysteresis import InputError, Record
 from hysteresis._files import write_table
 from hysteresis._format import number_of, quantity
+from hysteresis.records._table import rows_read
 
 from ..intake._selection import for_new_file, in_unit, selection_of_fit
 from ._asked import Monitor
@@ -59,9 +60,7 @@ def run(asked: Monitor) -> Done:
     identify.internal.check_units(fitted, record, "output")
     name, known = reference or str(fitted_on.input), np.full(len(record), np.nan)
     if reference is not None or name in source.columns:
-        known = in_unit(source, name, fitted.train.input_unit)[
-            np.searchsorted(source.line, record.line)
-        ]
+        known = in_unit(source, name, fitted.train.input_unit)[rows_read(source, record)]
     own = adaptive(fitted.model, fitted.test or fitted.train, drift=asked.drift)
     parts, state = [], own.init()
     for _, rows in record.sequences():  # memories begin anew, and what was learnt stays

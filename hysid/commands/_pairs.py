@@ -22,7 +22,7 @@ from hysteresis._limits import damage_told, load_arrays
 from hysteresis._quantities import conversion
 from hysteresis._serialisation import described, rebuilt
 from hysteresis.numerics._functions import NORMAL_95
-from hysteresis.records._table import Table
+from hysteresis.records._table import Table, rows_read
 from identify.internal import metrics, versions
 
 from ..figures._format import plain_name
@@ -144,7 +144,7 @@ def contact_lines(found: dict[str, Any] | None) -> list[str]:
 
 def stretches(record: Record, table: Table, forces: Sequence[str]) -> list[Stretch]:
     """The sequences of a record, with the forces of all places; NaN for columns that are not there."""
-    rows = np.searchsorted(table.line, record.line)
+    rows = rows_read(table, record)
     if record.time is None:
         raise InputError(
             "no-time", "Forces that depend on the history need the times of the readings.",

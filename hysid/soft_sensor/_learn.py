@@ -13,7 +13,7 @@ from compensate.microchannel import Localizer
 from compensate.microchannel._position import PositionEstimator, standardised
 from compensate.microchannel._readout import Readout
 from hysteresis import InputError, Record, read_csv
-from hysteresis.records._table import Table
+from hysteresis.records._table import Table, rows_read
 from identify.training._gaussian_process import fit_kernel
 
 from ..intake._selection import Selection
@@ -140,7 +140,7 @@ def _first(selection: Selection) -> str:
 
 
 def _streams(record: Record, table: Table, targets: Targets, coordinates: np.ndarray) -> Streams:
-    rows = np.searchsorted(table.line, record.line)
+    rows = rows_read(table, record)
     channels = [record.columns[name] for name in record.channels] or [record.input]
     force = record.output if targets.force is not None else np.full(len(record), np.nan)
     columns = np.column_stack(channels), np.array(record.mask), force

@@ -12,7 +12,7 @@ import numpy as np
 
 from hysteresis import InputError, Record, read_table
 from hysteresis.records._excitation import check_identifiable, clipped
-from hysteresis.records._table import Table
+from hysteresis.records._table import Table, rows_read
 
 from ..figures._format import plain_name, pretty
 from ..intake._constant_input import CONSTANT
@@ -301,10 +301,9 @@ def _series(table: Table, selection: Selection, records: dict[str, Pair] | None)
         for train, test in records.values():
             for record, word in ((train, USED), (test, HELD)):
                 if record is not None:
-                    lines = record.line[record.mask]
-                    state[np.searchsorted(table.line, lines[lines > 0])] = word
-            begin = train.line[train.starts]
-            state[np.searchsorted(table.line, begin[begin > 0])] += GAP
+                    state[rows_read(table, record)[record.mask & (record.line > 0)]] = word
+            begin = train.starts[train.line[train.starts] > 0]
+            state[rows_read(table, train)[begin]] += GAP
     return Series(clock, numbers(names["u"]), numbers(names["y"]), table.line, state)
 
 

@@ -17,7 +17,7 @@ from ._abstract_record import KNOWN
 from ._arrays import floats
 from ._read_table import read_table
 from ._record import Record
-from ._table import Table, column_of
+from ._table import OWN_ROW, Table, column_of, places
 from ._units import column_unit
 
 
@@ -298,7 +298,8 @@ def read_csv(
         nan=nan,
         history=(Note("read", f"Read {rows.sum()} rows: {said} -> {output!r}."), *notes),
         columns={name: table.columns[name][chosen] for name in keep}
-        | {name: moved[name] for name in (*channels, *condition)},
+        | {name: moved[name] for name in (*channels, *condition)}
+        | ({} if np.all(np.diff(table.line) > 0) else {OWN_ROW: places(table)[chosen]}),
         channels=channels,
         conditions={name: units["condition", name] for name in condition},
         sigma=table.number(sigma, chosen) if sigma else None,

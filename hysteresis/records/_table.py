@@ -17,7 +17,7 @@ from ._arrays import LARGEST, LONG_CELL, floats, missing, parsed
 from ._compiled_rows import CompiledRows
 
 _OVERLOAD = ("OVLD", "OVER", "OVERLOAD", "OVF", "OL", "SAT", "CLIP")
-_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}([,.' ]\d{3})+([.,]\d+)?")
+_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}([,.'\u2019\s]\d{3})+([.,]\d+)?")
 _COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 
 
@@ -36,6 +36,7 @@ class Table:
     - `path`, `sha256`: the file; `notes`: a sentence for each thing that was not plain.
     - `decimal`, `na_values`: what the numbers were read with.
     - `share`: of the file's bytes, those that were read: 1, or less of an excerpt.
+    - `row`: (n,) of some rows of another table, the place of each in it, from 0.
     """
 
     columns: Mapping[str, np.ndarray]
@@ -49,6 +50,7 @@ class Table:
     na_values: tuple[str, ...] = ()
     written_units: Mapping[str, str] = field(default_factory=dict)
     share: float = 1.0
+    row: np.ndarray | None = None
 
     def number(self, name: str, rows: np.ndarray | slice | None = None) -> np.ndarray:
         """A column, or those `rows` of it, as float64, NaN where missing.
@@ -77,7 +79,7 @@ class Table:
             wrong |= np.char.str_len(unique) > LONG_CELL  # which `parsed` takes for no number
             bad, words = np.sort(first[wrong]), unique[wrong].tolist()
             commas = self.decimal == "." and all(_COMMA.fullmatch(w) for w in words)
-            both = [w for w in words if "," in w and "." in w]
+            both = [w for w in words if "," in w and re.search(r"[.'\u2019\s]", w)]
             grouped = [_THOUSANDS.fullmatch(w) or (both and _COMMA.fullmatch(w)) for w in words]
             if all(grouped):
                 bad = bad[np.isin(text[bad], both)] if both else bad
@@ -145,7 +147,23 @@ def rows_of(table: Table, rows: np.ndarray | slice) -> Table:
         columns={name: x[rows] for name, x in table.columns.items()},
         text=TextColumns(table.text, lambda name: table.text[name][rows]),
         line=table.line[rows],
+        row=places(table)[rows],
     )
+
+
+OWN_ROW = "row of the table"
+"""Column of a record with the places of its rows in the table, where that has several rows on one line."""
+
+
+def places(table: Table) -> np.ndarray:
+    """The place of each row (n,) in the table of the file."""
+    return np.arange(len(table.line)) if table.row is None else table.row
+
+
+def rows_read(table: Table, record: AbstractRecord) -> np.ndarray:
+    """The rows (n,) of a table that a record of it holds: tables side by side share their lines."""
+    own = record.columns.get(OWN_ROW)
+    return np.searchsorted(table.line, record.line) if own is None else own
 
 
 def followed(begun: Table, rows: CompiledRows) -> Table:

@@ -373,7 +373,7 @@ def _condition(table: Table, columns: Mapping[str, Column], given: Mapping, out:
     if given or table.share < 1 or {"step", "each"} & set(out.selection):
         return
     (record, _), *_ = selection_of(out.selection).records(table)[0].values()
-    if name := condition_of(columns, record, table.line):
+    if name := condition_of(columns, record, table):
         out.selection["condition"] = [name]
         out.says("condition", name, LIKELY, "it stays in every sequence and differs between them")
 

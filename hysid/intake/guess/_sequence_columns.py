@@ -11,7 +11,7 @@ from hysteresis import Record
 from hysteresis._quantities import conversion
 from hysteresis.records._branch_rows import STILL
 from hysteresis.records._branch_rows import constant_within as channel_within
-from hysteresis.records._table import Table
+from hysteresis.records._table import Table, rows_read
 from hysteresis.records._units import OSCILLATION, UNITS, words, words_of
 
 from .._constant_input import RATIO, turns_back
@@ -126,12 +126,9 @@ CONDITIONS = ("temperature", "current", "voltage", "stress", "field")
 """Kinds of what a rig holds in a run: a chamber, a coil, a pressure."""
 
 
-def condition_of(columns: Mapping[str, Column], record: Record, line: np.ndarray) -> str | None:
-    """The one column that a rig held in each sequence of the record, at three values or more.
-
-    `columns`: of a table whose rows are on these lines of the file, `line` (n,).
-    """
-    rows = np.searchsorted(line, record.line)
+def condition_of(columns: Mapping[str, Column], record: Record, table: Table) -> str | None:
+    """The one column of a table that a rig held in each sequence of its record, at three values or more."""
+    rows = rows_read(table, record)
     # A weight that hangs on an actuator; beside a force that is read it would be the size of the test.
     weight = ("force",) if sum(c.kind.name == "force" for c in columns.values()) == 1 else ()
     kinds = (*CONDITIONS, *weight)

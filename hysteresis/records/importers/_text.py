@@ -197,7 +197,7 @@ def json_lines(path: Path, text: str) -> Sheet | None:
     rows, line, last, notes = _objects(path, text)
     if len(rows) == 1 and (whole := _whole_columns(last)):
         length = len(next(iter(whole.values())))
-        return Sheet(whole, np.ones(length, int), {}, _notes(len(whole), length, notes))
+        return Sheet(whole, np.arange(1, length + 1), {}, _notes(len(whole), length, notes))
     if len(rows) < 2:
         problem = "this is JSON, and no object of it is a row."
         raise fault("no-rows", path, problem, "write an object for each row.")
