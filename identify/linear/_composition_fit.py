@@ -99,7 +99,9 @@ def path_of(
     paths, floors = [], (None, *slack(record))
     for leading in leadings:
         each = (whole._replace(leading=leading, floor=floor) for floor in floors)
-        free, *floored = (_path(Problem(record, parts, one, memory, weights)) for one in each)
+        problems = (Problem(record, parts, one, memory, weights) for one in each)
+        # Below a floor above which no row is fitted, the prior alone would speak.
+        free, *floored = (_path(one) for one in problems if one.total(parts.fitted).rows)
         # Friction, too, keeps an output on a level for long.
         paths += [free, *(path for path in floored if earned(free[-1].blocks, path[-1].blocks))]
     path = min(paths, key=lambda path: path[-1].blocks.mean())

@@ -161,6 +161,17 @@ def test_slack_is_seen_and_the_model_has_a_floor():
     refuses("no-posterior", lambda: sample(old, steps=20))
 
 
+def test_a_floor_above_which_nothing_is_fitted_is_none():
+    """A spike among the held-out rows made a floor of the range of all others."""
+    k = np.arange(400)
+    u = 10 * (1 - np.abs(2 * (k / 80 % 1) - 1))
+    y = 40 * np.where(k % 80 < 40, (u / 10) ** 1.5, (u / 10) ** 2.2)
+    y = y + np.random.default_rng(0).normal(0, 0.05, 400)
+    y[[50, 51, 120]] = -9999
+    found = fit(Record.from_arrays(u, y, 0.05 * k), "Composition", test_cycles=1)
+    assert found.success
+
+
 def noisy(y: np.ndarray) -> np.ndarray:
     return y + 1e-3 * np.random.default_rng(0).normal(size=len(y))
 
