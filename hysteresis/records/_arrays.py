@@ -121,6 +121,9 @@ LONG_CELL, MOST_TEXT = 256, 256_000_000
 LARGEST, LEAST_RANGE = 1e150, 1e-150
 """Beyond these no number is a measurement, and squares summed over rows overflow, or are 0."""
 
+LARGE = 1e20
+"""Beyond this a number far from all others is a mark."""
+
 _FORTRAN = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)D[+-]?\d+")
 MISSING = ("", "nan", "na", "n/a", "null", "none", "-nan", "#n/a")
 """Words for a value that is not there, in small letters."""
@@ -177,6 +180,25 @@ def parsed(cells: np.ndarray, decimal: str, na_values: Collection[str]) -> np.nd
     if np.any(np.isnan(x) & ~empty):
         return cells
     return np.where(np.isin(x, floats([*na_values], decimal)), np.nan, x)  # -999 and -999.0 alike
+
+
+_MARK = re.compile(r"[67]?9{2,}(\.9+)?|9(\.9\d*)?e\+\d+")
+"""Numbers that programs write where they have no reading: in nines, as -9999 and 9.9e37."""
+
+FEWEST = 8
+"""Different readings from which on their range is known."""
+
+
+def marks(x: np.ndarray) -> list[float]:
+    """The numbers of a column (n,) that stand for a missing one: in nines, or too large for a reading, and
+    farther from all others than these lie apart."""
+    ends = {float(end.reduce(x)) for end in (np.fmin, np.fmax)} if x.size else set[float]()
+    written = {one: _MARK.fullmatch(f"{abs(one):.15g}") for one in sorted(ends)}
+    ends = [one for one, nines in written.items() if nines or LARGE < abs(one) <= LARGEST]
+    others = np.unique(x[np.isfinite(x) & ~np.isin(x, ends)]) if ends else x[:0]
+    if len(others) < FEWEST:
+        return []
+    return [one for one in ends if max(others[0] - one, one - others[-1]) > np.ptp(others)]
 
 
 def check_room(path: Path, columns: Mapping[str, Any], line: np.ndarray) -> None:

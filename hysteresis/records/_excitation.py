@@ -11,7 +11,7 @@ from .._escape import shell_word
 from .._format import number_of, quantity
 from .._verdict import Note, warning
 from ._abstract_record import AbstractRecord
-from ._arrays import in_rows, pieces
+from ._arrays import in_rows, marks, pieces
 from ._change import change_warnings
 from ._cycles import LoopSums, default_dead_band, loop_sums, noise_level, turning_points
 from ._units import UNITS
@@ -108,16 +108,15 @@ def clipped(record: AbstractRecord) -> list[Clipped]:
 def suspicions(record: AbstractRecord) -> list[Note]:
     """What is probably wrong with the readings, each a sentence with its fix and its code."""
     found = [note for note in record.history if note.code == "other-unit"]
+    if marked := _marked(record):  # beside which zeros jump, and loops turn the other way
+        return [*found, *marked]
     for role, rows, limit in clipped(record):
         runs = _runs(record, rows)
         longest = max(runs, key=len)
         others = f" and {len(runs) - 1} more runs" if len(runs) > 1 else ""
         other = "input" if role == "output" else "output"
         at = quantity(limit, getattr(record, f"{role}_unit"))
-        # A word for missing values is one in every column that is read.
-        elsewhere = any(x is not None and (x == limit).any() for x in (record.input, record.time))
-        lines = ",".join(f"{record.line[run[0]]}-{record.line[run[-1]]}" for run in runs)
-        mask = f"exclude-lines {lines}" if elsewhere else f"na-values {limit:.15g} --nan omit"
+        mask = _missing_at(record, role, limit, runs)
         mend = (
             f"mask or censor (--{mask}), or measure with a wider range"
             if role == "output"
@@ -129,6 +128,36 @@ def suspicions(record: AbstractRecord) -> list[Note]:
         )
         found.append(warning("saturation", said))
     return [*_turned_over(record), *found, *_zeros(record), *_created_energy(record)]
+
+
+def _missing_at(record: AbstractRecord, role: str, value: float, runs: list[np.ndarray]) -> str:
+    """The option that reads a value of the input or the output as missing, without its dashes."""
+    # A word for missing values is one in every column that is read.
+    columns = {"input": record.input, "output": record.output, "time": record.time}
+    if any(x is not None and (x == value).any() for name, x in columns.items() if name != role):
+        return "exclude-lines " + ",".join(
+            f"{record.line[r[0]]}-{record.line[r[-1]]}" for r in runs
+        )
+    return f"na-values {value:.15g} --nan {'omit' if role == 'output' else 'interpolate'}"
+
+
+def _marked(record: AbstractRecord) -> list[Note]:
+    """Numbers in place of readings that are missing."""
+    found = []
+    for role in ("input", "output"):
+        x = getattr(record, role)
+        for value in marks(x[record.mask]):
+            rows = np.flatnonzero((x == value) & record.mask)
+            at = quantity(value, getattr(record, f"{role}_unit"))
+            option = _missing_at(record, role, value, _runs(record, rows))
+            mend = f" If so, those are not readings (--{option})." if record.source else ""
+            said = (
+                f"The {role} is {at} in {number_of(len(rows), 'row')}, {record.lines(rows)}, farther from"
+                " all others than these lie apart: does the rig write that where a reading is missing?"
+                f"{mend}"
+            )
+            found.append(warning("missing-mark", said, {"role": role, "value": value}))
+    return found
 
 
 def _turned_over(record: AbstractRecord) -> list[Note]:
@@ -316,7 +345,7 @@ def check_identifiable(record: AbstractRecord, n_parameters: int | None = None) 
         found.append(warning("one-way-input", said))
     others = suspicions(record)
     # A zero that jumps moves, too, and so does one that is read for a while; either is told first.
-    zeros = [note for note in others if note.code in ("zero-jump", "lost-contact")]
+    zeros = [note for note in others if note.code in ("missing-mark", "zero-jump", "lost-contact")]
     first = zeros or change_warnings(record)
     found = [*first, *found, *(note for note in others if note not in first)]
     single = [x for x, s in record.sequences() if s.stop - s.start < 2]

@@ -183,7 +183,7 @@ USABLE = 15.0
 TIMES = 2.0
 """Held-out rows whose rms error is above this times that of the training rows differ from them."""
 
-FIRST = ("turned-over", "zero-jump", "zero-moves")
+FIRST = ("missing-mark", "turned-over", "zero-jump", "zero-moves")
 """Codes of warnings that come before the error: no model of new runs is right under them."""
 
 LEFT = 0.5

@@ -23,6 +23,7 @@ from ._column_pairs import (
     commanded,
     correlation,
     duplicates,
+    filled,
     held,
     is_sine,
     leftover,
@@ -271,7 +272,8 @@ def _votes(seen: Seen, a: Column, b: Column, record: Record, other: Record) -> l
 
 def _driven(seen: Seen, column: Column, other: Column) -> str:
     """How the rig drove a column and not the other one, in words; "" where that does not show."""
-    return commanded(*_together(seen, column, other))
+    few = 0 < other.missing <= MISSING  # gaps, as at an overload: at a reversal one bends the drive
+    return commanded(*_together(seen, column, filled(other) if few else other))
 
 
 def _together(

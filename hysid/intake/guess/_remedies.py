@@ -8,6 +8,7 @@ import numpy as np
 
 from hysteresis import InputError, Record
 from hysteresis._quantities import conversion
+from hysteresis.records._arrays import marks
 from hysteresis.records._table import Table
 from hysteresis.records._units import MASSES, is_unit, kind_of, unit_of
 from hysteresis.records.importers._sheet import is_number
@@ -161,11 +162,27 @@ def reading(table: Table, asked: Options) -> tuple[Options, list[Note]]:
         notes.append(("units_row", str(table.line[0]), "a row of units under the header"))
         odd.subtract(Counter(cells[0] for cells in texts))
     words = [w for w, n in odd.most_common(6) if n > 0 and "," not in w]
-    if words and "na_values" not in asked:
-        options["na_values"] = tuple(words)
-        why = "words among the numbers, read as missing values"
-        notes.append(("na_values", ", ".join(words), why))
+    marked = _marks(table)
+    if (words or marked) and "na_values" not in asked:
+        options["na_values"] = (*words, *marked)
+        why = "words among the numbers" if words else ""
+        why += (" and " if words and marked else "") + (
+            "numbers far from all others" if marked else ""
+        )
+        notes.append(("na_values", ", ".join((*words, *marked)), f"{why}, read as missing values"))
     return options, notes
+
+
+def _marks(table: Table) -> list[str]:
+    """Numbers for missing values, as the file writes them; one that is a reading elsewhere stays."""
+    numbers = {name: x for name, x in table.columns.items() if x.dtype.kind == "f"}
+    found = {name: marks(x) for name, x in numbers.items()}
+    cells: list[str] = []
+    for value in sorted({one for each in found.values() for one in each}):
+        holding = [name for name, x in numbers.items() if (x == value).any()]
+        if all(value in found[name] for name in holding):
+            cells.append(str(table.text[holding[0]][numbers[holding[0]] == value][0]))
+    return cells
 
 
 def _is_units(table: Table, texts: list[np.ndarray], decimal: str) -> bool:

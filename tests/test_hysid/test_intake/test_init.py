@@ -10,6 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hysid.intake._own_config import read_config
+from hysteresis import read_csv, read_table
+from hysteresis.records._table import rows_read
 from tests.test_hysid.command import LINE, F, T, X, put, refused, run, sponge, text
 
 ROWS = sponge()
@@ -198,11 +200,45 @@ def test_thousands_separators_are_told_and_not_missing_columns():
         f"{k};{1000 * a:,.1f};{1000 * b:,.1f}"
         for k, (a, b) in enumerate(zip(WAY, BENT, strict=True))
     ]
-    swapped = [row.translate(str.maketrans(",.", ".,")) for row in points]
-    refused(
-        run("init", put("\n".join(["Zeit (s);Weg (µm);Kraft (mN)", *swapped]))),
-        "thousands-separator",
-    )
+    for separator in (".", "\u202f", "\u2019"):
+        swapped = [row.translate(str.maketrans(",.", f"{separator},")) for row in points]
+        refused(
+            run("init", put("\n".join(["Zeit (s);Weg (µm);Kraft (mN)", *swapped]))),
+            "thousands-separator",
+        )
+
+
+@pytest.mark.parametrize("mark", ["-9999", "999.00", "9.9E+37", "--"])
+def test_marks_for_missing_readings_are_none_and_do_not_turn_the_pair(mark):
+    pressed = 4 * np.where(np.gradient(WAY) > 0, WAY**1.5, WAY**2 / 2)
+    force = [f"{x:.3f}" for x in pressed]
+    for row in (40, 41, 95):  # one at a reversal of the displacement
+        force[row] = mark
+    lines = [f"{k / 10},{a:.3f},{f}" for k, (a, f) in enumerate(zip(WAY, force, strict=True))]
+    found = guessed("\n".join(["t (s),x (mm),F (N)", *lines]))
+    assert columns(found) == ("t (s)", "x (mm)", "F (N)")
+    assert found["selection"]["na_values"] == [mark]
+    assert found["selection"]["nan"] == "omit"
+    # What is a reading in another column cannot be read as missing.
+    other = [f"{line},{k}" for k, line in enumerate(lines, 900)]
+    again = guessed("\n".join(["t (s),x (mm),F (N),count", *other]), "--overwrite")
+    assert ("na_values" in again["selection"]) == (mark != "999.00")
+
+
+def test_specimens_side_by_side_may_be_of_different_length():
+    both = np.stack([0.1 * np.arange(240), WAY, BENT, 0.1 * np.arange(240), WAY, 2 * BENT], 1)
+    rows = [[f"{x:.3f}" for x in row] for row in both]
+    for row in rows[200:]:
+        row[3:] = ["", "", ""]
+    head = ["A,,,B,,", "t (s),x (mm),F (N),t (s),x (mm),F (N)"]
+    found = guessed("\n".join([*head, *map(",".join, rows)]))
+    assert usable(found)
+    table = read_table("run.csv")
+    record = read_csv(table, "x (mm)", "F (N)", "t (s)", group="block")
+    assert len(table.line) == 440
+    np.testing.assert_array_equal(rows_read(table, record), np.arange(440))
+    only = read_csv(table, "x (mm)", "F (N)", "t (s)", where={"block": ["B"]})
+    np.testing.assert_array_equal(rows_read(table, only), np.arange(240, 440))
 
 
 def test_a_temperature_drives_where_nothing_else_does():

@@ -315,6 +315,24 @@ def test_numbers_whose_squares_are_no_numbers_are_refused(tmp_path, value, code,
     refuses(code, lambda: read_csv(file, "u (N)", "y (mm)"))
 
 
+def test_a_number_in_nines_far_from_all_others_is_told():
+    u, y = rig().input, 100 * rig().output
+    for role, mark in (("output", -999.0), ("input", 9999.0)):
+        x = {"input": u.copy(), "output": y.copy()}
+        x[role][[20, 21, 90]] = mark
+        told, *_ = check_identifiable(Record.from_arrays(**x, source="run.csv"))
+        assert (told.code, told.values) == ("missing-mark", {"role": role, "value": mark})
+        assert "in 3 rows, lines 21 to 91" in told
+        way = "omit" if role == "output" else "interpolate"
+        assert f"(--na-values {mark:g} --nan {way})" in told
+    # A pulse that high, or a reading among others, is no mark.
+    for mark in (-1000.0, 99.0):
+        x["input"], x["output"] = u, y.copy()
+        x["output"][[20, 21, 90]] = mark
+        notes = check_identifiable(Record.from_arrays(**x))
+        assert "missing-mark" not in [note.code for note in notes]
+
+
 def test_an_angle_that_turns_over_is_told_and_commands_that_leap_are_not():
     t = np.arange(2001) * 0.01
     angle = 500 * np.sin(t)
