@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from hysteresis._drawing import html_of, plot_of
 from hysteresis._model import same_samples
 from hysteresis._parameter import PyTree, State, as_array, as_float
-from hysteresis._precision import in_own_precision, keep_precision
+from hysteresis._precision import PickledAsItIs, in_own_precision, keep_precision
 from hysteresis._quantities import Units, as_units
 from hysteresis._show import one_line, table
 
@@ -41,7 +41,7 @@ else:
     Found = TypeVar("Found")
 
 
-class AbstractStreamed(eqx.Module, Generic[State, Found]):
+class AbstractStreamed(PickledAsItIs, eqx.Module, Generic[State, Found]):
     """Readings in, findings out, with a memory: a step is a series of one reading."""
 
     along: ClassVar[int] = -1

@@ -13,7 +13,7 @@ from jaxtyping import Array, Float
 
 from ._errors import InputError
 from ._parameter import Output, Prepared, Series, Starts, State, Times, array_module, check_bounds
-from ._precision import in_own_precision, keep_precision
+from ._precision import PickledAsItIs, in_own_precision, keep_precision
 from ._quantities import Units, as_range, as_units
 from ._show import one_line, table
 
@@ -24,7 +24,7 @@ DOUBLE = 2.0**-52
 """The rounding of numbers in double precision."""
 
 
-class AbstractModel(eqx.Module, Generic[State, Prepared]):
+class AbstractModel(PickledAsItIs, eqx.Module, Generic[State, Prepared]):
     """A causal operator from an input history u(t) to an output y(t), with memory.
 
     Laws that hold for every model, for any times t and inputs u:

@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.core import Tracer
 
 from ._errors import InputError
@@ -68,6 +69,33 @@ def in_own_precision(function: F) -> F:
             return function(*args, **options)
 
     return call  # type: ignore[return-value]
+
+
+class PickledAsItIs:
+    """A module that pickles and copies keep in its precision: JAX unpickles arrays in its own."""
+
+    def __getstate__(self) -> dict[str, Any]:
+        return dict(vars(jax.tree.map(_boxed, self)))
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        with jax.enable_x64(True):
+            vars(self).update(vars(jax.tree.map(_unboxed, self)))
+
+
+class _Box:
+    """The numbers of an array of JAX."""
+
+    def __init__(self, numbers: Any):
+        self.numbers = numbers
+
+
+def _boxed(x: Any) -> Any:
+    return _Box(np.asarray(x)) if isinstance(x, jax.Array) and not isinstance(x, Tracer) else x
+
+
+def _unboxed(x: Any) -> Any:
+    return jnp.asarray(x.numbers) if isinstance(x, _Box) else x
 
 
 def keep_precision(cls: type, names: Iterable[str]) -> None:

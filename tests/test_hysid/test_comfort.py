@@ -1,6 +1,8 @@
 """The short ways in: arrays, data frames, models at `hysid`, one HTML file, double precision."""
 
+import copy
 import inspect
+import pickle
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -52,6 +54,9 @@ def test_fit_takes_arrays_frames_mappings_and_files(tmp_path: Path):
     (lambda: hysid.fit(U), "bad-option"),
     (lambda: hysid.fit(Record.from_arrays(U, Y), input="u", output="y"), "bad-option"),
     (lambda: hysid.fit({"u": U, "y": Y}, input="v", output="y"), "no-column"),
+    (lambda: hysid.fit({"u": U, "y": [[1, 2]]}, input="u", output="y"), "duplicate-column"),
+    (lambda: hysid.fit({"u": U}.get("v"), Y), "length-mismatch"),
+    (lambda: hysid.fit([], []), "too-few-rows"),
 ])  # fmt: skip
 def test_fit_says_how_to_call_it(call: Any, code: str):
     refuses(code, call)
@@ -158,7 +163,11 @@ def test_a_program_in_single_precision_is_told_the_cure(tmp_path: Path):
                 assert (caught.value.code, caught.value.fix) == (
                     "single-precision", "hysid.enable_x64()",
                 )  # fmt: skip
+        compensator = hysid.invert(fit)
+        for kept in (pickle.loads(pickle.dumps(compensator)), copy.deepcopy(compensator)):
+            assert {x.dtype for x in jax.tree.leaves(kept)} == {np.dtype("float64")}
         own = LinearSponge(K=2.0, b=1.0)  # the user's own model stays what it is
+        assert pickle.loads(pickle.dumps(own)).K.dtype == copy.copy(own).K.dtype == jnp.float32
         assert jax.jit(lambda u: own.simulate(None, u))(U).dtype == jnp.float32
         with pytest.raises(InputError, match="enable_x64"):
             train(own, lambda *_: jnp.zeros(()), (U,), epochs=1)
