@@ -101,7 +101,7 @@ def fit(
             f"fit() cannot tell input and output in a {type(data).__name__}.",
             fix="fit(record), fit(x, y), or fit(frame or file, input=NAME, output=NAME).",
         )
-    if not record.channels and np.array_equal(record.input, record.output):
+    if len(record) and not record.channels and np.array_equal(record.input, record.output):
         raise InputError(
             "given-twice",
             "Input and output are the same numbers.",

@@ -176,7 +176,8 @@ class Record(AbstractRecord):
         y, done = numbers("output", output, shared), [*map(Note.of, history)]
         more = *(channels or ()), *(conditions or ())
         n, t = y.size, None if time is None else times(time, time_unit)
-        u: np.ndarray = np.zeros(n) if input is None else numbers("input", input, shared)
+        given = np.zeros(n if channels else 0) if input is None else input
+        u = numbers("input", given, shared)
         group = np.zeros(n, np.int8) if groups is None else np.asarray(groups)
         used = np.ones(n, bool) if mask is None else np.array(mask, bool)
         number = np.arange(1, n + 1) if line is None else np.asarray(line)
