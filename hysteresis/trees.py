@@ -21,6 +21,12 @@ FLAT_WIDTH = 1e-6
 """Part of the range. After a reversal y grows with the square of u: 1e-14 in y is 1e-7 in u."""
 
 
+def flat_width(eps: float) -> float:
+    """Part of the range from which inputs with one output are FLAT: 1e-4 in single precision, as exact as
+    that is. A quarter of it called a third of the readings of relays and stops FLAT, right to 5e-5."""
+    return max(FLAT_WIDTH, ROUNDING**2 * eps)
+
+
 def node(
     kind: str, parameters: Tree, state: Tree | None = None, parts: Iterable[Tree] = ()
 ) -> Tree:
@@ -38,7 +44,7 @@ def curve(
     nodes: Any, outputs: Any, starts: Any, ends: Any, eps: float, endless: bool = False
 ) -> Tree:
     """Parabolas with these slopes at both ends of each cell; an `endless` one is known beyond its nodes."""
-    flat = max(FLAT_WIDTH, 8 * ROUNDING * eps) * (nodes[-1] - nodes[0])
+    flat = flat_width(eps) * (nodes[-1] - nodes[0])
     margin = ROUNDING * eps * jnp.abs(outputs).max()
     parameters = {
         "cells": len(nodes) - 1, "nodes": nodes, "outputs": outputs, "starts": starts, "ends": ends,
@@ -158,7 +164,7 @@ def looked_for(
     sizes = jnp.stack([size_of(one, 0.0, low, high) for one in alone or (model,)])
     parameters = {
         "low": low, "high": high, "rounding": ROUNDING * eps, "size": sizes.max(),
-        "flat": max(FLAT_WIDTH, 256 * eps) * (high - low), **precisions(eps, high - low),
+        "flat": flat_width(eps) * (high - low), **precisions(eps, high - low),
     }  # fmt: skip
     return node("sum", parameters, {"value": low, "slope": 0.0}, parts)
 

@@ -13,7 +13,7 @@ from hysteresis import AbstractModel, InputError, register
 from hysteresis._model import DOUBLE
 from hysteresis._parameter import array_module, as_array
 from hysteresis.running import Known, Numbers, numbers_of, place_of
-from hysteresis.trees import FLAT_WIDTH, ROUNDING, Tree, node, part_tree, plain, precisions
+from hysteresis.trees import ROUNDING, Tree, flat_width, node, part_tree, plain, precisions
 
 from .._contract import AbstractCompensator
 from ..inverses._law import OWN, LawState, first_state, told_from
@@ -205,7 +205,7 @@ class AdaptiveCompensator(AbstractCompensator[LawState, Recalibrated]):
             "adaptive",
             {
                 "low": self.low, "high": self.high, "rounding": ROUNDING * eps,
-                "flat": max(FLAT_WIDTH, 256 * eps) * reach, **precisions(eps, reach),
+                "flat": flat_width(eps) * reach, **precisions(eps, reach),
                 "parts": len(self.parts), **own,
             },
             {

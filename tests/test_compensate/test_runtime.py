@@ -427,3 +427,17 @@ def test_a_long_pause_is_held_and_said(tmp_path: Path):
         assert status.tolist() == [int(e.status) for e in found]
         late = np.flatnonzero(status == Status.EXTRAPOLATED).tolist()
         assert late == ([] if pause < 10_000 else [20])
+
+
+@pytest.mark.skipif(not COMPILERS, reason="no C compiler")
+def test_what_is_right_to_1e_4_is_not_flat_in_float(tmp_path):
+    """Right behind a reversal the branch rises by a thirtieth of what the loop does."""
+    masses = np.tril(np.random.default_rng(0).uniform(0.1, 1.0, (20, 20)))
+    relays = Preisach(GridDensity(0.0, 1.0, masses / masses.sum()))
+    model = Sum([relays, LinearSponge(K=0.05, b=0.0, threshold=-1.0)])
+    u = np.interp(np.arange(600), [0, 150, 300, 420, 500, 600], [0.02, 0.95, 0.1, 0.7, 0.3, 0.9])
+    y = np.asarray(model.simulate(None, u))
+    single = Compiled(export_c(model, tmp_path / "it.h", y, real="float").path)
+    found, status = single.run(np.zeros(600), y)
+    assert np.abs(found - u)[1:].max() < 1e-4
+    assert not np.any(status == Status.FLAT)
