@@ -11,6 +11,7 @@ import numpy as np
 import identify
 from compensate import AbstractCompensator, Status, calibrated, estimate
 from compensate import invert as invert_model
+from compensate.export._export import wider
 from compensate.guards._guarded import longest_step
 from compensate.guards._run_in import Past
 from compensate.uncertainty._calibrated import (
@@ -78,8 +79,14 @@ def invert(
 
 
 def exported(fit: FitResult) -> AbstractCompensator:
-    """The compensator as `hysid export` writes it: switched on at any time."""
-    return invert(fit, start="unknown")
+    """The compensator as `hysid export` writes it: switched on at any time, with limited readings."""
+    band: Any = invert(fit, start="unknown")
+    return replace(band, inner=replace(band.inner, readings=limits_of(fit)))
+
+
+def limits_of(fit: FitResult) -> tuple[float, float]:
+    """Beyond these a reading is taken for the nearer one."""
+    return wider(fit.train.output[fit.train.mask])
 
 
 def guard_of(fit: FitResult, error: CalibratedCompensator) -> dict[str, Any]:

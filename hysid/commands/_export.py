@@ -11,7 +11,7 @@ import numpy as np
 import identify
 from compensate import Quantity, estimate, invert, material_card
 from compensate.export._cards import CARDS, OPENSEES
-from compensate.export._export import Origin, Program, wider
+from compensate.export._export import Origin, Program
 from compensate.export.targets._export_to import check, write_to
 from compensate.runtime import load
 from compensate.uncertainty._calibrated import CalibratedCompensator
@@ -29,6 +29,7 @@ from .._compensator import (
     error_of,
     guard_of,
     judged_compensator,
+    limits_of,
     longest_sequence,
     run_in_of,
 )
@@ -70,7 +71,7 @@ def run(asked: Export) -> Done:
         better = [note for note in judged.reasons if note.code != "compensator-error"]
         verdict = verdict.at_most(judged.level, *better)
     guard = guarding(fitted)
-    limits = asked.limits or wider(record.output[record.mask])
+    limits = asked.limits or limits_of(fitted)
     readings, times = readings_of_training(fitted)
     program = Program(
         fitted.model,

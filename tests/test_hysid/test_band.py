@@ -11,10 +11,10 @@ import pytest
 import hysid
 from compensate import Status
 from compensate.runtime import load as load_runtime
-from hysteresis import BoucWen, LinearSponge, Record
+from hysteresis import BoucWen, Burgers, LinearSponge, Record
 from hysteresis.internal import Units
 from identify import FitResult
-from tests.test_hysid.command import LINE, run, write
+from tests.test_hysid.command import LINE, read, run, write
 
 RANDOM = np.random.default_rng(8)
 TIME = np.arange(600) / 100
@@ -110,3 +110,23 @@ def test_the_longest_sequence_may_be_held_out_as_a_whole(tmp_path: Path):
     hysid.invert(found).simulate(t[:200], READING[:200])
     hysid.save(found, tmp_path / "fit")
     assert run("export", tmp_path / "fit", "--runtime", tmp_path / "inverse.json").code == 0
+
+
+def test_predict_limits_readings_as_the_export_does(tmp_path: Path):
+    """What creeps remembers how far a spike went."""
+    creeping = Burgers(E1=2.0, eta1=40.0, E2=1.0, eta2=5.0)
+    reading = np.asarray(creeping.simulate(TIME, FORCE)) + 0.01 * RANDOM.normal(size=600)
+    columns = {"time (s)": TIME, "force (N)": FORCE, "reading (mm)": reading}
+    file, out = write(tmp_path / "run.csv", columns), tmp_path / "fit"
+    chosen = (*COLUMNS, *LINE[2:], "--model", "Burgers", "--test-cycles", 2, "--out", out)
+    assert run("fit", file, *chosen).code == 0
+    spiked = reading.copy()
+    spiked[[0, 200]] = 1e6
+    other = write(tmp_path / "other.csv", columns | {"reading (mm)": spiked})
+    found = read(run("predict", out, other, "--inverse", "--json").json()["file"])
+    assert run("export", out, "--runtime", tmp_path / "it.json").code == 0
+    runtime = load_runtime(tmp_path / "it.json")
+    told = [runtime.step(dt, y) for dt, y in zip(np.diff(TIME, prepend=0.0), spiked, strict=True)]
+    assert [row["status"] for row in found] == [one.status.name for one in told]
+    values = [float(row["estimated force (N)"]) for row in found]
+    np.testing.assert_allclose(values, [one.value for one in told], rtol=1e-9)
