@@ -65,7 +65,7 @@ def in_rows(kept: np.ndarray, *arrays: np.ndarray) -> tuple[np.ndarray, ...]:
 def named_columns(columns: Any, asked: Sequence[str]) -> dict[str, np.ndarray]:
     """Columns of a data frame, which may number them, a mapping or an array with named fields.
 
-    Raises `InputError` `no-column`, `duplicate-column`.
+    Raises `InputError` `no-column`, `given-twice`.
     """
     fields = columns.dtype.names if isinstance(columns, np.ndarray) else None
     every = columns if isinstance(columns, Mapping) else fields or getattr(columns, "columns", ())
@@ -77,9 +77,7 @@ def named_columns(columns: Any, asked: Sequence[str]) -> dict[str, np.ndarray]:
             raise InputError("no-column", f"No column {name!r}; have {have}.")
     found = {name: np.asanyarray(columns[names[name]]) for name in asked}
     if twice := [name for name, x in found.items() if x.ndim > 1]:
-        raise InputError(
-            "duplicate-column", f"Column {twice[0]!r} is there twice.", fix="rename one."
-        )
+        raise InputError("given-twice", f"Column {twice[0]!r} is there twice.", fix="rename one.")
     return found
 
 

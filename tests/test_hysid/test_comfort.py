@@ -54,7 +54,7 @@ def test_fit_takes_arrays_frames_mappings_and_files(tmp_path: Path):
     (lambda: hysid.fit(U), "bad-option"),
     (lambda: hysid.fit(Record.from_arrays(U, Y), input="u", output="y"), "bad-option"),
     (lambda: hysid.fit({"u": U, "y": Y}, input="v", output="y"), "no-column"),
-    (lambda: hysid.fit({"u": U, "y": [[1, 2]]}, input="u", output="y"), "duplicate-column"),
+    (lambda: hysid.fit({"u": U, "y": [[1, 2]]}, input="u", output="y"), "given-twice"),
     (lambda: hysid.fit({"u": U}.get("v"), Y), "length-mismatch"),
     (lambda: hysid.fit([], []), "too-few-rows"),
 ])  # fmt: skip
