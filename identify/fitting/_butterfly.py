@@ -98,9 +98,13 @@ class ButterflyCandidate(Candidate):
                 fix="fit --model auto.",
             )
         composed = partial(_composed, record, parts, state_of(options.initial))
-        found, again = None, composed(state.state)
-        while found is None or again.blocks.mean() < found.blocks.mean():
-            found, again = again, composed(np.copysign(state.state, again.inner))
+        signed = state.state
+        found = composed(signed)
+        while np.any((own := np.copysign(signed, found.inner)) != signed):
+            again = composed(own)
+            if again.blocks.mean() >= found.blocks.mean():
+                break
+            found, signed = again, own
         linear, inner, curve, blocks = found
         judged = evidence(record, parts, folded(curve, inner), float(blocks.mean()))
         kind = "peak" if state.peak else "valley"
