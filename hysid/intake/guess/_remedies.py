@@ -165,10 +165,8 @@ def reading(table: Table, asked: Options) -> tuple[Options, list[Note]]:
     marked = _marks(table)
     if (words or marked) and "na_values" not in asked:
         options["na_values"] = (*words, *marked)
-        why = "words among the numbers" if words else ""
-        why += (" and " if words and marked else "") + (
-            "numbers far from all others" if marked else ""
-        )
+        kinds = {"words among the numbers": words, "numbers far from all others": marked}
+        why = " and ".join(kind for kind, cells in kinds.items() if cells)
         notes.append(("na_values", ", ".join((*words, *marked)), f"{why}, read as missing values"))
     return options, notes
 
