@@ -115,7 +115,8 @@ def error_of(fit: FitResult) -> CalibratedCompensator:
     """
     digest, kept = _digest(fit), fit.compensator or {}
     is_kept = kept.get("band_of") == digest
-    known = invert_model(fit.model, trained=fit.trained, past=None if is_kept else past_of(fit))
+    is_judged = is_kept or kept.get("refused", "") is None  # so it rises, which takes long to find
+    known = invert_model(fit.model, trained=fit.trained, past=None if is_judged else past_of(fit))
     if not is_kept:
         left_out = [
             LeftOut(rows, invert_model(model, trained=fit.trained))
