@@ -114,7 +114,7 @@ def _hdf5(data: bytes, units: dict[str, str]) -> Iterator[tuple[str, dict[str, n
             if not isinstance(node, h5py.Dataset) or path.startswith("#"):
                 return
             kind = node.dtype.kind
-            if kind not in "biufV" or node.dtype.hasobject or node.shape is None:
+            if kind not in "biufcV" or node.dtype.hasobject or node.shape is None:
                 return
             if node.attrs.get("MATLAB_class") == b"char":
                 return

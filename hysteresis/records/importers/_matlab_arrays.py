@@ -87,7 +87,7 @@ def vectors(name: str, x: np.ndarray) -> dict[str, np.ndarray]:
     """A vector, the fields of records, or the columns of a matrix."""
     if x.dtype.names:
         return {field: np.asarray(x[field]).ravel() for field in x.dtype.names}
-    if x.dtype.kind not in "biuf":
+    if x.dtype.kind not in "biufc":
         return {}
     x = np.squeeze(x)
     if x.ndim == 1:

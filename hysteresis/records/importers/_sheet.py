@@ -222,7 +222,10 @@ def sheet_of_arrays(
     array.
     """
     pieces, notes = [], []
-    for name, arrays in groups.items():
+    for name, given in groups.items():
+        arrays = {key: x for key, x in given.items() if x.dtype.kind != "c"}
+        if phasors := ", ".join(f"{key!r}" for key in [*given][:8] if key not in arrays):
+            notes.append(Note("skipped", f"Left out arrays of complex numbers: {phasors}."))
         lengths = [len(x) for x in arrays.values() if len(x) > 1]
         if not lengths:
             continue

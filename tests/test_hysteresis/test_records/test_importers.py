@@ -265,19 +265,21 @@ def test_files_of_arrays(table, kind):
     if kind in ("7.3", "HDF5"):
         with h5py.File(packed, "w", userblock_size=512 if kind == "7.3" else 0) as file:
             for run in ("a", "b"):
-                for name, x in (("t", T), ("F", F)):
+                for name, x in (("t", T), ("F", F), ("Z", 1j * F)):
                     given = x[None] if kind == "7.3" else x
                     data = file.create_dataset(f"{run}/{name}", data=given)
                     data.attrs["unit"] = "N" if name == "F" else "s"
         content = packed.getvalue()
         content = b"MATLAB 7.3 MAT-file" + content[19:] if kind == "7.3" else content
     else:
-        savemat(packed, {run: {"t": T, "F": F} for run in "ab"})
+        savemat(packed, {run: {"t": T, "F": F, "Z": 1j * F} for run in "ab"})
         content = packed.getvalue()
     found = table(content, "run.mat")
     np.testing.assert_array_equal(found.columns["F"], np.tile(F, 2))
     assert "group" in found.columns
     assert found.units == ({} if kind == "structures" else {"t": "s", "F": "N"})
+    assert "Z" not in found.columns
+    assert sum("complex numbers: 'Z'" in note for note in found.notes) == 2
     for damaged in (content[:300], content[: len(content) // 2]):
         with pytest.raises(InputError) as caught:
             table(damaged, "cut.mat")
