@@ -113,7 +113,7 @@ def _written(asked: Fit, out: Path) -> dict[str, Any]:
         if value:
             log(f"{selection.each} = {value}" if selection.each else value)
         try:
-            result = with_compensator(run(train, test=test, progress=log))
+            result = _judged(run(train, test=test, progress=log))
         except InputError as error:
             faults[value] = error
             continue
@@ -155,6 +155,15 @@ def _of_files(asked: Fit, selection: Selection) -> dict[str, Pair]:
         name: selection.records(selection.read(file))[0][""]
         for name, file in zip(names, files, strict=True)
     }
+
+
+def _judged(fit: identify.FitResult) -> identify.FitResult:
+    """With its compensator, or after Ctrl-C without: what was fitted is worth more than a clean end."""
+    try:
+        return with_compensator(fit)
+    except KeyboardInterrupt:
+        log("Interrupted: the compensator was not judged.")
+        return fit
 
 
 def _as_read(selection: Selection, records: list[Record]) -> Selection:

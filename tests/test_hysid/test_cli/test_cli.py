@@ -95,6 +95,17 @@ def test_fit_prints_what_it_wrote(fitted, folder):
     assert written == {"fit.json", "model.npz", "data.npz", "fit.npz"}
 
 
+def test_a_fit_whose_compensator_is_interrupted_is_kept(folder, monkeypatch):
+    def stopped(fit):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("hysid.commands._fit.with_compensator", stopped)
+    words = ("fit", folder / "run.csv", *COLUMNS, *LINE, "--out", folder / "cut", "--json")
+    assert run(*words).json()["verdict"]["level"] == "CAUTION"
+    monkeypatch.undo()
+    assert run("predict", folder / "cut", folder / "run.csv", "--inverse", "--json").code == 0
+
+
 @pytest.mark.parametrize("inverse", [False, True])
 def test_predict_writes_a_row_for_every_row(fitted, folder, inverse):
     option = ("--inverse",) * inverse
