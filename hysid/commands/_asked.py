@@ -53,6 +53,8 @@ _config = partial(
     config=True,
 )
 overwriting = partial(option, "Overwrite existing results.", False)
+_of_card = partial(option, of=("card", "a material card (--to)"))
+_of_program = partial(option, of=("program", "a compensator to write"))
 seeding = partial(option, "Seed of every random number.", 0, least=0)
 
 
@@ -85,7 +87,16 @@ class Command:
         dataclass(frozen=True, kw_only=True)(cls)
 
     def run(self) -> Done:
-        """Do it; this loads what the command needs. Raises `InputError` for a file read and written."""
+        """Do it; this loads what the command needs. Raises `InputError` for an option without what it is
+        of, and for a file read and written."""
+        for one in fields(self):
+            needed, called = one.metadata.get("of", ("", ""))
+            words = option_words([one], {one.name: getattr(self, one.name)})
+            if called and words and not getattr(self, needed):
+                fix = "Give both, or leave it out."
+                raise InputError(
+                    "bad-option", f"{words[0]} has no effect without {called}.", fix=fix
+                )
         given = [getattr(self, one.name) for one in fields(self)]
         files = [one.resolve() for one in given if isinstance(one, Path) and one.is_file()]
         for file in files:
@@ -207,11 +218,13 @@ class Qualify(OnNewData):
         "What must keep up with --rate: the header, or plain Python here.",
         "c",
         choices=("c", "python"),
+        of=("rate", "--rate"),
     )
     mhz: float | None = option(
         "Clock of the processor that runs the header; an operation is taken for a cycle.",
         None,
         least=1e-6,
+        of=("rate", "--rate"),
     )
     guarantee: float | None = option(
         "Probability, as 0.9, with which a band is to hold a whole new run; its width is found from the"
@@ -255,23 +268,25 @@ class Export(Command):
         None,
         metavar="TARGET OUT",
     )
-    poisson: float = option("Material card: Poisson's ratio, below 0.5.", 0.45)
-    shear: bool = option("Material card: the fitted modulus is a shear modulus.", False)
-    single: bool = option("Use float instead of double in C.", False, flag="--float")
-    fixed: bool = option("Use integers (fixed point): Preisach grids with --to arduino.", False)
-    depth: int | None = option(
+    poisson: float = _of_card("Material card: Poisson's ratio, below 0.5.", 0.45)
+    shear: bool = _of_card("Material card: the fitted modulus is a shear modulus.", False)
+    single: bool = _of_program("Use float instead of double in C.", False, flag="--float")
+    fixed: bool = _of_program(
+        "Use integers (fixed point): Preisach grids with --to arduino.", False
+    )
+    depth: int | None = _of_program(
         "Reversals a Preisach model stores (default: 64, or as needed).", None, least=3
     )
-    limits: tuple[float, float] | None = option(
+    limits: tuple[float, float] | None = _of_program(
         "LOW HIGH: readings beyond these limits are clipped to them.", None
     )
-    beyond: str = option(
+    beyond: str = _of_program(
         "What becomes of estimates beyond the trained inputs: limit, nan or free. Their status is"
         " EXTRAPOLATED in any case.",
         "limit",
         choices=("limit", "nan", "free"),
     )
-    start: str = option(
+    start: str = _of_program(
         "What is known of the memory before the first reading: unknown (RUN_IN until the readings have"
         " replaced it) or known (the model's virgin state).",
         "unknown",
@@ -284,6 +299,18 @@ class Export(Command):
         """What is to be written, by the name of its target."""
         named = {"c": self.c, "runtime": self.runtime, **dict([self.to] if self.to else [])}
         return {target: path for target, path in named.items() if path is not None}
+
+    @property
+    def card(self) -> bool:
+        """Whether a material card is to be written, which is no program."""
+        from compensate.export._cards import CARDS  # late: it loads NumPy
+
+        return self.to is not None and self.to[0] in CARDS
+
+    @property
+    def program(self) -> bool:
+        """Whether a compensator is."""
+        return not self.card
 
     def __post_init__(self) -> None:
         if not self.targets:
@@ -339,7 +366,11 @@ class Compare(Command):
     folders: list[Path] = _folders()
     loops: bool = option("Test which figures of the loops differ between two groups.", False)
     change: bool = option("Test whether one model's parameters differ between data sets.", False)
-    margin: float = option("With --change: the relative difference that counts as a change.", 0.05)
+    margin: float = option(
+        "With --change: the relative difference that counts as a change.",
+        0.05,
+        of=("change", "--change"),
+    )
 
 
 class Report(Command):

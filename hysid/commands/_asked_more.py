@@ -23,6 +23,8 @@ _sessions = partial(option, "CSV files; each is one session.", argument=True, me
 _config = partial(
     option, "TOML file of options: [selection]. Options given here override it.", None, config=True
 )
+_of_force = partial(option, of=("force", "--force"))
+_of_place = partial(option, of=("place", "--place"))
 _epochs = partial(option, "Epochs per network (default: 20,000 steps of 64 rows).", None, least=1)
 
 
@@ -156,17 +158,17 @@ class Train(Command):
     test_file: list[Path] | None = option(
         "Hold out this whole session for testing; repeatable.", None
     )
-    kind: str = option(
+    kind: str = _of_force(
         "Force model: network, structured, or auto (the better of them).",
         "auto",
         choices=("auto", "network", "structured"),
     )
-    epochs: int | None = _epochs()
-    members: int = option(
+    epochs: int | None = _epochs(of=("force", "--force"))
+    members: int = _of_force(
         "Number of networks; each is trained with a different part held out.", 5, least=2
     )
-    places: str = option("NAME[,NAME]: names of the places (default: those in the files).", "")
-    method: str = option(
+    places: str = _of_place("NAME[,NAME]: names of the places (default: those in the files).", "")
+    method: str = _of_place(
         "How places are told apart: gaussian (of log ratios), or neighbours, as the paper does.",
         "gaussian",
         choices=("gaussian", "neighbours"),

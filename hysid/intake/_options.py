@@ -20,6 +20,7 @@ def option(help: str, default: Any = MISSING, **said: Any) -> Any:
       range of a number. `flag`: the words of the command line, where they are not the field's name.
     - `repeated`: the command line repeats the option. `joined`: the command line and a configuration file
       put commas between its words. `argument`: it has no name there.
+    - `of`: what of the command has to be there for the option to have an effect: attribute, and words.
     """
     return field(default=default, metadata={"help": help} | said)
 

@@ -233,6 +233,23 @@ def test_results_are_not_written_over_unless_asked():
     assert tree(Path("out"))["fit.json"] != before["fit.json"]
 
 
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("export out --c x.h --poisson 0.3", "--poisson has no effect without a material card"),
+        ("export out --to abaqus x.inp --float", "--float has no effect without a compensator"),
+        ("qualify out run.csv --mhz 100", "--mhz has no effect without --rate"),
+        ("compare out out --margin 0.1", "--margin has no effect without --change"),
+        ("microchannel train run.csv --out s --input F --place p --kind network",
+         "--kind has no effect without --force"),
+    ],
+)  # fmt: skip
+def test_an_option_that_would_do_nothing_is_refused(words, said):
+    put(CLEAN)
+    Path("out").mkdir()
+    refused(run(*words.split()), said, "[bad-option]")
+
+
 def test_a_folder_that_cannot_be_made_is_said_before_the_fit():
     put(CLEAN)
     put(CLEAN, "two.csv")
