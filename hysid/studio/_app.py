@@ -263,8 +263,8 @@ def _series(studio: Studio, asked: Asked) -> Response:
 def _lines(studio: Studio, asked: Asked) -> Any:
     """The clock at the first and at the last of some lines."""
     series = studio.measurement(asked.text("name")).series()[0]
-    ends = np.searchsorted(series.line, [asked.whole("first"), asked.whole("last")])
-    low, high = series.x[np.minimum(ends, len(series.x) - 1)]
+    ends = [np.abs(series.line - asked.whole(end)).argmin() for end in ("first", "last")]
+    low, high = np.sort(series.x[ends])
     return {"low": float(low), "high": float(high)}
 
 

@@ -142,7 +142,7 @@ class AbstractRecord:
 
     def lines(self, rows: np.ndarray) -> str:
         """The lines of the first and the last of these rows, in words."""
-        word, first, last = "line" if self.source else "row", *self.line[rows[[0, -1]]]
+        word, (first, last) = "line" if self.source else "row", np.sort(self.line[rows[[0, -1]]])
         return f"{word} {first}" if first == last else f"{word}s {first} to {last}"
 
     def place(self, row: int) -> str:

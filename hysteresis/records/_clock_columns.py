@@ -14,7 +14,7 @@ from datetime import date
 import numpy as np
 
 from .._verdict import Note
-from ._table import Table
+from ._table import Table, rows_of
 from ._units import kind_of, named_unit
 
 DAY = 86_400.0
@@ -42,8 +42,10 @@ def with_clocks(table: Table) -> Table:
     """The table with columns of dates, times of day and times since 1970 as seconds from the first row.
 
     A column is one if each of its cells is. A time of day that goes back by half a day has passed midnight.
+    Where every clock falls, the newest row stands first, as databases write it: the rows are turned round.
     """
     columns, units, notes = dict(table.columns), dict(table.units), list(table.notes)
+    stamps, ways = [], []
     for name, x in table.columns.items():
         unit = named_unit(name, None, table.units.get(name))
         counted = None if unit else _COUNTED.get(name.strip("() ").lower())
@@ -54,6 +56,7 @@ def with_clocks(table: Table) -> Table:
         if found is not None:
             columns[name], was = found
             units[name] = "s"
+            stamps.append(name)
             read = f"Column {name!r} holds {was}: read as seconds from the first row."
             notes.append(Note("clock", read))
         elif x.dtype.kind == "f" and kind_of(name, unit or "1").name == "time":
@@ -63,7 +66,22 @@ def with_clocks(table: Table) -> Table:
             if columns[name] is not x:
                 read = f"Column {name!r} turned over: read as one that goes on."
                 notes.append(Note("clock", read))
-    return replace(table, columns=columns, units=units, notes=tuple(notes))
+        else:
+            continue
+        ways.append(_way(columns[name]))
+    found = replace(table, columns=columns, units=units, notes=tuple(notes))
+    if -1 not in ways or 1 in ways:
+        return found
+    note = Note("clock", "The newest row stands first: read from the last one on.")
+    turned = rows_of(found, np.arange(len(table.line))[::-1])
+    columns = {name: x - x[0] if name in stamps else x for name, x in turned.columns.items()}
+    return replace(turned, columns=columns, notes=(*notes, note), row=None)
+
+
+def _way(x: np.ndarray) -> int:
+    """1 where a clock rises somewhere, -1 where it falls all along, of three rows and more, 0 of others."""
+    step = np.diff(x[np.isfinite(x)])
+    return 1 if (step > 0).any() else -1 if (step < 0).sum() > 1 else 0
 
 
 def _stamps(cells: np.ndarray) -> tuple[np.ndarray, str] | None:

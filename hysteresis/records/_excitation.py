@@ -135,10 +135,13 @@ def _missing_at(record: AbstractRecord, role: str, value: float, runs: list[np.n
     # A word for missing values is one in every column that is read.
     columns = {"input": record.input, "output": record.output, "time": record.time}
     if any(x is not None and (x == value).any() for name, x in columns.items() if name != role):
-        return "exclude-lines " + ",".join(
-            f"{record.line[r[0]]}-{record.line[r[-1]]}" for r in runs
-        )
+        return f"exclude-lines {_ranges(record, [(run[0], run[-1]) for run in runs])}"
     return f"na-values {value:.15g} --nan {'omit' if role == 'output' else 'interpolate'}"
+
+
+def _ranges(record: AbstractRecord, ends: list[tuple[int, int]]) -> str:
+    """Lines from the first to the last of some rows, as options take them."""
+    return ",".join("{}-{}".format(*np.sort(record.line[[*two]])) for two in ends)
 
 
 def _marked(record: AbstractRecord) -> list[Note]:
@@ -209,7 +212,7 @@ def _zeros(record: AbstractRecord) -> list[Note]:
         each = [record.lines(np.array([one.first, one.last])) for one in lost]
         more = f" and {len(each) - 3} more stretches" if each[3:] else ""
         first, last = record.line[[lost[0].first, lost[0].last]].tolist()
-        option = ",".join(f"{record.line[one.first]}-{record.line[one.last]}" for one in lost)
+        option = _ranges(record, [(one.first, one.last) for one in lost])
         said = (
             f"The output stays at {quantity(lost[0].zero, unit)} in {', '.join(each[:3])}{more}, from"
             f" {record.place(lost[0].first)} on, while the input moves where it reads more elsewhere. If"

@@ -105,7 +105,7 @@ Y = 1 + np.log(T)
     (T, Y, ("--step", "nan", "--time", "t"), "not-a-step"),
     (T, Y, ("--step", 1), "no-time"),
     (T, Y, ("--step", -1, "--time", "t"), "not-a-step"),
-    (T[::-1], Y, ("--step", 1, "--time", "t"), "time-backwards"),
+    (np.roll(T, 1), Y, ("--step", 1, "--time", "t"), "time-backwards"),
     (T, Y, ("--step", 1, "--time", "t", "--group", "y"), "not-a-step"),
     (T, Y, ("--step", 1, "--time", "t", "--model", "Burgers"), "bad-option"),
     (T, Y, ("--step", 1, "--time", "t", "--test-cycles", 1), "too-few-cycles"),

@@ -242,6 +242,22 @@ def test_times_since_1970_are_told_by_their_size(tmp_path):
     assert clock_of(["1.6e9", "1.7e9"], tmp_path, "time (ms)")[0] == 1.6e9
 
 
+@pytest.mark.parametrize("header", ["time (s)", "when"])
+def test_rows_of_which_the_newest_stands_first_are_turned_round(header, tmp_path):
+    stamps = [f"12:00:{t:02d}" if header == "when" else str(t) for t in range(8)]
+    text = f"{header},force (N),x (mm)\n"
+    for name, order in (("old.csv", 1), ("new.csv", -1)):
+        rows = [f"{stamp},{k},{k * k}\n" for k, stamp in enumerate(stamps)][::order]
+        (tmp_path / name).write_text(text + "".join(rows))
+    old, new = (
+        read_csv(tmp_path / n, "force (N)", "x (mm)", header) for n in ("old.csv", "new.csv")
+    )
+    for one, other in ((old.time, new.time), (old.input, new.input), (old.line[::-1], new.line)):
+        np.testing.assert_array_equal(one, other)
+    assert any("newest row stands first" in str(note) for note in new.history)
+    assert new.lines(np.array([0, 7])) == "lines 2 to 9"
+
+
 def test_days_of_a_spreadsheet_are_seconds(tmp_path):
     """To 12 digits of a day: 1e-7 s."""
     cells = [f"{45356.5 + t / 86_400:.12f}" for t in EVEN]
