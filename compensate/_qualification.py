@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from hysteresis import AbstractModel, InputError, Note, Record
-from hysteresis._format import plain, quantity
+from hysteresis._format import ends, plain, quantity
 from hysteresis._verdict import Level, Verdict
 from hysteresis.models._conditioned import with_condition
 from hysteresis.numerics._functions import NORMAL_95
@@ -280,10 +280,7 @@ class Qualification:
         wide = f", within {quantity(self.flat_width, unit, 3)}" if self.flat_width else ""
         lines.append(f"samples: {_shares(self.statuses)}{wide}")
         if self.output_range is not None:
-            low, high = self.output_range
-            lines.append(
-                f"OK for {self.names['output']} of {low:.3g} to {quantity(high, other, 3)}"
-            )
+            lines.append(f"OK for {self.names['output']} of {ends(*self.output_range, other, 3)}")
         if self.round_trip is not None:
             lines.append(f"round trip: within {quantity(self.round_trip, other, 3)} where OK")
         median, tail = (f"{1e6 * x:.3g} µs" for x in self.latency[:2])
@@ -462,10 +459,10 @@ def _thirds(
     if value is None:
         return {}
     edges = np.quantile(value[used], [0.0, 1 / 3, 2 / 3, 1.0])
-    edges = edges[np.append(True, np.diff(edges) > 0.01 * np.abs(edges).max())]
+    edges = edges[np.append(True, np.diff(edges) > 0.01 * np.ptp(edges))]
     third = np.digitize(value, edges[1:-1])
     return {
-        f"{name} {edges[k]:.3g} to {quantity(edges[k + 1], unit, 3)}": _errors(error[rows])
+        f"{name} {ends(*edges[k : k + 2], unit, 3)}": _errors(error[rows])
         for k in range(len(edges) - 1 if len(edges) > 2 else 0)
         if (rows := used & (third == k)).any()
     }

@@ -14,6 +14,16 @@ def quantity(x: float, unit: str, digits: int = 4) -> str:
     return f"{x:.{digits}g}" if unit == "1" else f"{x:.{digits}g} {unit}"
 
 
+def ends(low: float, high: float, unit: str = "1", digits: int = 4) -> str:
+    """A range; of a narrow one far from 0 as many digits as tell all but one of its width.
+
+    (1e6, 1000020) -> "1000000 to 1000020"
+    """
+    width, far = 10.0 ** (3 - digits) * (high - low), max(low, high, key=abs)
+    digits = max(digits, digits_of(far, width, digits))
+    return f"{low:.{digits}g} to {quantity(high, unit, digits)}"
+
+
 def rms_error(figures: dict[str, Any], unit: str) -> str:
     """An rms error, and its part of the range where there is one."""
     part, rms = figures["nrmse_percent"], quantity(figures["rmse"], unit)

@@ -8,6 +8,7 @@ from typing import Any
 
 from hysteresis import InputError
 from hysteresis._escape import visible
+from hysteresis._format import ends
 from hysteresis.laws._nodes import AROUND, BESIDE, WITHOUT, Node, function_of
 from hysteresis.laws._tree import Tree, around, parts_of
 
@@ -302,11 +303,10 @@ class _Header:
     def _about(self) -> str:
         d = self.document
         reading, estimate = map(quantity, (d["reading"], d["estimate"]))
-        low, high = d["limits"]
         return HEAD.format(
             title=f"{visible(d['title'])}: {estimate} from {reading}.", stem=self.stem,
             stem_upper=self.stem.upper(),
-            reading=reading, estimate=estimate, low=low, high=high,
+            reading=reading, estimate=estimate, limits=ends(*d["limits"], digits=6),
             unknown="" if self.document["error"] else ", which is not known here: NaN", motions=motions(d),
             time=clock(d, self.stem),
             real="float" if self.single else "double",

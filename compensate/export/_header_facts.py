@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from hysteresis._escape import c_string, visible
+from hysteresis._format import ends
 from hysteresis.laws._tree import Tree
 from hysteresis.records._units import named_unit
 
@@ -19,7 +20,7 @@ HEAD = """\
     {stem}_reset(&state);
     int status = {stem}_step(&state, dt, reading, {held}&estimate, &deviation);
 
-reading: {reading}, from {low:.6g} to {high:.6g}; beyond, the nearer end is taken.
+reading: {reading}, from {limits}; beyond, the nearer end is taken.
 estimate: {estimate}.{trained}
 deviation: its standard deviation{unknown}; a null pointer for none.{motions}
 {time}{condition}status: {stem_upper}_OK, or what the estimate is worth, below. NaN and infinity change
@@ -50,7 +51,7 @@ def trained(document: Tree, stem: str) -> str:
         return ""
     p, upper = guard["parameters"], stem.upper()
     text = (
-        f" The model was trained on {p['low']:.6g} to {p['high']:.6g};"
+        f" The model was trained on {ends(p['low'], p['high'], digits=6)};"
         f" an estimate beyond {BEYOND[guard['beyond']]},\n{upper}_EXTRAPOLATED."
     )
     if not (starts := len(document["starts"])):
@@ -77,10 +78,10 @@ def learnt_on(p: Mapping[str, Any]) -> str:
     if not p["growth"]:
         return ""
     turns = np.ravel(p["turns"])
-    down, up = (f"{low:.4g} to {high:.4g}" for low, high in (turns[:2], turns[4:6]))
-    text = f"at inputs from {p['least']:.4g} to {p['most']:.4g} that turned down at {down} and up at {up}"
+    down, up = (ends(*two) for two in (turns[:2], turns[4:6]))
+    text = f"at inputs from {ends(p['least'], p['most'])} that turned down at {down} and up at {up}"
     if p["slow"] > 0:
-        text += f", in strokes of a mean speed from {p['slow']:.4g} to {p['fast']:.4g}"
+        text += f", in strokes of a mean speed from {ends(p['slow'], p['fast'])}"
     return text
 
 
@@ -102,7 +103,7 @@ def condition(document: Tree, stem: str) -> str:
         return ""
     unit = "" if known["unit"] == "1" or known["unit"] in known["name"] else f" in {known['unit']}"
     return (
-        f"condition: {visible(known['name'] + unit)}, from {known['low']:.6g} to {known['high']:.6g};"
+        f"condition: {visible(known['name'] + unit)}, from {ends(known['low'], known['high'], digits=6)};"
         f" beyond, the nearer end is taken,\n{stem.upper()}_EXTRAPOLATED.\n"
     )
 

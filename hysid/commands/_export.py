@@ -16,8 +16,9 @@ from compensate.export.targets._export_to import check, write_to
 from compensate.runtime import load
 from compensate.uncertainty._calibrated import CalibratedCompensator
 from compensate.uncertainty._guaranteed import Guaranteed
-from hysteresis import InputError
+from hysteresis import InputError, Record
 from hysteresis._files import write_whole
+from hysteresis._format import quantity
 from hysteresis._quantities import conversion
 from hysteresis.models._conditioned import with_condition
 from hysteresis.models._viscoelastic import AbstractViscoelastic
@@ -101,6 +102,7 @@ def run(asked: Export) -> Done:
         notes.append("Most estimates are not OK: a program that waits for OK seldom runs.")
     notes += [str(note) for note in judged.reasons if note.code != "compensator-error"]
     notes += _doubts(fitted)
+    notes += _too_coarse(record, guard["deviation"]) if asked.single else []
     mean, most, rows = program.operations
     spent = (
         f"A step took {mean:,.0f} operations in the mean, {most:,} at most, on {rows:,} readings."
@@ -182,6 +184,23 @@ def _done(document: dict[str, Any], lines: list[str]) -> Done:
 def _doubts(fitted: identify.FitResult) -> list[str]:
     said = f"This fit is not trusted: {' '.join(fitted.verdict.reasons)}"
     return [] if fitted.trusted else [said]
+
+
+def _too_coarse(record: Record, deviation: float) -> list[str]:
+    """What is said where float does not tell neighbouring estimates apart: an offset takes its digits. Some
+    ten operations, each rounded, lie between a reading and its estimate."""
+    used = record.mask & np.isfinite(record.output)
+    u, y = record.input[used], record.output[used]
+    step = max(float(np.spacing(np.float32(np.abs(x).max())) / np.ptp(x)) for x in (u, y)) * np.ptp(
+        u
+    )
+    if 10 * step < deviation:
+        return []
+    apart, usual = (quantity(x, record.input_unit, 2) for x in (step, deviation))
+    return [
+        f"In float estimates are {apart} apart, and their usual error is {usual}: use double, or take the"
+        " offset off the readings before the fit."
+    ]
 
 
 def readings_of_training(fitted: identify.FitResult) -> tuple[np.ndarray, np.ndarray | None]:

@@ -55,9 +55,9 @@ def title(sheet: DataSheet) -> str:
 def subtitle(sheet: DataSheet) -> str:
     """Range, runs and loops."""
     record, unit = sheet.record, pretty(sheet.record.input_unit)
-    runs = len(record.labels)
+    runs, width = len(record.labels), (sheet.high - sheet.low) / 10
     told = [
-        f"Range {number(sheet.low)} to {number(sheet.high)} {unit}".rstrip(),
+        f"Range {number(sheet.low, width)} to {number(sheet.high, width)} {unit}".rstrip(),
         f"{len(sheet.rising)} loops of {runs} run{'s' * (runs != 1)}",
         f"{len(record):,} rows" + (f" of {record.source}" if record.source else ""),
     ]

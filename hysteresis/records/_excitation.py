@@ -8,7 +8,7 @@ import numpy as np
 
 from .._errors import InputError
 from .._escape import shell_word
-from .._format import number_of, quantity
+from .._format import ends, number_of, quantity
 from .._verdict import Note, warning
 from ._abstract_record import AbstractRecord
 from ._arrays import in_rows, marks, pieces
@@ -139,7 +139,7 @@ def _missing_at(record: AbstractRecord, role: str, value: float, runs: list[np.n
     return f"na-values {value:.15g} --nan {'omit' if role == 'output' else 'interpolate'}"
 
 
-def _ranges(record: AbstractRecord, ends: list[tuple[int, int]]) -> str:
+def _ranges(record: AbstractRecord, ends: list[tuple[Any, Any]]) -> str:
     """Lines from the first to the last of some rows, as options take them."""
     return ",".join("{}-{}".format(*np.sort(record.line[[*two]])) for two in ends)
 
@@ -425,9 +425,9 @@ def describe(record: AbstractRecord, loop: str | None = None) -> str:
         x, unit = s[role], s[role]["unit"]
         noise = "" if is_sweep else f", noise {quantity(x['noise'], unit)}"
         name = "moduli" if is_sweep and role == "output" else x["name"]
-        lines.append(f"{role:6} {name}: {x['min']:.4g} to {quantity(x['max'], unit)}{noise}")
+        lines.append(f"{role:6} {name}: {ends(x['min'], x['max'], unit)}{noise}")
     for x in s["conditions"]:
-        lines.append(f"condition {x['name']}: {x['min']:.4g} to {quantity(x['max'], x['unit'])}")
+        lines.append(f"condition {x['name']}: {ends(x['min'], x['max'], x['unit'])}")
     if s["dt"]:
         low, high = (f"{s['dt'][k]:.4g}" for k in ("min", "max"))
         usual = quantity(s["dt"]["median"], record.time_unit)

@@ -12,6 +12,7 @@ import scipy
 from jaxtyping import Array, Float
 
 from hysteresis import InputError, Note
+from hysteresis._format import ends
 from hysteresis._verdict import warning
 
 from .._levels import CONFIDENCE, NOTHING, STEPS
@@ -339,7 +340,7 @@ def _in_words(
 ) -> str:
     unit = "" if unit == "1" else f" {unit}"
     if low is not None and high is not None:
-        return f"{name}: {low:.4g} to {high:.4g}{unit} ({100 * level:.0f} %)."
+        return f"{name}: {ends(low, high)}{unit} ({100 * level:.0f} %)."
 
     def lacks(side: str, where: float) -> str:
         if bent and 1e-3 < abs(where / best) < 1e3:

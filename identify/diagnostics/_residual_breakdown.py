@@ -9,6 +9,7 @@ import scipy
 from jaxtyping import Bool, Float
 
 from hysteresis import AbstractModel, Note, Record
+from hysteresis._format import ends
 from hysteresis._verdict import warning
 from hysteresis.models._viscoelastic import AbstractViscoelastic
 from hysteresis.records._cycles import loop_sums
@@ -111,13 +112,12 @@ def _cuts(record: Record, used: np.ndarray) -> Iterator[tuple[Kind, list[str], n
         edges = np.array([*apart, edges[-1]])
         names, which = _bins(np.abs(v), edges, f"{record.input_unit}/{time}")
         yield "rate", [*names, "rest"], np.where(moves, which, len(names))
-    unit = record.input_unit if record.input_unit != "1" else ""
-    yield "input", *_bins(u, np.linspace(u.min(), u.max(), RANGES + 1), unit)
+    yield "input", *_bins(u, np.linspace(u.min(), u.max(), RANGES + 1), record.input_unit)
 
 
 def _bins(x: np.ndarray, edges: np.ndarray, unit: str) -> tuple[list[str], np.ndarray]:
     which = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, len(edges) - 2)
-    return [f"{a:.3g} to {b:.3g} {unit}".rstrip() for a, b in pairwise(edges)], which
+    return [ends(*two, unit, 3) for two in pairwise(edges)], which
 
 
 def _grouped(r: np.ndarray, which: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:

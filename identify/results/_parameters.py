@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from hysteresis import InputError
+from hysteresis._format import ends
 
 Status = Literal["free", "fixed", "tied", "at bound", "unidentified", "inseparable"]
 
@@ -54,9 +55,7 @@ class Parameter(NamedTuple):
             error += "" if self.stderr is None else f" ({self.stderr:.2g} with the misfit)"
         word = "open:" if self.status == "inseparable" else "90 %:"
         interval = (
-            ""
-            if self.low is None or self.high is None
-            else f"{word} {self.low:.4g} to {self.high:.4g}"
+            "" if self.low is None or self.high is None else f"{word} {ends(self.low, self.high)}"
         )
         return (
             self.name,

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from hysteresis import AbstractModel, Conditioned, Record
-from hysteresis._format import quantity
+from hysteresis._format import ends
 from hysteresis._quantities import require_same
 from hysteresis.models._conditioned import condition_column, condition_of
 
@@ -116,7 +116,7 @@ class TrainedCondition(NamedTuple):
         return between(c, np.array(self.values))
 
     def __str__(self) -> str:
-        trained = f"{self.low:.4g} to {quantity(self.high, self.unit)}"
+        trained = ends(self.low, self.high, self.unit)
         if self.values is not None:
             trained = f"{', '.join(f'{v:.4g}' for v in self.values)} {self.unit}"
         knots = ", ".join(f"{knot:.4g}" for knot in self.knots)

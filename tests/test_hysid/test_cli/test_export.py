@@ -77,6 +77,19 @@ def test_the_files_carry_the_fit(folder: Path):
     assert beyond["ok_share"] == 0
 
 
+def test_an_offset_that_takes_the_digits_of_float_is_told(tmp_path: Path):
+    """The ends of its ranges have the digits that tell them apart."""
+    rows = [[t, f, f"{float(x) + 1e7:.3f}", cycle] for t, f, x, cycle in sponge()]
+    place, c = put(rows, tmp_path / "run.csv"), tmp_path / "foam.h"
+    assert run("fit", place, *COLUMNS, *LINE, "--out", tmp_path / "fit").code == 0
+    assert ": 10000000 to 100000" in run("check", place, *COLUMNS).out
+    assert "In float estimates are" not in run("export", tmp_path / "fit", "--c", c).err
+    assert "In float estimates are" in run("export", tmp_path / "fit", "--c", c, "--float").err
+    reading = next(line for line in c.read_text().splitlines() if "reading: " in line)
+    low, high = reading.split(" from ")[1].split(";")[0].split(" to ")
+    assert 15 < float(high) - float(low) < 75
+
+
 def test_a_target_is_written(folder: Path):
     found = run("export", folder, "--to", "arduino", folder / "foam", "--json").json()
     assert found["files"] == {"arduino": str(folder / "foam")}
