@@ -193,13 +193,16 @@ def column_of(table: "Table | AbstractRecord", name: str) -> np.ndarray:
     if isinstance(table, Table) and any(note.code == "no-header" for note in table.notes):
         first = ", ".join(repr(str(cells[0])) for cells in table.text.values())
         cause = f"the file has no header: its first line is {first}."
+    fix = "give the exact header, with its unit (--input, --output, --time, --group, --each), or correct"
+    fix += " it in the file."
+    if "," in name and all(part.strip() in names for part in name.split(",")):
+        fix = "name each column by itself (--input COL --input COL)."
     raise InputError(
         "no-header" if cause else "no-column",
         f"No column {name!r}; have {', '.join(map(repr, have))}.",
         place=getattr(table, "path", ""),
         cause=cause,
-        fix="give the exact header, with its unit (--input, --output, --time, --group, --each), or correct"
-        " it in the file.",
+        fix=fix,
     )
 
 

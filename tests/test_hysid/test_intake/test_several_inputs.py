@@ -81,7 +81,11 @@ def test_a_still_channel_is_left_out_and_said(folder):
 
 @pytest.mark.parametrize(
     ("inputs", "code", "words"),
-    [((A, A), "given-twice", f"'{A}'"), ((A, "nearer"), "no-column", "'nearer'")],
+    [
+        ((A, A), "given-twice", f"'{A}'"),
+        ((A, "nearer"), "no-column", "'nearer'"),
+        ((f"{A},{B}",), "no-column", "--input COL --input COL"),
+    ],
 )
 def test_bad_inputs_are_named(folder, inputs: tuple[str, ...], code: str, words: str):
     options = [word for name in inputs for word in ("--input", name)]
