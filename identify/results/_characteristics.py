@@ -13,7 +13,7 @@ import scipy
 from jaxtyping import Bool, Float
 
 from hysteresis import Record
-from hysteresis._format import number_of
+from hysteresis._format import ends, number_of
 from hysteresis.records._loop_table import LoopTable, loop_table
 
 from .._levels import FEWEST, HELD, LITTLE, SURE
@@ -85,9 +85,11 @@ def characteristics(
     why: str = "no complete cycle counts" if not len(full) else ""
     basis = number_of(len(full), "cycle")
     if len(full):
-        ends = [table[f"{which} input"].value[full].mean() for which in ("lowest", "highest")]
-        unit = "" if record.input_unit == "1" else f" {record.input_unit}"
-        basis += f" between {ends[0]:.3g} and {ends[1]:.3g}{unit}"
+        least, most = (table[f"{k} input"].value[full].mean() for k in ("lowest", "highest"))
+        basis += f" from {ends(least, most, record.input_unit, 3)}"
+        for name, unit in record.conditions.items():
+            counted = record.columns[name][used]
+            basis += f", at {ends(counted.min(), counted.max(), unit, 3)}"
     found = []
     for name in (name for name in TOLD if name in table.names):
         reason = why or str(table[name].reason[full[0]])
