@@ -32,6 +32,8 @@ from ..intake._options import (
 from ._console import Done, log
 
 PAPERS = ("tsuji2014", "kim2018")
+CHAINS = "chains.npz"
+"""What `hysid sample` keeps."""
 
 
 def selecting(*names: str, optional: bool = False, needs_input: bool = False) -> Any:
@@ -339,6 +341,7 @@ class Sample(Command):
         "Walkers per ensemble (default: from the number of parameters).", None
     )
     resume: bool = option("Resume from the saved chains.", False)
+    overwrite: bool = overwriting()
     seed: int = seeding()
 
 

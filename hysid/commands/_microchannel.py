@@ -129,7 +129,9 @@ def _trained(asked: Train, out: Path, progress: Progress) -> dict[str, Any]:
     selection = Selection(**asked.selection, output=asked.force or "")
     targets = Targets(asked.force, asked.place, asked.position)
     names = tuple(filter(None, map(str.strip, asked.places.split(","))))
-    identify.internal.check_free(out, asked.overwrite or asked.resume, TRAINING)
+    free = asked.overwrite or asked.resume
+    identify.internal.check_free(out, free, TRAINING)
+    identify.internal.check_free(out, free, CHECKPOINT, "go on from them (--resume)")
     identify.internal.check_free(out, overwrite=False)  # a fit is none of a sensor's results
     check_writable(out)
     sessions = read_sessions(asked.files, selection, targets, asked.test_file or ())

@@ -3,12 +3,13 @@
 from typing import Any
 
 import identify
+from hysteresis import Note
 from hysteresis._escape import shell_word
 from identify import save_posterior
 from identify.posterior._sample import MOST_STEPS
 
 from ..intake._folders import folders_of
-from ._asked import Sample
+from ._asked import CHAINS, Sample
 from ._console import Done, Progress, log
 
 
@@ -21,13 +22,15 @@ def run(asked: Sample) -> Done:
     except KeyboardInterrupt:
         log(f"To resume: {_resuming(asked, chosen)}")
         raise
+    cut_short = any(Note.of(n).code == "interrupted" for one in drawn.values() for n in one.notes)
     documents = {v: identify.internal.posterior_json(one) for v, one in drawn.items()}
     found = documents[""] if "" in documents else _together(documents)
     lines = [f"{value}: {one}" if value else str(one) for value, one in drawn.items()]
     if not found["converged"]:
+        twice = 2 * (asked.steps or MOST_STEPS)
         lines.append(
             "Not converged: R-hat is above 1.01, or there are too few draws. To draw more: "
-            + _resuming(asked, chosen | {"steps": 2 * (asked.steps or MOST_STEPS)})
+            + _resuming(asked, chosen if cut_short else chosen | {"steps": twice})
         )
     return Done(found, lines)
 
@@ -42,6 +45,9 @@ def _sampled(
     asked: Sample, chosen: dict[str, Any], progress: Progress
 ) -> dict[str, identify.internal.Posterior]:
     folders = folders_of(asked.folder, identify.internal.read_document(asked.folder))
+    free, instead = asked.resume or asked.overwrite, "go on from them (--resume)"
+    for name in folders.values():
+        identify.internal.check_free(asked.folder / name, free, CHAINS, instead)
     drawn = {}
     for value, name in folders.items():
         place = asked.folder / name
@@ -50,7 +56,7 @@ def _sampled(
             progress(done, total, f"{value}, {text}" if value else text)
 
         drawn[value] = identify.sample(
-            identify.load(place), checkpoint=place / "chains.npz", progress=named,
+            identify.load(place), checkpoint=place / CHAINS, progress=named,
             resume=asked.resume, **chosen,
         )  # fmt: skip
         save_posterior(drawn[value], place)

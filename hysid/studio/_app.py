@@ -25,7 +25,7 @@ from hysteresis._files import atomic_file
 from hysteresis._format import plain
 from hysteresis._limits import damage_told
 
-from ..commands._asked import Command, Export, Fit, Report
+from ..commands._asked import CHAINS, Command, Export, Fit, Report
 from ..intake._own_config import folder_of
 from . import _equivalents
 from ._equivalents import asked_for, equivalents
@@ -149,7 +149,8 @@ class Studio:
                 )
             tried = kind in ("qualify", "predict")
             file = self._here(self.folder.file(options.get("file", ""))) if tried else Path()
-            asked = asked_for(kind, self._here(place), file, options.get("target", ""))
+            target, sampled = options.get("target", ""), (place / CHAINS).exists()
+            asked = asked_for(kind, self._here(place), file, target, sampled)
             if isinstance(asked, Export) and asked.to is not None:
                 self.folder.inside(asked.to[1].as_posix())
         about = {key: options[key] for key in ABOUT if key in options}

@@ -14,7 +14,7 @@ from hysteresis._escape import shell_word
 from hysteresis._files import write_whole
 
 from ..commands import _asked
-from ..commands._asked import Command, as_fields
+from ..commands._asked import CHAINS, Command, as_fields
 from ..intake._creep_fits import step_options
 from ..intake._options import FIELDS, is_given
 from ..intake._own_config import TABLES, config_of, folder_of, option_value, read_config, read_toml
@@ -33,7 +33,7 @@ def equivalents(
     steps: dict[str, list[Command]] = {
         "data": [_asked.Init(file=name), _asked.Check(file=name)],
         "fit": [_asked.Fit(file=name, out=out, overwrite=folder.exists())],
-        "posterior": [asked_for("sample", place)],
+        "posterior": [asked_for("sample", place, sampled=(folder / value / CHAINS).exists())],
         "compensator": [asked_for(kind, place, Path("NEW.csv")) for kind in ("qualify", "predict")],
         "export": [asked_for("export", place)],
         "report": [asked_for("report", place)],
@@ -50,15 +50,18 @@ def equivalents(
     return {step: {"command": commands[step], "python": python[step]} for step in commands}
 
 
-def asked_for(kind: str, place: Path, file: Path = Path(), target: str = "") -> Command:
-    """The command behind a button on the page, about the fit at `place` and another `file`.
+def asked_for(
+    kind: str, place: Path, file: Path = Path(), target: str = "", sampled: bool = False
+) -> Command:
+    """The command behind a button on the page, about the fit at `place` and another `file`; `sampled`:
+    chains of it are there.
 
     Raises `InputError` `bad-option` for a kind or a target that there is not.
     """
     if kind == "export" and target in TARGETS:
         return _asked.Export(folder=place, to=(target, place / target_name(place, target)))
     known: dict[str, Callable[[], Command]] = {
-        "sample": lambda: _asked.Sample(folder=place),
+        "sample": lambda: _asked.Sample(folder=place, resume=sampled),
         "qualify": lambda: _asked.Qualify(folder=place, file=file),
         "predict": lambda: _asked.Predict(folder=place, file=file, inverse=True),
         "report": lambda: _asked.Report(folders=[place]),

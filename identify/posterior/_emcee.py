@@ -8,6 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from hysteresis import Note
+
 from .._levels import FEW, PART
 from ..noise._residual_statistics import autocovariance, integrated_time
 from ..storage._checkpoint import Checkpoint
@@ -254,7 +256,7 @@ def sample_ensembles(
             raise
         said = f"interrupted after {run.done:,} steps; with --resume (resume=True) it goes on."
         found = _finished(run.history, checkpoint, wants_rule=False)
-        return found._replace(notes=(*found.notes, said))
+        return found._replace(notes=(*found.notes, Note("interrupted", said)))
     checkpoint.write(run.history.arrays, run.done)
     return _finished(run.history, checkpoint, wants_rule=steps is None)
 

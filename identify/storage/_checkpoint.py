@@ -37,7 +37,7 @@ class Work(NamedTuple):
 CHAINS = Work(
     "chains", "the chains were drawn", "steps",
     "make room, then resume: hysid sample DIR --resume (in Python resume=True).",
-    "sample from the beginning, without --resume.",
+    "sample from the beginning, without --resume but with --overwrite.",
 )  # fmt: skip
 
 

@@ -71,8 +71,14 @@ def read_json(file: Path) -> dict[str, Any]:
     return document
 
 
-def check_free(folder: str | Path, overwrite: bool, name: str = "fit.json") -> None:
-    """Raise `InputError` if `folder` holds the results `name` and these may not be overwritten."""
+def check_free(
+    folder: str | Path,
+    overwrite: bool,
+    name: str = "fit.json",
+    instead: str = "name another folder (--out DIR)",
+) -> None:
+    """Raise `InputError` if `folder` holds the results `name` and these may not be overwritten; what can be
+    done `instead`."""
     folder = Path(folder)
     if folder.exists() and not folder.is_dir():
         raise InputError("not-a-folder", f"{folder} is a file.", fix="name another folder (--out).")
@@ -81,7 +87,7 @@ def check_free(folder: str | Path, overwrite: bool, name: str = "fit.json") -> N
             "would-overwrite",
             "results are there already, and were left as they are.",
             place=str(folder),
-            fix="name another folder (--out DIR), or write over them (--overwrite).",
+            fix=f"{instead}, or write over them (--overwrite).",
         )
 
 

@@ -56,7 +56,7 @@ def _hash(x: Array) -> Array:
 
 TRAINING = Work(
     "epochs", "the network was trained", "epochs", "make room, then train again with resume=True.",
-    "train from the beginning, without resume.",
+    "train from the beginning, without resume but with --overwrite.",
 )  # fmt: skip
 
 

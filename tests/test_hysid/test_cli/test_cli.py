@@ -22,6 +22,7 @@ from tests.test_hysid.command import (
     blocks,
     put,
     read,
+    refused,
     run,
     sponge,
 )
@@ -169,13 +170,25 @@ def test_each_is_predicted_and_sampled_by_its_own_fit(each, folder):
     drawn = run("sample", folder / "each", "--steps", 40, "--ensembles", 2, "--json").json()
     assert fits(drawn, POSTERIOR)
     assert {"soft: K", "thin: K"} <= {p["name"] for p in drawn["parameters"]}
-    said = run("sample", folder / "each", "--steps", 40, "--ensembles", 2)
+    words = ("sample", folder / "each", "--steps", 40, "--ensembles", 2)
+    refused(run(*words), "(--resume)", "[would-overwrite]")
+    said = run(*words, "--overwrite")
     assert "\nthin: Posterior: " in said.out
     assert "Not converged" in said.out
     assert "--resume --steps 80 --ensembles 2 --seed 0\n" in said.out
     assert ", thin, acceptance" in said.err
     assert "sampling: " in said.err
     assert (folder / "each" / "thin" / "posterior.nc").is_file()
+
+
+def test_sampling_that_is_interrupted_goes_on_to_the_steps_asked_for(each, folder, monkeypatch):
+    def stopped(self, done, *_):
+        if done >= 20:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr("hysid.commands._console.Progress.__call__", stopped)
+    words = ("sample", folder / "each" / "soft", "--steps", 900, "--ensembles", 2, "--overwrite")
+    assert "--resume --steps 900 --ensembles 2 --seed 0\n" in run(*words).out
 
 
 @pytest.mark.parametrize(("options", "train", "test"), [

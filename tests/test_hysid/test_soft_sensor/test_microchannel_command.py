@@ -156,6 +156,12 @@ def test_what_is_learnt_is_no_input(trained: Trained):
     refused(done, f"{FORCE!r} is given as input and as output", "[given-twice]")
 
 
+def test_an_interrupted_training_is_kept_unless_asked(trained: Trained, tmp_path: Path):
+    (tmp_path / "checkpoint").mkdir()
+    words = [tmp_path if word == trained.out else word for word in trained.arguments]
+    refused(run(*words), "(--resume)", "[would-overwrite]")
+
+
 def test_a_stream_goes_on_behind_bad_samples(trained: Trained):
     rows = presses("ACE", seed=2)
     clean = read(trained.estimate(rows)["file"])

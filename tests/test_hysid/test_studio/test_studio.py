@@ -261,6 +261,9 @@ def test_every_command_of_the_page_is_one_of_the_command_line(studio, tmp_path, 
     studio.compare(["run.csv", "-other.csv"])
     for name, *words in given:
         takes(name, words)
+    (tmp_path / "run" / "chains.npz").touch()
+    studio.start("sample", "run.csv", {})
+    assert [words[-1] for name, *words in given if name == "sample"] == ["run", "--resume"]
     with pytest.raises(InputError):
         studio.start("export", "run.csv", {"target": "../../x"})
 
