@@ -2,6 +2,7 @@
 
 import contextlib
 import functools
+import itertools
 import json
 import threading
 from collections.abc import Callable, Mapping, Sequence
@@ -277,12 +278,13 @@ def _change(studio: Studio, asked: Asked) -> Any:
 
 
 def _again(studio: Studio, asked: Asked) -> Any:
-    """Guess the configuration anew; the one that was there is kept as FILE.toml.bak."""
+    """Guess the configuration anew; the one that was there is kept as FILE.toml.bak, .bak1, ..."""
     name = asked.text("name")
     one = studio.measurement(name)
     with studio.changing(name):
         if one.config.exists():
-            one.config.replace(one.config.with_suffix(".toml.bak"))
+            names = (one.config.with_suffix(f".toml.bak{k or ''}") for k in itertools.count())
+            one.config.replace(next(path for path in names if not path.exists()))
         try:
             one.configured()
         finally:

@@ -236,6 +236,15 @@ def test_links_that_lead_out_of_the_folder_are_not_read(fitted, linked):
     assert place.is_symlink()
 
 
+def test_every_configuration_is_kept_where_the_page_guesses_again(folder):
+    texts = [f'# {k}\n[selection]\ninput = "force (N)"\n' for k in range(2)]
+    with entering(folder) as (_, visit):
+        for text in texts:
+            (folder / "run.toml").write_text(text)
+            visit("/api/again", {"name": "run.csv"})
+    assert [(folder / f"run.toml.bak{k}").read_text() for k in ("", 1)] == texts
+
+
 def test_a_configuration_names_no_dialects_outside_of_the_folder(folder):
     (folder.parent / "secret.toml").write_text("")
     with entering(folder) as (_, visit):
