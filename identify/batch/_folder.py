@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 from hysteresis import InputError
 from hysteresis._files import write_whole
 from hysteresis._format import plain
+from hysteresis._limits import damage_told
 from hysteresis._precision import in_this_precision
 
 from ..files._fit_folder import OF_EARLIER, load, save, summary, to_json, write_fit
@@ -119,7 +120,8 @@ def digest(*parts: Any) -> str:
 class Folder:
     """Where a batch is kept: a folder for each fit, and batch.json and batch.csv beside them.
 
-    Everything is written whole or not at all, so a batch that was killed goes on where it stopped.
+    Everything is written whole or not at all, so a batch that was killed goes on where it stopped. With
+    `resume` the tables go on listing the fits of earlier batches that are there still.
 
     Raises `InputError` where the folder holds a batch with other settings, unless it may be written over.
     """
@@ -130,13 +132,17 @@ class Folder:
         check_free(place, overwrite=False)
         place.mkdir(parents=True, exist_ok=True)
         file = place / "batch.json"
-        if resume and file.exists() and read_json(file).get("settings") != settings:
+        before = read_json(file) if resume and file.exists() else {}
+        if before and before.get("settings") != settings:
             raise InputError(
                 "other-settings",
                 "results of a batch with another configuration are there, and were left as they are.",
                 place=str(place),
                 fix="name another folder (--out DIR), or do all of it anew (--no-resume).",
             )
+        with damage_told("the table", file, "do all of it anew (--no-resume)."):
+            rows = {row["name"]: row for row in before.get("fits", ())}
+            self._before = {k: row for k, row in rows.items() if (place / k / "fit.json").is_file()}
 
     def held(self, name: str, digest: str) -> Kept | None:
         """The fit of the same data with the same settings, where it is there already.
@@ -172,11 +178,13 @@ class Folder:
         if not at_once and time.monotonic() < self._written + max(EVERY, APART * self._took):
             return
         begin, rows = time.monotonic(), batch.table()
+        names, count = {row["name"] for row in rows}, len(batch)
+        rows[count:count] = before = [row for k, row in self._before.items() if k not in names]
         document = {
             "schema": SCHEMA, "settings": self.settings, "finished": finished,
             "fitted": len(batch), "skipped": len(batch.skipped),
             "failed": {name: str(error) for name, error in batch.failed.items()},
-            "seconds": round(seconds, 3), **self.extra, "fits": rows[: len(batch)],
+            "seconds": round(seconds, 3), **self.extra, "fits": rows[: count + len(before)],
         }  # fmt: skip
         write_json(self.place / "batch.json", document)
         write_whole(self.place / "batch.csv", csv_of(rows))

@@ -1,5 +1,6 @@
 """Many records: as one by one, over any executor, and whatever happens to some of them."""
 
+import json
 import os
 import signal
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
@@ -123,6 +124,13 @@ def test_what_is_done_is_not_done_again(tmp_path):
     np.testing.assert_array_equal(second.fits["run-1"].train.output, sponge(7).output)
     assert {p.name for p in tmp_path.iterdir()} == {*records, "batch.json", "batch.csv"}
     refuses("other-settings", lambda: identify.fit_many(records, SPONGE, out=tmp_path, seed=3))
+    other = identify.fit_many({"run-9": sponge(9), "bad-name/..": sponge(1)}, SPONGE, out=tmp_path)
+    assert list(other.fits) == ["run-9"]
+    table = (tmp_path / "batch.csv").read_text("utf-8").splitlines()
+    assert [row.split(",")[0] for row in table[1:]] == ["run-9", *records, "bad-name/.."]
+    file, told = tmp_path / "batch.json", json.loads((tmp_path / "batch.json").read_text("utf-8"))
+    file.write_text(json.dumps(told | {"fits": [1]}), "utf-8")
+    refuses("damaged-file", lambda: identify.fit_many(records, SPONGE, out=tmp_path))
     again = identify.fit_many(records, SPONGE, out=tmp_path, seed=3, resume=False)
     assert again.skipped == []
     odd = identify.fit_many({"../away": sponge(1)}, SPONGE, out=tmp_path, seed=3)
