@@ -342,6 +342,11 @@ class Program:
         )
         return (*self._deep_enough(), *[tabulated] * bool(self._tabulated))
 
+    @property
+    def stacks(self) -> bool:
+        """Whether it stores reversals, at most `depth` of them."""
+        return any(node["kind"] == "preisach" for node in nodes_of(self._tree(np.float64)))
+
     def _deep_enough(self) -> tuple[str, ...]:
         if self._needed <= self.depth:
             return ()

@@ -96,7 +96,7 @@ def solve(asked: Solve) -> Done:
     out, stream = asked.out, asked.stream
     for name in (CONTACTS, RUNTIME):  # the armor of a calibration is not written over either
         identify.internal.check_free(out, asked.overwrite, name)
-    if (asked.calibrated is None) == (asked.sponge is None or asked.shape is None):
+    if [asked.sponge, asked.shape].count(None) != (0 if asked.calibrated is None else 2):
         raise InputError(
             "conflicting-options", "Nothing says what the armor is, or two things do.",
             fix="Give --sponge DIR and --shape FILE, or --armor DIR of a calibration.",

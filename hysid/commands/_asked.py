@@ -57,6 +57,7 @@ _config = partial(
 overwriting = partial(option, "Overwrite existing results.", False)
 _of_card = partial(option, of=("card", "a material card (--to)"))
 _of_program = partial(option, of=("program", "a compensator to write"))
+_of_c = partial(option, of=("compiled", "a compensator to write in C"))
 seeding = partial(option, "Seed of every random number.", 0, least=0)
 
 
@@ -272,10 +273,8 @@ class Export(Command):
     )
     poisson: float = _of_card("Material card: Poisson's ratio, below 0.5.", 0.45)
     shear: bool = _of_card("Material card: the fitted modulus is a shear modulus.", False)
-    single: bool = _of_program("Use float instead of double in C.", False, flag="--float")
-    fixed: bool = _of_program(
-        "Use integers (fixed point): Preisach grids with --to arduino.", False
-    )
+    single: bool = _of_c("Use float instead of double in C.", False, flag="--float")
+    fixed: bool = _of_c("Use integers (fixed point): Preisach grids with --to arduino.", False)
     depth: int | None = _of_program(
         "Reversals a Preisach model stores (default: 64, or as needed).", None, least=3
     )
@@ -294,7 +293,9 @@ class Export(Command):
         "unknown",
         choices=("unknown", "known"),
     )
-    date: str = option("Date of the data (default: of the fitted file).", "", metavar="YYYY-MM-DD")
+    date: str = _of_program(
+        "Date of the data (default: of the fitted file).", "", metavar="YYYY-MM-DD"
+    )
 
     @property
     def targets(self) -> dict[str, Path]:
@@ -313,6 +314,11 @@ class Export(Command):
     def program(self) -> bool:
         """Whether a compensator is."""
         return not self.card
+
+    @property
+    def compiled(self) -> bool:
+        """Whether one is that holds numbers of a type."""
+        return self.program and self.targets.keys() != {"runtime"}
 
     def __post_init__(self) -> None:
         if not self.targets:
@@ -375,6 +381,10 @@ class Compare(Command):
         of=("change", "--change"),
     )
 
+    def __post_init__(self) -> None:
+        if self.loops and self.change:
+            raise typer.BadParameter("give --loops or --change, not both")
+
 
 class Report(Command):
     """Write an HTML report of one fit or of several.
@@ -403,6 +413,10 @@ class Batch(Command):
     resume: bool = option("Skip files that are fitted already.", True, flag="--resume/--no-resume")
     fit: Fit  # made of the file `config`
 
+    def __post_init__(self) -> None:
+        if self.scheduler and self.jobs > 1:
+            raise typer.BadParameter("give --jobs or --scheduler, not both")
+
 
 class Reproduce(Command):
     """Reproduce a paper's tables with virtual laboratories."""
@@ -417,10 +431,18 @@ class Reproduce(Command):
         "Also use the methods of hysid, which takes longer.", True, flag="--ours/--no-ours"
     )
     epochs: int | None = option(
-        "Training epochs of kim2018's network (default: the paper's 1,000).", None, least=1
+        "Training epochs of kim2018's network (default: the paper's 1,000).",
+        None,
+        least=1,
+        of=("trains", "the paper kim2018"),
     )
     quick: bool = option("Fewer laboratories and epochs: five minutes on two cores.", False)
     overwrite: bool = overwriting()
+
+    @property
+    def trains(self) -> bool:
+        """Whether the paper trains a network."""
+        return self.paper == PAPERS[1]
 
 
 class Warm(Command):

@@ -180,7 +180,7 @@ class Train(Command):
         "LOW HIGH of the converter: readings there are SATURATED.", None
     )
     seed: int = seeding()
-    resume: bool = option("Resume from the checkpoint in --out.", False)
+    resume: bool = _of_force("Resume from the checkpoint in --out.", False)
     overwrite: bool = overwriting()
 
     def __post_init__(self) -> None:

@@ -34,6 +34,7 @@ from .._compensator import (
     longest_sequence,
     run_in_of,
 )
+from ..intake._options import option_words
 from ._asked import Export
 from ._console import Done, log, warnings
 
@@ -60,6 +61,7 @@ def run(asked: Export) -> Done:
     data = identify.internal.read_document(folder)["data"]
     date, checksum = asked.date or data.get("date") or "", data.get("sha256") or ""
     if isinstance(fitted.detail, Motion):
+        _check_idle(asked, "an oscillator", "depth", "limits", "beyond", "start")
         return _oscillator(fitted, targets, real, (date, checksum))
     verdict = fitted.verdict
     if fitted.channels is not None or isinstance(fitted.detail, DiscreteSpectrum):
@@ -90,6 +92,8 @@ def run(asked: Export) -> Done:
         origin=Origin(verdict.level, verdict.codes, date, checksum),
         time_unit=record.time_unit,
     )
+    if not program.stacks:
+        _check_idle(asked, "a model without reversals to store", "depth")
     files, notes = _written(program, targets, real)
     assert program.guard is not None
     kept = fitted.compensator or {}
@@ -115,6 +119,15 @@ def run(asked: Export) -> Done:
         "operations": program.operations._asdict(),
     }  # fmt: skip
     return _done(document, text)
+
+
+def _check_idle(asked: Export, model: str, *names: str) -> None:
+    """Raise `InputError` where one of these options is given for a model on which it has no effect."""
+    for name in names:
+        if words := option_words([Export.__dataclass_fields__[name]], vars(asked)):
+            raise InputError(
+                "bad-option", f"{words[0]} has no effect on {model}.", fix="Leave it out."
+            )
 
 
 def guarding(fitted: identify.FitResult) -> dict[str, Any]:

@@ -63,14 +63,18 @@ def _of_parameters(said: dict[str, dict[str, Any]]) -> dict[str, Any]:
 
 
 def motion_options(options: dict[str, Any]) -> dict[str, Any]:
-    """The options of a fit that is no spectrum. Raises `InputError` where one of a spectrum was set."""
-    for name in OF_SPECTRA:
-        if name in options:
-            raise InputError(
-                "bad-option",
-                f"--{name} needs a spectrum.",
-                fix="Give --step, --hold or --frequency, or leave it out.",
-            )
+    """The options of a fit that is no spectrum. Raises `InputError` where one without effect was set."""
+    needed = dict.fromkeys(OF_SPECTRA, ("a spectrum", "--step, --hold or --frequency"))
+    if str(options["model"]).casefold().startswith("oscillator"):
+        why = "An oscillator is fitted to its motion, with noise of one size."
+        given = options | {"parameter": tuple(options["parameters"])}
+        options = _only(given, "of_motion", "--model Oscillator", why)
+    else:
+        needed["oversampling"] = "an oscillator", "--model Oscillator"
+    for name, (kind, fix) in needed.items():
+        if options.get(name, usual := FIT_FIELDS[name].default) != usual:
+            fix = f"Give {fix}, or leave it out."
+            raise InputError("bad-option", f"--{name} needs {kind}.", fix=fix)
     return options
 
 

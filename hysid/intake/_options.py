@@ -84,13 +84,14 @@ _auto_or_keep = partial(option, default="auto", choices=("auto", "keep"))
 @dataclass(frozen=True, kw_only=True)
 class FitOptions:
     """How a model is fitted. `of_step`: creep and relaxation have it too; `of_shared`: specimens
-    that share parameters do."""
+    that share parameters do; `of_motion`: oscillators do."""
 
     model: str = option(
         f"auto, or NAME[,NAME], in any case: {', '.join(MODELS)}, or a model of an installed"
         " distribution (entry-point group hysid.models).",
         "auto",
         of_shared=True,
+        of_motion=True,
     )
     initial: str = option(
         "Memory before the first sample: auto, negative, positive, demagnetised, or fit.",
@@ -131,6 +132,7 @@ class FitOptions:
         None,
         least=0,
         of_step=True,
+        of_motion=True,
     )
     tau: tuple[float, ...] = option(
         "Creep, relaxation, moduli: a series of these time constants.",
@@ -138,6 +140,7 @@ class FitOptions:
         joined=True,
         metavar="TAU[,TAU]",
         of_step=True,
+        of_motion=True,
     )
     like: tuple[str, ...] = option(
         "Fits of earlier specimens of the same kind: few cycles tell the rest.",
@@ -152,8 +155,12 @@ class FitOptions:
         metavar="NAME[,NAME]",
         of_shared=True,
     )
-    starts: int = option("Random starts for non-linear parameters.", 32, least=1, of_shared=True)
-    seed: int = option("Seed of every random number.", 0, least=0, of_step=True, of_shared=True)
+    starts: int = option(
+        "Random starts for non-linear parameters.", 32, least=1, of_shared=True, of_motion=True
+    )
+    seed: int = option(
+        "Seed of every random number.", 0, least=0, of_step=True, of_shared=True, of_motion=True
+    )
     purpose: str = option(
         "What the verdict is for: predict; compensate, which tries the compensator too; or constants, which"
         " needs a standard error for every parameter.",
@@ -161,14 +168,18 @@ class FitOptions:
         choices=("predict", "compensate", "constants"),
         of_step=True,
         of_shared=True,
+        of_motion=True,
     )
     period: int | None = option(
         "Oscillator: rows in a period of the force, in steady state; 0: it does not repeat (default: looked"
         " for).",
         None,
         least=0,
+        of_motion=True,
     )
-    oversampling: int = option("Oscillator: steps of integration to a sample.", 20, least=1)
+    oversampling: int = option(
+        "Oscillator: steps of integration to a sample.", 20, least=1, of_motion=True
+    )
     budget: float | None = option(
         "Seconds after which no further model or start is begun: the best so far is the result.",
         None,

@@ -1,6 +1,7 @@
 """Bad input through the command line: one message with place, cause and fix; nothing is written."""
 
 import gzip
+import shlex
 import subprocess
 import sys
 from hashlib import sha256
@@ -233,6 +234,9 @@ def test_results_are_not_written_over_unless_asked():
     assert tree(Path("out"))["fit.json"] != before["fit.json"]
 
 
+SHORT = shlex.join(("fit", "run.csv", *COLUMNS))
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -242,12 +246,31 @@ def test_results_are_not_written_over_unless_asked():
         ("compare out out --margin 0.1", "--margin has no effect without --change"),
         ("microchannel train run.csv --out s --input F --place p --kind network",
          "--kind has no effect without --force"),
+        ("microchannel train run.csv --out s --input F --place p --resume",
+         "--resume has no effect without --force"),
+        ("export out --to abaqus x.inp --date 2020-01-01", "--date has no effect without a compens"),
+        ("export out --runtime x.json --fixed", "--fixed has no effect without a compensator to wr"),
+        ("reproduce tsuji2014 --epochs 3", "--epochs has no effect without the paper kim2018"),
+        (f"{SHORT} --oversampling 3", "--oversampling needs an oscillator"),
+        (f"{SHORT} --model oscillator --budget 3",
+         "--budget cannot be used with --model Oscillator"),
+        ("armor solve run.csv --out s --armor out --sponge out", "or two things do"),
     ],
 )  # fmt: skip
 def test_an_option_that_would_do_nothing_is_refused(words, said):
     put(CLEAN)
     Path("out").mkdir()
-    refused(run(*words.split()), said, "[bad-option]")
+    code = "conflicting-options" if "two things" in said else "bad-option"
+    refused(run(*shlex.split(words)), said, f"[{code}]")
+
+
+@pytest.mark.parametrize("words", [
+    "compare out two --loops --change",
+    "batch *.csv --config b.toml --out two --jobs 2 --scheduler tcp://127.0.0.1:1",
+])  # fmt: skip
+def test_of_two_options_none_is_ignored(words):
+    put('[selection]\ninput = "F"\noutput = "x"\n', "b.toml")
+    refused(run(*words.split()), "not both")
 
 
 def test_a_folder_that_cannot_be_made_is_said_before_the_fit():

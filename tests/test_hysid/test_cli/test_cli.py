@@ -181,6 +181,11 @@ def test_each_is_predicted_and_sampled_by_its_own_fit(each, folder):
     assert (folder / "each" / "thin" / "posterior.nc").is_file()
 
 
+def test_a_line_stores_no_reversals(each, folder):
+    asked = run("export", folder / "each" / "soft", "--c", folder / "soft.h", "--depth", 8)
+    refused(asked, "--depth has no effect", "[bad-option]")
+
+
 def test_sampling_that_is_interrupted_goes_on_to_the_steps_asked_for(each, folder, monkeypatch):
     def stopped(self, done, *_):
         if done >= 20:

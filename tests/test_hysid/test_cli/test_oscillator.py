@@ -50,6 +50,8 @@ def test_fit_predict_report_and_export(folder):
     assert len(read(plan["file"])) == 1024
     assert "hysteresis" in run("design", out).out
     assert run("export", out, "--c", out / "plant.h", "--runtime", out / "plant.json").code == 0
+    limited = run("export", out, "--c", out / "plant.h", "--limits", 0, 1)
+    refused(limited, "--limits has no effect on an oscillator", "[bad-option]")
     made = run("export", out, "--to", "arduino", out / "plant", "--json").json()
     sensor = compensate.runtime.load(out / "plant" / "hysid-export.json")
     assert type(sensor).__name__ == "Compensator"
