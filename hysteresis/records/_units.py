@@ -131,7 +131,7 @@ def column_unit(
     if unit is None:
         unit, notes = "1", [Note("no-unit", f"Column {name!r} names no unit: taken as 1.")]
     place, option = f"{path}, column {name!r}", f"{role}_unit= (--{role}-unit UNIT)"
-    if unit != "1" and not _is_of_rigs(unit) and not _known(unit):
+    if unit != "1" and not _is_known(unit):
         mend = f"{option}: 'count', '1', or a unit to which the values are scaled."
         shown = unit if len(unit) <= LONGEST else f"{unit[:LONGEST]}..."
         cause = "" if is_within_grammar(unit) else LIMITS
@@ -144,10 +144,16 @@ def column_unit(
         mend = f"{option} with {MASSES[unit]} (1 gf is 0.00981 N)."
         raise InputError("wrong-unit", problem, place=place, fix=mend)
     own = named_unit(name, None, in_row)
-    if own is not None and conversion(own, unit) not in (None, 1.0):
+    factor = 1.0 if own in (None, unit) else conversion(own, unit)
+    # Of another quantity it is another one too, but kg for kgf and brackets that hold no unit.
+    if factor != 1.0 and (factor or (own != "1" and MASSES.get(own) != unit and _is_known(own))):
         said = f"Column {name!r} is in {own} by the file and taken as {unit}: no value is converted"
         notes.append(warning("other-unit", f"{said}; give {own}, or correct the file."))
     return unit, notes
+
+
+def _is_known(unit: str) -> bool:
+    return _is_of_rigs(unit) or _known(unit)
 
 
 def _known(unit: str) -> bool:

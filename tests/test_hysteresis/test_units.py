@@ -129,7 +129,8 @@ def test_a_bomb_in_a_header_is_named(tmp_path: Path):
 
 
 @pytest.mark.parametrize(
-    "asked", [{"input_unit": "kN"}, {"output_unit": "um"}, {"time_unit": "ms"}]
+    "asked",
+    [{"input_unit": "kN"}, {"input_unit": "K"}, {"output_unit": "um"}, {"time_unit": "ms"}],
 )
 def test_a_unit_that_the_file_has_otherwise_is_a_warning(tmp_path: Path, asked: dict[str, str]):
     file = tmp_path / "run.csv"
@@ -141,6 +142,16 @@ def test_a_unit_that_the_file_has_otherwise_is_a_warning(tmp_path: Path, asked: 
     verdict = identify.fit(other, "LinearSponge").verdict
     (said,) = (note for note in verdict.reasons if note.code == "other-unit")
     assert "no value is converted" in said
+
+
+@pytest.mark.parametrize(
+    ("header", "unit"), [("load (kg)", "kgf"), ("x (left)", "mm"), ("x (-)", "mm"), ("x", "mm")]
+)
+def test_a_unit_beside_what_is_none_is_no_other(tmp_path: Path, header: str, unit: str):
+    file = tmp_path / "run.csv"
+    file.write_text("\n".join([f"{header},y (mm)", *(f"{k},{k % 9}" for k in range(40))]))
+    read = read_csv(file, header, "y (mm)", dt=1.0, input_unit=unit)
+    assert "other-unit" not in [note.code for note in read.history]
 
 
 @given(st.text(st.sampled_from("mN s1290.*/^()+-µ²e"), max_size=40))
