@@ -114,13 +114,14 @@ def _hdf5(data: bytes, units: dict[str, str]) -> Iterator[tuple[str, dict[str, n
             if not isinstance(node, h5py.Dataset) or path.startswith("#"):
                 return
             kind = node.dtype.kind
-            if kind not in "biufcV" or node.dtype.hasobject or node.shape is None:
-                return
-            if node.attrs.get("MATLAB_class") == b"char":
+            if node.shape is None or node.attrs.get("MATLAB_class") == b"char":
                 return
             name, _, key = path.rpartition("/")
-            x = own.array(path)
-            found = vectors(key, _unpacked(x.T if turned else x, node.attrs))
+            if kind not in "biufcV" or node.dtype.hasobject:
+                found = vectors(key, np.broadcast_to(np.bytes_(b""), node.shape))
+            else:
+                x = own.array(path)
+                found = vectors(key, _unpacked(x.T if turned else x, node.attrs))
             groups.setdefault(name.replace("/", "."), {}).update(found)
             for attribute in ("units", "unit", "Units", "Unit"):
                 unit = node.attrs.get(attribute)

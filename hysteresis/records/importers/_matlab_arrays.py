@@ -34,6 +34,8 @@ def _groups(
 
     Structures that hold a name and values, as those of Simulink and dSPACE, are vectors of the group.
     """
+    from scipy.sparse import issparse  # as `loadmat`
+
     group: dict[str, np.ndarray] = {}
     listed = [words for value in found.values() if (words := _words(value))]
     for key, value in found.items():
@@ -58,6 +60,8 @@ def _groups(
             columns = vectors(key, value)
             fits = [words for words in listed if value.ndim == 2 and len(words) == len(columns)]
             group |= dict(zip(next(iter(fits), columns), columns.values(), strict=True))
+        elif is_list or issparse(value):
+            group[key] = unread(len(value) if is_list else 0)
     if group:
         yield name, group
 
@@ -83,13 +87,19 @@ def _words(value: Any) -> list[str]:
     return words if len(words) == len(value) == len(set(words)) else []
 
 
+def unread(rows: int) -> np.ndarray:
+    """What stands for an array that no column is made of, which is told where it has as many rows as the
+    columns; 0 for any."""
+    return np.broadcast_to(np.bytes_(b""), rows)
+
+
 def vectors(name: str, x: np.ndarray) -> dict[str, np.ndarray]:
     """A vector, the fields of records, or the columns of a matrix."""
     if x.dtype.names:
         return {field: np.asarray(x[field]).ravel() for field in x.dtype.names}
-    if x.dtype.kind not in "biufc":
-        return {}
     x = np.squeeze(x)
+    if x.dtype.kind not in "biufc":
+        return {name: unread(len(x))} if x.ndim == 1 else {}
     if x.ndim == 1:
         return {name: x}
     if x.ndim == 2 and x.shape[1] <= min(_WIDEST, x.shape[0]):

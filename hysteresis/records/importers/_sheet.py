@@ -219,17 +219,20 @@ def sheet_of_arrays(
     """Groups of arrays (n,) of numbers or words as one sheet, None without an array of two values.
 
     The arrays of the commonest length are the columns of a group; see `joined`. `units`: by the name of an
-    array.
+    array. Arrays of complex numbers, and of bytes as `unread` gives them, are only told.
     """
     pieces, notes = [], []
     for name, given in groups.items():
-        arrays = {key: x for key, x in given.items() if x.dtype.kind != "c"}
-        if phasors := ", ".join(f"{key!r}" for key in [*given][:8] if key not in arrays):
-            notes.append(Note("skipped", f"Left out arrays of complex numbers: {phasors}."))
+        arrays = {key: x for key, x in given.items() if x.dtype.kind not in "cS"}
         lengths = [len(x) for x in arrays.values() if len(x) > 1]
+        rows = max(lengths, key=lambda n: (lengths.count(n), n), default=0)
+        for kind, what in ("c", "of complex numbers"), ("S", "that are text, cells or sparse"):
+            here = [k for k, x in given.items() if x.dtype.kind == kind]
+            if here := [k for k in here if kind == "c" or len(given[k]) in (0, rows)]:
+                left = ", ".join(map(repr, here[:8]))
+                notes.append(Note("skipped", f"Left out arrays {what}: {left}."))
         if not lengths:
             continue
-        rows = max(lengths, key=lambda n: (lengths.count(n), n))
         own = {key: x for key, x in arrays.items() if len(x) == rows}
         stamps = {key: times(x) for key, x in own.items() if x.dtype.kind == "M"}
         own |= stamps

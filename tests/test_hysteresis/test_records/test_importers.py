@@ -7,6 +7,7 @@ import h5py
 import numpy as np
 import pytest
 from scipy.io import savemat
+from scipy.sparse import csc_array
 
 from hysteresis import InputError, read_csv, read_table
 from tests.refusals import refuses
@@ -261,18 +262,19 @@ def test_packed_numbers_of_netcdf(table):
 
 @pytest.mark.parametrize("kind", ["structures", "7.3", "HDF5"])
 def test_files_of_arrays(table, kind):
-    packed = io.BytesIO()
+    packed, words = io.BytesIO(), np.array(["x", "y"] * N)[:N]
     if kind in ("7.3", "HDF5"):
         with h5py.File(packed, "w", userblock_size=512 if kind == "7.3" else 0) as file:
             for run in ("a", "b"):
-                for name, x in (("t", T), ("F", F), ("Z", 1j * F)):
+                for name, x in (("t", T), ("F", F), ("Z", 1j * F), ("w", words.astype("S"))):
                     given = x[None] if kind == "7.3" else x
                     data = file.create_dataset(f"{run}/{name}", data=given)
                     data.attrs["unit"] = "N" if name == "F" else "s"
         content = packed.getvalue()
         content = b"MATLAB 7.3 MAT-file" + content[19:] if kind == "7.3" else content
     else:
-        savemat(packed, {run: {"t": T, "F": F, "Z": 1j * F} for run in "ab"})
+        odd = {"w": words.astype(object), "v": words, "s": csc_array(F[:, None])}
+        savemat(packed, {run: {"t": T, "F": F, "Z": 1j * F, **odd} for run in "ab"})
         content = packed.getvalue()
     found = table(content, "run.mat")
     np.testing.assert_array_equal(found.columns["F"], np.tile(F, 2))
@@ -280,6 +282,8 @@ def test_files_of_arrays(table, kind):
     assert found.units == ({} if kind == "structures" else {"t": "s", "F": "N"})
     assert "Z" not in found.columns
     assert sum("complex numbers: 'Z'" in note for note in found.notes) == 2
+    others = "'w', 'v', 's'." if kind == "structures" else "'w'."
+    assert sum(f"are text, cells or sparse: {others}" in note for note in found.notes) == 2
     for damaged in (content[:300], content[: len(content) // 2]):
         with pytest.raises(InputError) as caught:
             table(damaged, "cut.mat")
