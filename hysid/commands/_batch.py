@@ -141,7 +141,8 @@ def _workers(scheduler: str | None, jobs: int) -> Iterator[Any]:
 
 
 def _pool(jobs: int) -> ProcessPoolExecutor:
-    # Forked processes inherit locks of JAX's threads.
+    # Forked processes inherit locks of JAX's threads; new ones take ./select.py for Python's own module.
+    os.environ["PYTHONSAFEPATH"] = "1"
     return ProcessPoolExecutor(jobs, get_context("spawn"), initializer=_as_worker)
 
 

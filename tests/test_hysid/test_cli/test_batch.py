@@ -172,7 +172,9 @@ def test_without_distributed(monkeypatch):
 
 
 @pytest.mark.thorough
-def test_several_processes():
+def test_several_processes(monkeypatch):
+    monkeypatch.delenv("PYTHONSAFEPATH", raising=False)  # and after the test, too
+    put("raise SystemExit('not that of Python')", "select.py")
     found = batch("--jobs", 2, "--json").json()
     assert (found["fitted"], list(found["failed"])) == (2, ["bad"])
 
