@@ -313,10 +313,19 @@ def judged_compensator(fit: FitResult) -> Judged:
 
 
 def fitted_to_compensate(record: Record, *models: Any, **options: Any) -> FitResult:
-    """`identify.fit`, and for the purpose "compensate" a compensator that is tried and judged too."""
+    """`identify.fit`, and for the purpose "compensate" a compensator that is tried and judged too; after
+    Ctrl-C the fit alone, whose verdict says so."""
     if options.get("purpose") != "compensate":
         return identify.fit(record, *models, **options)
-    return judged_to_compensate(identify.fit(record, *models, **options | {"purpose": "predict"}))
+    fit = identify.fit(record, *models, **options | {"purpose": "predict"})
+    try:
+        return judged_to_compensate(fit)
+    except KeyboardInterrupt:
+        note = Note(
+            "interrupted", "Whether it compensates is not known: its judging was interrupted."
+        )
+        fit = replace(fit, verdict=fit.verdict.at_most("CAUTION", note))
+        return replace(fit, candidates=(replace(fit, candidates=()), *fit.candidates[1:]))
 
 
 def judged_to_compensate(fit: FitResult) -> FitResult:

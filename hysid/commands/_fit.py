@@ -160,7 +160,7 @@ def _of_files(asked: Fit, selection: Selection) -> dict[str, Pair]:
 def _judged(fit: identify.FitResult) -> identify.FitResult:
     """With its compensator, or after Ctrl-C without: what was fitted is worth more than a clean end."""
     try:
-        return with_compensator(fit)
+        return fit if "interrupted" in fit.verdict.codes else with_compensator(fit)
     except KeyboardInterrupt:
         log("Interrupted: the compensator was not judged.")
         return fit

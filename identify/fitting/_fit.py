@@ -274,7 +274,12 @@ def fit(
     )  # fmt: skip
     tried, skipped = _tried(asked, data, options)
     chosen, *others = _ranked(tried, mixed=tells_little(data, like))
-    best = with_repeatability(chosen.with_noise(noise, data))
+    try:
+        best = with_repeatability(chosen.with_noise(noise, data))
+    except KeyboardInterrupt:
+        said = f"{chosen.fit.name}: interrupted before its noise was chosen."
+        say(ProgressNote(INTERRUPTED, said, len(asked), len(asked)))
+        best = replace(chosen.fit, notes=(*chosen.fit.notes, said))
     fits = [best, *(one.fit for one in others)]
     del tried, chosen, others  # the searches, which hold every row
     baselines = data.baselines()

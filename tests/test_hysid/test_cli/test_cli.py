@@ -103,6 +103,11 @@ def test_a_fit_whose_compensator_is_interrupted_is_kept(folder, monkeypatch):
     monkeypatch.setattr("hysid.commands._fit.with_compensator", stopped)
     words = ("fit", folder / "run.csv", *COLUMNS, *LINE, "--out", folder / "cut", "--json")
     assert run(*words).json()["verdict"]["level"] == "CAUTION"
+    monkeypatch.setattr("hysid._compensator.judged_to_compensate", stopped)
+    told = run(*words, "--purpose", "compensate", "--overwrite").json()["verdict"]["reasons"]
+    assert "interrupted" in [reason["code"] for reason in told]
+    monkeypatch.setattr("identify.fitting._fit.with_repeatability", stopped)
+    assert "before its noise was chosen" in run(*words, "--overwrite").err
     monkeypatch.undo()
     assert run("predict", folder / "cut", folder / "run.csv", "--inverse", "--json").code == 0
 
