@@ -12,6 +12,7 @@ from hysteresis._escape import shell_word, visible
 from hysteresis._files import telling, write_figure, write_whole
 from hysteresis._limits import damage_told
 from hysteresis._precision import in_own_precision
+from hysteresis.records._units import name_and_unit
 from identify import load_posterior, save_posterior
 from identify.results._data_sheet import DataSheet
 from identify.results._detail import (
@@ -79,13 +80,19 @@ def write_report(
     for done, make in enumerate(makers, 1):
         sections.append(make(case))
         tell(done, len(makers), sections[-1].title)
-    data = document["data"]
+    data, name = document["data"], folder.resolve().name
+    if of_step:
+        heading = _report_step.title(case)
+    else:
+        conditions = (name_and_unit(name)[0] for name in case.fit.train.conditions)
+        given = " and ".join((case.input, *conditions))
+        heading = f"{case.output[:1].upper()}{case.output[1:]} from {given}"
+        heading += "" if case.fit.detail.is_linear else f" by {case.fit.name}"
+    if not file and name != Path(data["source"] or "").stem:
+        heading += f" ({name})"  # such as a value of --each
     return render(
         file or folder / TARGET,
-        title=_report_step.title(case)
-        if of_step
-        else f"{case.output[:1].upper()}{case.output[1:]} from {case.input}"
-        + ("" if case.fit.detail.is_linear else f" by {case.fit.name}"),
+        title=heading,
         subtitle=f"{data['source'] or 'arrays'}, {data['rows_train']:,} training and"
         f" {data['rows_test']:,} held-out rows"
         + (", synthetic data of a virtual rig" if is_synthetic(data.get("sha256")) else ""),

@@ -58,6 +58,8 @@ def test_the_page_stands_alone_and_leads_to_each_report(batch: Path, found: dict
     assert "url(" not in page.html
     links = [a["href"] for a in page.all("a")]
     assert links.count("pad-1/report.html") == 1
+    of_last = (batch / NAMES[-1] / "report.html").read_text("utf-8")
+    assert " (odd &lt;one&gt;)</title>" in of_last  # which tells it from the others
     ids = {attributes["id"] for _, attributes in page.tags if "id" in attributes}
     assert {link[1:] for link in links if link.startswith("#")} <= ids
     assert "Loops of the specimens" in page.html
