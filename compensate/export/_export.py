@@ -268,7 +268,6 @@ class Program:
         golden = _told_apart(compensator, t[:n], given[:n])
         value = np.asarray(compensator.simulate(t[:n], golden).value)
         begin = compensator.simulate(t[:1], jnp.full(given[:1].shape, jnp.nan)).value[0]
-        span = float(np.ptp(value[np.isfinite(value)])) if np.isfinite(value).any() else 0.0
         self.time_unit = time_unit
         known = None
         if conditioned is not None:
@@ -283,7 +282,8 @@ class Program:
         else:
             longest = min(longest_step(t), stable_step(model))
         reached = [*value[np.isfinite(value)], *(trained or ())] or [0.0]
-        away = FAR * max(float(np.ptp(reached)), 1e-3 * float(np.abs(reached).max()), 1e-30)
+        span = float(np.ptp(reached))  # of all that is known: the first readings may rest at one end
+        away = FAR * max(span, 1e-3 * float(np.abs(reached).max()), 1e-30)
         self._samples = np.column_stack([dt, given])[:COUNTED].tolist()
         self._trees: dict[type, Tree] = {np.float64: tree}
         starts, self._tabulated = self.guard.starts if self.guard else (), 0.0

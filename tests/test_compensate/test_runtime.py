@@ -441,3 +441,13 @@ def test_what_is_right_to_1e_4_is_not_flat_in_float(tmp_path):
     found, status = single.run(np.zeros(600), y)
     assert np.abs(found - u)[1:].max() < 1e-4
     assert not np.any(status == Status.FLAT)
+
+
+@pytest.mark.skipif(not COMPILERS, reason="no C compiler")
+def test_a_record_that_begins_at_rest_passes_its_own_test_in_float(tmp_path):
+    """Its first readings move by 1e-4 of the trained range, which float tells to 1e-6."""
+    model = Sum([MonotoneCurve.even(0.0, 1.0, [0.5, 0.5], 1.0), LinearSponge(0.5, 0.0, -1.0)])
+    u = 0.5 + 1e-4 * np.random.default_rng(0).uniform(size=60)
+    y = np.asarray(model.simulate(None, u))
+    single = export_c(model, tmp_path / "it.h", y, real="float", trained=(0.0, 1.0), limits=(0, 4))
+    assert Compiled(single.path).wrong == 0
