@@ -182,7 +182,12 @@ def parsed(cells: np.ndarray, decimal: str, na_values: Collection[str]) -> np.nd
     x = floats(np.where(empty, "nan", cells), decimal)
     if np.any(np.isnan(x) & ~empty):
         return cells
-    return np.where(np.isin(x, floats([*na_values], decimal)), np.nan, x)  # -999 and -999.0 alike
+    return np.where(np.isin(x, marked(na_values, decimal)), np.nan, x)  # -999 and -999.0 alike
+
+
+def marked(na_values: Collection[str], decimal: str) -> np.ndarray:
+    """The numbers among `na_values`, also with a point beside decimal commas, as messages write them."""
+    return np.append(floats([*na_values], decimal), floats([*na_values]))
 
 
 _MARK = re.compile(r"[67]?9{2,}(\.9+)?|9(\.9\d*)?e\+\d+")

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ._arrays import LONG_CELL, MISSING, MOST_TEXT, floats
+from ._arrays import LONG_CELL, MISSING, MOST_TEXT, marked
 from .importers._sheet import Layout
 
 BLOCK = 2**22
@@ -139,7 +139,7 @@ class CompiledRows:
         numbers = [np.ascontiguousarray(found[name]) for name, kind in fields if kind == "f8"]
         if len(found) != count or not (self.layout.plain or np.isfinite(numbers).all()):
             raise OddRowsError  # cells of several lines, or gaps
-        gone = floats([*self.na_values], self.decimal)
+        gone = marked(self.na_values, self.decimal)
         for x in numbers if np.isfinite(gone).any() else ():
             x[np.isin(x, gone)] = np.nan
         return numbers

@@ -139,6 +139,9 @@ def test_decimal_commas_and_words_for_missing_values(both):
     text = "\n".join(lines(";")).replace(".", ",")
     assert_same(*both(text, decimal=","))
     assert_same(*both(text.replace(";10,5;", ";-999;"), decimal=",", na_values=("-999,0",)))
+    found, careful = both(text.replace(";10,5;", ";-999,9;"), decimal=",", na_values=("-999.9",))
+    assert np.isnan(found.columns["force (N)"]).any()  # as `check` writes the mark
+    assert_same(found, careful)
     marked = "\n".join(each(lambda s: f"{s.rpartition(',')[0]},OVLD"))
     found, careful = both(marked, na_values=("ovld", "-48.5"))
     assert is_compiled(found)
