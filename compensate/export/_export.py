@@ -282,7 +282,7 @@ class Program:
         else:
             longest = min(longest_step(t), stable_step(model))
         reached = [*value[np.isfinite(value)], *(trained or ())] or [0.0]
-        span = float(np.ptp(reached))  # of all that is known: the first readings may rest at one end
+        span = float(np.ptp(reached))  # the first readings alone may rest at one end
         away = FAR * max(span, 1e-3 * float(np.abs(reached).max()), 1e-30)
         self._samples = np.column_stack([dt, given])[:COUNTED].tolist()
         self._trees: dict[type, Tree] = {np.float64: tree}

@@ -11,7 +11,7 @@ from .._escape import shell_word
 from .._format import ends, number_of, quantity
 from .._verdict import Note, warning
 from ._abstract_record import AbstractRecord
-from ._arrays import in_rows, marks, pieces
+from ._arrays import FEWEST, in_rows, marks, pieces
 from ._change import change_warnings
 from ._cycles import LoopSums, default_dead_band, loop_sums, noise_level, turning_points
 from ._units import UNITS
@@ -116,7 +116,7 @@ def suspicions(record: AbstractRecord) -> list[Note]:
         others = f" and {len(runs) - 1} more runs" if len(runs) > 1 else ""
         other = "input" if role == "output" else "output"
         at = quantity(limit, getattr(record, f"{role}_unit"))
-        mask = _missing_at(record, role, limit, runs)
+        mask = _missing_at(record, role, [limit], runs)
         mend = (
             f"mask or censor (--{mask}), or measure with a wider range"
             if role == "output"
@@ -130,13 +130,18 @@ def suspicions(record: AbstractRecord) -> list[Note]:
     return [*_turned_over(record), *found, *_zeros(record), *_created_energy(record)]
 
 
-def _missing_at(record: AbstractRecord, role: str, value: float, runs: list[np.ndarray]) -> str:
-    """The option that reads a value of the input or the output as missing, without its dashes."""
+def _missing_at(
+    record: AbstractRecord, role: str, values: list[float], runs: list[np.ndarray]
+) -> str:
+    """The option that reads values of the input or the output as missing, without its dashes."""
     # A word for missing values is one in every column that is read.
     columns = {"input": record.input, "output": record.output, "time": record.time}
-    if any(x is not None and (x == value).any() for name, x in columns.items() if name != role):
+    if any(
+        x is not None and np.isin(x, values).any() for name, x in columns.items() if name != role
+    ):
         return f"exclude-lines {_ranges(record, [(run[0], run[-1]) for run in runs])}"
-    return f"na-values {value:.15g} --nan {'omit' if role == 'output' else 'interpolate'}"
+    words = ",".join(f"{value:.15g}" for value in values)
+    return f"na-values {words} --nan {'omit' if role == 'output' else 'interpolate'}"
 
 
 def _ranges(record: AbstractRecord, ends: list[tuple[Any, Any]]) -> str:
@@ -145,22 +150,37 @@ def _ranges(record: AbstractRecord, ends: list[tuple[Any, Any]]) -> str:
 
 
 def _marked(record: AbstractRecord) -> list[Note]:
-    """Numbers in place of readings that are missing."""
+    """Numbers in place of readings that are missing, and spikes."""
     found = []
     for role in ("input", "output"):
         x = getattr(record, role)
-        for value in marks(x[record.mask]):
-            rows = np.flatnonzero((x == value) & record.mask)
-            at = quantity(value, getattr(record, f"{role}_unit"))
-            option = _missing_at(record, role, value, _runs(record, rows))
+        for values in [[one] for one in marks(x[record.mask])] or _spikes(record, x):
+            rows = np.flatnonzero(np.isin(x, values) & record.mask)
+            at = ", ".join(quantity(one, getattr(record, f"{role}_unit")) for one in values)
+            option = _missing_at(record, role, values, _runs(record, rows))
             mend = f" If so, those are not readings (--{option})." if record.source else ""
             said = (
                 f"The {role} is {at} in {number_of(len(rows), 'row')}, {record.lines(rows)}, farther from"
-                " all others than these lie apart: does the rig write that where a reading is missing?"
-                f"{mend}"
+                " all others than these lie apart: a spike, or what the rig writes where a reading is"
+                f" missing?{mend}"
             )
-            found.append(warning("missing-mark", said, {"role": role, "value": value}))
+            found.append(warning("missing-mark", said, {"role": role, "value": values[0]}))
     return found
+
+
+def _spikes(record: AbstractRecord, x: np.ndarray) -> list[list[float]]:
+    """The values of single rows, at most eight, farther from all others than these lie apart, or nothing.
+    A pulse has more rows, and a sequence may begin at rest."""
+    at = np.flatnonzero(record.mask & np.isfinite(x))
+    at = at[np.argsort(-np.abs(x[at] - np.median(x[at])))] if len(at) > FEWEST else at[:0]
+    for n in range(FEWEST, 0, -1) if len(at) else ():
+        rows, others = at[:n], x[at[n:]]
+        beyond = np.maximum(others.min() - x[rows], x[rows] - others.max()) > np.ptp(others)
+        ends = np.union1d(rows, record.starts)
+        apart = len(ends) == n + len(record.starts) and np.diff(ends).min() > 1
+        if beyond.all() and apart and len(np.unique(others)) >= FEWEST:
+            return [np.unique(x[rows]).tolist()]
+    return []
 
 
 def _turned_over(record: AbstractRecord) -> list[Note]:

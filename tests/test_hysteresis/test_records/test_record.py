@@ -333,6 +333,23 @@ def test_a_number_in_nines_far_from_all_others_is_told():
         assert "missing-mark" not in [note.code for note in notes]
 
 
+def test_single_rows_far_from_all_others_are_told_as_spikes():
+    u, y = rig().input, rig().output
+    for role, rows in (("output", [20]), ("input", [20, 90, 95])):
+        x = {"input": u.copy(), "output": y.copy()}
+        x[role][rows] += 3 * np.ptp(x[role]) + np.arange(len(rows))
+        told, *_ = check_identifiable(Record.from_arrays(**x, source="run.csv"))
+        assert (told.code, told.values["role"]) == ("missing-mark", role)
+        assert f"in {len(rows)} row" in told and "a spike" in told
+        assert ",".join(f"{one:.15g}" for one in sorted(x[role][rows])) in told
+    # Nor is a pulse, or the rest in which a run begins, a spike.
+    for rows in ([20, 21], [0]):
+        y = rig().output.copy()
+        y[rows] = -3 * np.ptp(y)
+        notes = check_identifiable(Record.from_arrays(u, y))
+        assert "missing-mark" not in [note.code for note in notes]
+
+
 def test_an_angle_that_turns_over_is_told_and_commands_that_leap_are_not():
     t = np.arange(2001) * 0.01
     angle = 500 * np.sin(t)
