@@ -212,7 +212,7 @@ class Qualification:
     - `output_range`: outputs whose estimates were OK, None where none was.
     - `round_trip`: largest |model(estimate) - output| over OK rows, in the output's unit; `flat_width`:
       of the widest interval of inputs that a FLAT row leaves open, within the record's. None without a
-      model. `latency`: of one step here; `step`: of one on the target, None where that was not given.
+      model, or an OK row. `latency`: of one step here; `step`: of one on the target, None where that was not given.
       `doubt`: of an ensemble, None without one.
     """
 
@@ -354,7 +354,8 @@ def qualify(
         held |= np.asarray(own.status) == Status.SATURATED
         driven = with_condition(model, record, np.asarray(own.value))
         again = model.simulate(record.time, driven, starts=tuple(record.starts.tolist()))
-        back = float(np.abs(again - y)[fine & ~held].max(initial=0.0))
+        if (rows := fine & ~held).any():
+            back = float(np.abs(again - y)[rows].max())
         flat_width = _flat_width(model, record, value, used & (status == Status.FLAT))
     progress(2, parts, "round trip")
     unit = over(record.input_unit, record.time_unit)

@@ -42,7 +42,8 @@ def test_the_share_before_the_start_is_known_is_told():
     """It is no fault of the data up to half of the rows. Strokes that move no play never tell the start."""
     late = invert(model(), trained=(-10.0, 10.0), start="unknown")
     for u, level in ((stroke(), "PASS"), (0.05 * stroke(), "CAUTION")):
-        found = qualify(late, record(u))
+        found = qualify(late, record(u), model())
+        assert (found.round_trip is None) == ("OK" not in found.statuses)
         early = found.statuses["RUN_IN"]
         assert (early > 0.5) == (level == "CAUTION")
         (said,) = (reason for reason in found.verdict.reasons if reason.code == "run-in")
