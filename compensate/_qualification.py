@@ -212,8 +212,8 @@ class Qualification:
     - `output_range`: outputs whose estimates were OK, None where none was.
     - `round_trip`: largest |model(estimate) - output| over OK rows, in the output's unit; `flat_width`:
       of the widest interval of inputs that a FLAT row leaves open, within the record's. None without a
-      model, or an OK row. `latency`: of one step here; `step`: of one on the target, None where that was not given.
-      `doubt`: of an ensemble, None without one.
+      model, or an OK row. `latency`: of one step here; `step`: of one on the target, None where that was
+      not given. `doubt`: of an ensemble, None without one.
     """
 
     verdict: Verdict
