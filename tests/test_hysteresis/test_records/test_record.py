@@ -340,7 +340,8 @@ def test_single_rows_far_from_all_others_are_told_as_spikes():
         x[role][rows] += 3 * np.ptp(x[role]) + np.arange(len(rows))
         told, *_ = check_identifiable(Record.from_arrays(**x, source="run.csv"))
         assert (told.code, told.values["role"]) == ("missing-mark", role)
-        assert f"in {len(rows)} row" in told and "a spike" in told
+        assert f"in {len(rows)} row" in told
+        assert "a spike" in told
         assert ",".join(f"{one:.15g}" for one in sorted(x[role][rows])) in told
     # Nor is a pulse, or the rest in which a run begins, a spike.
     for rows in ([20, 21], [0]):
