@@ -463,7 +463,7 @@ def _thirds(
     edges = edges[np.append(True, np.diff(edges) > 0.01 * np.ptp(edges))]
     third = np.digitize(value, edges[1:-1])
     return {
-        f"{name} {ends(*edges[k : k + 2], unit, 3)}": _errors(error[rows])
+        f"{name} {ends(edges[k], edges[k + 1], unit, 3)}": _errors(error[rows])
         for k in range(len(edges) - 1 if len(edges) > 2 else 0)
         if (rows := used & (third == k)).any()
     }
