@@ -64,7 +64,8 @@ def _of_parameters(said: dict[str, dict[str, Any]]) -> dict[str, Any]:
 
 def motion_options(options: dict[str, Any]) -> dict[str, Any]:
     """The options of a fit that is no spectrum. Raises `InputError` where one without effect was set."""
-    needed: dict[str, tuple[str, str]] = dict.fromkeys(OF_SPECTRA, ("a spectrum", "--step, --hold or --frequency"))
+    spectrum = "a spectrum", "--step, --hold or --frequency"
+    needed: dict[str, tuple[str, str]] = dict.fromkeys(OF_SPECTRA, spectrum)
     if str(options["model"]).casefold().startswith("oscillator"):
         why = "An oscillator is fitted to its motion, with noise of one size."
         given = options | {"parameter": tuple(options["parameters"])}

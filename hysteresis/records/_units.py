@@ -146,7 +146,11 @@ def column_unit(
     own = named_unit(name, None, in_row)
     factor = 1.0 if own is None or own == unit else conversion(own, unit)
     # Of another quantity it is another one too, but kg for kgf and brackets that hold no unit.
-    if own and factor != 1.0 and (factor or (own != "1" and MASSES.get(own) != unit and _is_known(own))):
+    if (
+        own
+        and factor != 1.0
+        and (factor or (own != "1" and MASSES.get(own) != unit and _is_known(own)))
+    ):
         said = f"Column {name!r} is in {own} by the file and taken as {unit}: no value is converted"
         notes.append(warning("other-unit", f"{said}; give {own}, or correct the file."))
     return unit, notes
