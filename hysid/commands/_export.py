@@ -10,13 +10,13 @@ import numpy as np
 
 import identify
 from compensate import Quantity, estimate, invert, material_card
-from compensate.export._cards import CARDS, OPENSEES
+from compensate.export._cards import OPENSEES
 from compensate.export._export import Origin, Program
 from compensate.export.targets._export_to import check, write_to
 from compensate.runtime import load
 from compensate.uncertainty._calibrated import CalibratedCompensator
 from compensate.uncertainty._guaranteed import Guaranteed
-from hysteresis import InputError, Record
+from hysteresis import InputError
 from hysteresis._files import write_whole
 from hysteresis._format import quantity
 from hysteresis._quantities import conversion
@@ -48,7 +48,8 @@ def run(asked: Export) -> Done:
     Estimates are guarded by the trained inputs. A robot is switched on at any time, so the first state is
     unknown unless `start` says otherwise.
     """
-    if asked.to is not None and asked.to[0] in CARDS:
+    if asked.card:
+        assert asked.to is not None
         if len(asked.targets) > 1:
             said = "A material card is not a compensator."
             raise InputError("bad-option", said, fix="Export them one by one.")
@@ -106,7 +107,7 @@ def run(asked: Export) -> Done:
         notes.append("Most estimates are not OK: a program that waits for OK seldom runs.")
     notes += [str(note) for note in judged.reasons if note.code != "compensator-error"]
     notes += _doubts(fitted)
-    notes += _too_coarse(record, guard["deviation"]) if asked.single else []
+    notes += _too_coarse(guard, record.input_unit) if asked.single else []
     mean, most, rows = program.operations
     spent = (
         f"A step took {mean:,.0f} operations in the mean, {most:,} at most, on {rows:,} readings."
@@ -199,17 +200,15 @@ def _doubts(fitted: identify.FitResult) -> list[str]:
     return [] if fitted.trusted else [said]
 
 
-def _too_coarse(record: Record, deviation: float) -> list[str]:
+def _too_coarse(guard: dict[str, Any], unit: str) -> list[str]:
     """What is said where float does not tell neighbouring estimates apart: an offset takes its digits. Some
     ten operations, each rounded, lie between a reading and its estimate."""
-    used = record.mask & np.isfinite(record.output)
-    u, y = record.input[used], record.output[used]
-    step = max(float(np.spacing(np.float32(np.abs(x).max())) / np.ptp(x)) for x in (u, y)) * np.ptp(
-        u
-    )
+    trained, deviation = guard["trained"], guard["deviation"]
+    steps = [np.spacing(np.float32(np.abs(x).max())) / np.ptp(x) for x in (trained, guard["seen"])]
+    step = float(max(steps) * np.ptp(trained))
     if 10 * step < deviation:
         return []
-    apart, usual = (quantity(x, record.input_unit, 2) for x in (step, deviation))
+    apart, usual = (quantity(x, unit, 2) for x in (step, deviation))
     return [
         f"In float estimates are {apart} apart, and their usual error is {usual}: use double, or take the"
         " offset off the readings before the fit."

@@ -1,6 +1,6 @@
 """What a record holds and what it is fit for: summary, excitation, warnings."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import wraps
 from typing import Any, NamedTuple, TypeVar
 
@@ -139,14 +139,14 @@ def _missing_at(
     if any(
         x is not None and np.isin(x, values).any() for name, x in columns.items() if name != role
     ):
-        return f"exclude-lines {_ranges(record, [(run[0], run[-1]) for run in runs])}"
+        return f"exclude-lines {_ranges(record, runs)}"
     words = ",".join(f"{value:.15g}" for value in values)
     return f"na-values {words} --nan {'omit' if role == 'output' else 'interpolate'}"
 
 
-def _ranges(record: AbstractRecord, ends: list[tuple[Any, Any]]) -> str:
-    """Lines from the first to the last of some rows, as options take them."""
-    return ",".join("{}-{}".format(*np.sort(record.line[[*two]])) for two in ends)
+def _ranges(record: AbstractRecord, runs: Sequence[Any]) -> str:
+    """The lines of runs of rows, each from its first to its last, as options take them."""
+    return ",".join("{}-{}".format(*np.sort(record.line[[run[0], run[-1]]])) for run in runs)
 
 
 def _marked(record: AbstractRecord) -> list[Note]:
@@ -176,8 +176,8 @@ def _spikes(record: AbstractRecord, x: np.ndarray) -> list[list[float]]:
     for n in range(FEWEST, 0, -1) if len(at) else ():
         rows, others = at[:n], x[at[n:]]
         beyond = np.maximum(others.min() - x[rows], x[rows] - others.max()) > np.ptp(others)
-        ends = np.union1d(rows, record.starts)
-        apart = len(ends) == n + len(record.starts) and np.diff(ends).min() > 1
+        alone = np.union1d(rows, record.starts)
+        apart = len(alone) == n + len(record.starts) and np.diff(alone).min() > 1
         if beyond.all() and apart and len(np.unique(others)) >= FEWEST:
             return [np.unique(x[rows]).tolist()]
     return []

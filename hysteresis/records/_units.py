@@ -144,16 +144,18 @@ def column_unit(
         mend = f"{option} with {MASSES[unit]} (1 gf is 0.00981 N)."
         raise InputError("wrong-unit", problem, place=place, fix=mend)
     own = named_unit(name, None, in_row)
-    factor = 1.0 if own is None or own == unit else conversion(own, unit)
-    # Of another quantity it is another one too, but kg for kgf and brackets that hold no unit.
-    if (
-        own
-        and factor != 1.0
-        and (factor or (own != "1" and MASSES.get(own) != unit and _is_known(own)))
-    ):
+    if own is not None and own != unit and _is_another(own, unit):
         said = f"Column {name!r} is in {own} by the file and taken as {unit}: no value is converted"
         notes.append(warning("other-unit", f"{said}; give {own}, or correct the file."))
     return unit, notes
+
+
+def _is_another(own: str, unit: str) -> bool:
+    """Whether a unit has another size than the column's own or is of another quantity, but kgf for kg and
+    any beside brackets that hold none."""
+    if factor := conversion(own, unit):
+        return factor != 1.0
+    return own != "1" and MASSES.get(own) != unit and _is_known(own)
 
 
 def _is_known(unit: str) -> bool:

@@ -54,9 +54,8 @@ def test_figures_of_a_known_loop():
     assert found["energy lost"].value == pytest.approx(2 * WIDTH, rel=0.02)
     assert found["energy lost"].unit == "N * mm"
     warm = {"columns": {"oven": 20 + t}, "conditions": {"oven": "degC"}}
-    basis = told(replace(record_of(1e6 + force, 1e6 + x, t, turned=True), **warm))[
-        "loop width"
-    ].basis
+    far = replace(record_of(1e6 + force, 1e6 + x, t, turned=True), **warm)
+    basis = told(far)["loop width"].basis
     assert basis.startswith("4 cycles from 9999")
     assert basis.endswith(", at 20 to 60 degC")
     x, force, t = rig(hold=30.0)

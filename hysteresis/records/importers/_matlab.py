@@ -11,7 +11,7 @@ import numpy as np
 
 from ..._limits import check_shape, load_arrays, most_unpacked
 from ._apart import read_apart
-from ._matlab_arrays import vectors
+from ._matlab_arrays import unread, vectors
 from ._sheet import Sheet, sheet_of_arrays
 
 
@@ -118,7 +118,7 @@ def _hdf5(data: bytes, units: dict[str, str]) -> Iterator[tuple[str, dict[str, n
                 return
             name, _, key = path.rpartition("/")
             if kind not in "biufcV" or node.dtype.hasobject:
-                found = vectors(key, np.broadcast_to(np.bytes_(b""), node.shape))
+                found = vectors(key, unread(node.shape))
             else:
                 x = own.array(path)
                 found = vectors(key, _unpacked(x.T if turned else x, node.attrs))

@@ -87,10 +87,10 @@ def _words(value: Any) -> list[str]:
     return words if len(words) == len(value) == len(set(words)) else []
 
 
-def unread(rows: int) -> np.ndarray:
+def unread(shape: int | tuple[int, ...]) -> np.ndarray:
     """What stands for an array that no column is made of, which is told where it has as many rows as the
     columns; 0 for any."""
-    return np.broadcast_to(np.bytes_(b""), rows)
+    return np.broadcast_to(np.bytes_(b""), shape)
 
 
 def vectors(name: str, x: np.ndarray) -> dict[str, np.ndarray]:
